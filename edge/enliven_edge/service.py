@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 from enliven.commands import parent_is_gone
 from enliven.errors import InputError, ResourceError
-from enliven.frames import Frame
+from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthState, Severity, worst_first
 from enliven.wire import CallMessage, Order, as_sent
 from enliven_edge.arrivals import Arrivals
 from enliven_edge.controls import Call, Controls, Lamps, lamps_of
+from enliven_edge.glance import Glance
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
 from enliven_edge.scans import Scans
@@ -73,6 +74,7 @@ class Edge:
         self.controls = controls or Controls([])
         self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
         self.sizing = HandSizing(stage)
+        self.glance = Glance()
         self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
@@ -131,7 +133,15 @@ class Edge:
         self.outlet.publish(tick)
         for change in self.sizing.changes():
             self.outlet.send(change, frame.time_ns)
+        self._glance(frame)
         self._judge(tick)
+
+    def _glance(self, frame: Frame) -> None:
+        """Tells viewers, now and then, where the camera stands and what it sees."""
+        place = frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
+        mirrored = self.tracker.settings.output.mirror
+        if self.outlet.tells_picture and (told := self.glance.of(frame, place, mirrored=mirrored)):
+            self.outlet.send(told, frame.time_ns)
 
     def _show(self) -> None:
         """Puts what has arrived on the stage; tells viewers, take and physics what came, changed or went."""

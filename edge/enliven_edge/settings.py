@@ -34,6 +34,9 @@ class WireSettings:
     rate: float = setting(
         100.0, "Requests that one viewer is answered; more are refused.", unit="1/s", low=10, high=10_000
     )
+    picture: bool = setting(
+        True, "Tell viewers where the camera stands, with a small picture of distances, five times a second."
+    )
     budget: float = setting(
         2.0,
         "Time a frame for what viewers ask: half for reading it, half for doing it; the rest waits.",

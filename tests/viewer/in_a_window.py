@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +21,14 @@ def in_a_window(session: Path, *arguments: str, seconds: float = 400.0) -> dict:
         if shutil.which("xvfb-run") is None:
             pytest.skip("there is no display, and no xvfb-run to make one")
         command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    # Processes of their own group: neither window nor edge nor Xvfb outlives a test that gave up.
+    started = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        out, wrong = started.communicate(timeout=seconds)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(started.pid, signal.SIGKILL)
+    assert started.returncode == 0, wrong
+    return json.loads(out.splitlines()[-1])

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from deeds import by_key, by_menu
+from deeds import by_key, by_menu, press, scripted
 from strokes import limb
 
 from enliven.modeling.edits import cut_character, handle_characters, scale_character
@@ -113,6 +113,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
     said["words"] = [one.words for one in perform.holders]
     shot("held")
+    close_by(ctx, window, until, shot)
     click("waits arm")
     put = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
     until(lambda: "arm" in perform.standing, "the arm on the stage", put)
@@ -157,6 +158,28 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["done"] = True
     workspace.store.forget()
     window.close()
+
+
+def close_by(
+    ctx: imgui.test_engine.TestContext,
+    window: StudioWindow,
+    until: Callable,
+    shot: Callable[[str], None],
+) -> None:
+    """Let the chair go; the view goes to the legs that would be held next, and back as all of it is held."""
+    perform, camera = window.workspace.perform, window.workspace.editor.camera
+    until(lambda: not perform.holders, "a chair that is free", lambda: ctx.key_press(int(imgui.Key.r)))
+    before = camera.goal
+    press(ctx, "3")
+    ctx.key_press(int(imgui.Key.c))
+    until(lambda: perform.close_up.box is not None and "side view" in window.workspace.widgets, "the legs")
+    shot("close up")
+    near = camera.goal
+    press(ctx, "1")
+    until(lambda: perform.holders, "who holds the chair again", lambda: ctx.key_press(int(imgui.Key.p)))
+    until(lambda: perform.close_up.box is None, "the view of before")
+    ctx.key_press(int(imgui.Key.c))
+    said["close"] = [near[5] < 0.9 * before[5], camera.goal == before, perform.close_up.on]
 
 
 def layered(
@@ -237,13 +260,6 @@ def main() -> None:
     workspace.store.new(workspace.editor.project.with_characters(arm))
     window = StudioWindow(workspace)
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        test = imgui.test_engine.register_test(engine, "studio", "perform")
-        test.test_func = lambda ctx: work(ctx, window, edge)
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         while wanted:
             name = wanted.pop()
@@ -255,7 +271,7 @@ def main() -> None:
 
     try:
         with coarse_pixels(lambda: large):
-            window.run(seconds=390, after=after, register_tests=register)
+            window.run(seconds=600, after=after, register_tests=scripted(lambda ctx: work(ctx, window, edge)))
     finally:
         edge.kill()
     print(json.dumps(said, default=str))

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from deeds import scripted
+from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
@@ -155,13 +156,6 @@ def main() -> None:
     workspace = Workspace.new(Editor(settings), folder)
     window = StudioWindow(workspace)
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        test = imgui.test_engine.register_test(engine, "studio", "scan")
-        test.test_func = lambda ctx: work(ctx, window, sys.argv[2])
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         while wanted:
             name = wanted.pop()
@@ -171,7 +165,7 @@ def main() -> None:
             workspace.store.forget()
             window.close()
 
-    window.run(seconds=570, after=after, register_tests=register)
+    window.run(seconds=570, after=after, register_tests=scripted(lambda ctx: work(ctx, window, sys.argv[2])))
     print(json.dumps(said, default=str))
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imgui_bundle import hello_imgui, imgui
+from imgui_bundle import imgui
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from deeds import by_key, by_menu, press
+from deeds import by_key, by_menu, press, scripted
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions import Action
@@ -200,19 +200,11 @@ def main() -> None:
         finally:
             window.close()
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        imgui.test_engine.get_io(engine).config_watchdog_kill_test = 600.0
-        test = imgui.test_engine.register_test(engine, "studio", "actions")
-        test.test_func = guarded
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         while wanted:
             keep(wanted.pop(), window.pixels())
 
-    window.run(seconds=380, after=after, register_tests=register)
+    window.run(seconds=380, after=after, register_tests=scripted(guarded))
     said["all"] = [[action.id, bool(action.keys)] for action in without_stage(workspace)]
     said["needs"] = sorted(NEEDS)
     said["pictures"] = window.pictures

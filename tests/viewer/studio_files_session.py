@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 
 import glfw
-from imgui_bundle import hello_imgui, imgui
+from deeds import scripted
+from imgui_bundle import imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -119,20 +120,12 @@ def main() -> None:
         finally:
             window.close()
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        imgui.test_engine.get_io(engine).config_watchdog_kill_test = 600.0
-        test = imgui.test_engine.register_test(engine, "studio", "files")
-        test.test_func = guarded
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         # Only before the swap does the screen hold the picture.
         if "still drawn" in said and said["still drawn"] is None:
             said["still drawn"] = float(window.pixels().std())
 
-    window.run(seconds=240, after=after, register_tests=register)
+    window.run(seconds=240, after=after, register_tests=scripted(guarded))
     print(json.dumps(said))
 
 

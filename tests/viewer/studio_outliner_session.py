@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import hello_imgui, imgui
+from deeds import scripted
+from imgui_bundle import imgui
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
@@ -66,19 +67,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def main() -> None:
     window = StudioWindow(acting_stage(Path(sys.argv[1])))
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        test = imgui.test_engine.register_test(engine, "studio", "outliner")
-        test.test_func = lambda ctx: work(ctx, window)
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         if wanted:
             wanted.clear()
             pictures.append(window.pixels())
 
-    window.run(seconds=90, register_tests=register, after=after)
+    window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)), after=after)
     print(json.dumps(said))
 
 

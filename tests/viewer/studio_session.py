@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from deeds import scripted
+from imgui_bundle import ImVec2, imgui
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
@@ -104,18 +105,11 @@ def main() -> None:
     workspace.store.new(workspace.editor.project.with_streams(stream).with_characters(*shapes, cage))
     window = StudioWindow(workspace)
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        test = imgui.test_engine.register_test(engine, "studio", "work")
-        test.test_func = lambda ctx: work(ctx, window)
-        imgui.test_engine.queue_test(engine, test)
-
     def after(window: StudioWindow) -> None:
         if window.pictures == 2:
             said["spread"] = float(window.pixels().std())
 
-    window.run(seconds=60, after=after, register_tests=register)
+    window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window)))
     said["over"] = workspace.ended
     said["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
     print(json.dumps(said))

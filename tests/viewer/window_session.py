@@ -8,7 +8,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from imgui_bundle import hello_imgui, imgui
+from deeds import scripted
+from imgui_bundle import imgui
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
@@ -90,14 +91,7 @@ def main() -> None:
         said["again"] = list(window.places.viewport)
         ctx.key_press(int(imgui.Key.escape))
 
-    def register() -> None:
-        engine = hello_imgui.get_imgui_test_engine()
-        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
-        test = imgui.test_engine.register_test(engine, "view", "work")
-        test.test_func = work
-        imgui.test_engine.queue_test(engine, test)
-
-    window.run(seconds=60, after=after, register_tests=register)
+    window.run(seconds=300, after=after, register_tests=scripted(work))
     said["over"] = workspace.ended
     print(json.dumps(said))
 

@@ -55,6 +55,9 @@ class Outlet(Closing):
         record: the file of the take, or None.
         overwrite: whether an existing take may be replaced.
 
+    Attributes:
+        tells_picture: whether viewers are told of the camera.
+
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
         InputError: for a take that exists already, or an address that other machines reach without ``open``.
@@ -72,6 +75,7 @@ class Outlet(Closing):
             raise
         self._publisher.set_status(sensor=sensor)
         self._told = 0.0
+        self.tells_picture = wire.picture
         self._shown: dict[str, Character] = {}
         self._stage_told = False
 

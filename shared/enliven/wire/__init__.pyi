@@ -83,6 +83,7 @@ from .sockets import (
 )
 from .streams import (
     CallMessage as CallMessage,
+    CameraMessage as CameraMessage,
     BodiesMessage as BodiesMessage,
     CuesMessage as CuesMessage,
     HoldMessage as HoldMessage,
@@ -96,6 +97,7 @@ from .streams import (
 )
 from .topics import (
     CALLS as CALLS,
+    CAMERA as CAMERA,
     BODIES as BODIES,
     BY_TYPE as BY_TYPE,
     CHARACTER as CHARACTER,

@@ -48,6 +48,8 @@ MAX_SENT_BYTES = 32 * 1024 * 1024
 """Packed bytes of a character that an edge takes: a million vertices; 20,000 are half a megabyte."""
 MAX_CHARACTERS = 1024
 """Characters on a stage: far more than any edge moves."""
+MAX_GLANCE = 128
+"""Pixels of a side of the small picture of what a camera sees: it is shown in a corner of a window."""
 MAX_HEALTH = 8
 """Health states of a heartbeat: more would exceed the size that older programs accept."""
 

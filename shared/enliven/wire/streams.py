@@ -8,6 +8,7 @@ from msgspec import Meta, Struct, field
 
 from enliven.wire.fields import (
     MAX_CHARACTERS,
+    MAX_GLANCE,
     MAX_HEALTH,
     MAX_PROPS,
     MAX_SETTINGS,
@@ -277,6 +278,26 @@ class SizeMessage(Struct, array_like=True, frozen=True):
     size: Growth
     body: Identity = -1
     exaggeration: Exaggeration | None = None
+
+
+class CameraMessage(Struct, array_like=True, frozen=True):
+    """Where the edge's camera stands, and a small picture of what it sees (topic "camera").
+
+    Attributes:
+        place: world_from_camera, its three upper rows, row by row; the camera looks along +Z, down is +Y.
+        lens: focal lengths and principal point (fx, fy, cx, cy), in heights of its image.
+        width, height: pixels of the picture; 0 where the sensor tracks people itself and has none.
+        nearness: (height * width) bytes, row by row: 255 at the camera, 1 far away, 0 where nothing is known.
+    """
+
+    place: Annotated[list[Number], Meta(min_length=12, max_length=12)]
+    lens: Annotated[list[Number], Meta(min_length=4, max_length=4)]
+    width: Annotated[int, Meta(ge=0, le=MAX_GLANCE)] = 0
+    height: Annotated[int, Meta(ge=0, le=MAX_GLANCE)] = 0
+    nearness: Annotated[bytes, Meta(max_length=MAX_GLANCE**2)] = b""
+
+    def __post_init__(self) -> None:
+        expect("nearness", self.nearness, self.width * self.height)
 
 
 class CallMessage(Struct, array_like=True, frozen=True):

@@ -18,6 +18,7 @@ from enliven.wire.scans import ScanMessage, ScanPieceMessage
 from enliven.wire.streams import (
     BodiesMessage,
     CallMessage,
+    CameraMessage,
     CuesMessage,
     HoldMessage,
     MatchesMessage,
@@ -102,6 +103,7 @@ SCAN_PIECE = register(
         key=lambda message: " ".join(map(str, message.place)),
     )
 )
+CAMERA = register(Topic("camera", CameraMessage, "stream", 20 * 1024, 0, "newest", latched=True))
 CALLS = register(Topic("calls", CallMessage, "stream", 1024, 0, "every"))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(

@@ -51,6 +51,7 @@ EXAMPLES = [
     ),
     scans.ScanPieceMessage(3, (-1, 0, 2), 64, 0.008, bytes(18), b"\0\1\2", bytes(6), bytes(9)),
     streams.CallMessage("again", "left pedal"),
+    streams.CameraMessage([1.0, 0, 0, 0, 0, -1, 0, 1, 0, 0, 1, 0], [1.2, 1.2, 0.7, 0.5], 2, 1, b"\0\7"),
     streams.SizeMessage("chair", 1.5, 1),
     streams.StageMessage(5, [streams.Revision("chair", 2), streams.Revision("lamp", 1)]),
     streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
+from in_a_window import in_a_window
 from typer.testing import CliRunner
 
 from enliven.errors import InputError, ResourceError
@@ -22,20 +17,8 @@ from enliven_viewer.settings import ViewerSettings, sized
 SESSION = Path(__file__).parents[1] / "window_session.py"
 
 
-def in_a_window(*arguments: str) -> dict[str, Any]:
-    """What ``window_session.py`` printed, on this display or on one of Xvfb's."""
-    command = [sys.executable, str(SESSION), *arguments]
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        if shutil.which("xvfb-run") is None:
-            pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1000x700x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
-
-
 def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
-    said = in_a_window(str(tmp_path))
+    said = in_a_window(SESSION, str(tmp_path))
     assert said["frames"] >= 15 and said["spread"] > 5 and said["errors"] == []
     assert said["asked"] == [
         ["possess", "box", None, "all", "alone"],
@@ -54,13 +37,13 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
 
 
 def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
-    said = in_a_window(str(tmp_path), "empty")
+    said = in_a_window(SESSION, str(tmp_path), "empty")
     assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert said["spread"] > 3 and said["errors"] == []
 
 
 def test_a_bare_window_is_the_picture_alone(tmp_path: Path) -> None:
-    said = in_a_window(str(tmp_path), "bare")
+    said = in_a_window(SESSION, str(tmp_path), "bare")
     assert said["size"] == [0, 0, 640, 480] and said["spread"] > 5 and said["over"]
 
 

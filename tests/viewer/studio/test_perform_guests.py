@@ -68,8 +68,8 @@ def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
     assert f"Performer 1 at {guest.name}" in session.present
     views = views_of(session)
-    assert [name for name, _ in views] == ["Performer", guest.name]
-    assert all(bodies for _, bodies in views), "each edge's performers are seen in a view of their own"
+    assert [one.name for one in views] == ["Performer", guest.name]
+    assert all(one.bodies for one in views), "each edge's performers are seen in a view of their own"
     session.recording.record()
     until(session, lambda: session.recording.seconds > 0.3)
     edges[0][0].kill()

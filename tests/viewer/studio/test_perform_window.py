@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import pytest
+from in_a_window import in_a_window
 
 SESSION = Path(__file__).parents[1] / "perform_session.py"
 
 
 def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_path: Path) -> None:
-    command = [sys.executable, str(SESSION), str(tmp_path)]
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        if shutil.which("xvfb-run") is None:
-            pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout.splitlines()[-1])
+    said = in_a_window(SESSION, str(tmp_path), seconds=620.0)
     assert said["done"], json.dumps(said)
     assert said["words"] == ["Performer 1 is in the chair: the whole body"]
     assert said["growing"][0] == 0.0 and said["growing"][1] > 0.8
@@ -37,4 +26,5 @@ def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_p
     assert 0 < first < second, "the second layer lies over the first, and over a cut"
     for hidden, live in said["shown once"]:
         assert hidden == ["arm", "chair"] and live == ["chair", "arm"], "each is shown once"
+    assert said["close"] == [True, True, False], "the view goes to what is about to be held, and back"
     assert said["each"] == {}, "every action on a stage was done"

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from in_a_window import in_a_window
 
 from enliven.recording import Recorder
 from enliven.samples import load_sample
@@ -35,14 +31,7 @@ def carried(tmp_path_factory):
 
 
 def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Path) -> None:
-    command = [sys.executable, str(SESSION), str(tmp_path), str(carried)]
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        if shutil.which("xvfb-run") is None:
-            pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout.splitlines()[-1])
+    said = in_a_window(SESSION, str(tmp_path), str(carried), seconds=600.0)
     assert said["done"], said.get("missing", said)
     assert said["lacks"].startswith("No stage is connected")
     assert said["size"] == "room"

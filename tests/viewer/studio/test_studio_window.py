@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import pytest
 import typer
+from in_a_window import in_a_window
 from typer.testing import CliRunner
 
 from enliven.errors import ResourceError
@@ -20,14 +15,7 @@ SESSION = Path(__file__).parents[1] / "studio_session.py"
 
 
 def test_an_artist_works_in_the_window(tmp_path) -> None:
-    command = [sys.executable, str(SESSION), str(tmp_path)]
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        if shutil.which("xvfb-run") is None:
-            pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=180)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout.splitlines()[-1])
+    said = in_a_window(SESSION, str(tmp_path))
     assert said["done"] and said["spread"] > 5, said
     assert said["tool"] == "carry" and said["merged"] == ["two"] and said["undone"] == ["one", "two"], said
     assert said["caged"] == ["post", ["post"]], "a fourth rig is in the list and on the timeline"

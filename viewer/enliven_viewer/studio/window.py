@@ -45,7 +45,7 @@ from enliven_viewer.studio.panels.stage import (
 )
 from enliven_viewer.studio.perform import PerformerInset
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
-from enliven_viewer.studio.picture import Viewport
+from enliven_viewer.studio.picture import GlancePictures, Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
 from enliven_viewer.studio.tools import MapTool, PaintTool
 from enliven_viewer.studio.viewport import StandingCharacter
@@ -94,6 +94,7 @@ class StudioWindow:
         self._thumbnails: Thumbnails | None = None
         self._desktop: Desktop | None = None
         self._inset = PerformerInset()
+        self._glances: GlancePictures | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -234,6 +235,7 @@ class StudioWindow:
         self._performer = PerformerPicture(self._source.renderer)
         self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
         self._desktop = Desktop(self.workspace)
+        self._glances = GlancePictures(context)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -328,8 +330,8 @@ class StudioWindow:
         places = self.places
         if not self.opening.bare:
             self._panels(places)
-            if not self._hides_live:
-                draw_inset(self.workspace, places.viewport, self._inset)
+            if not self._hides_live and self._glances is not None:
+                draw_inset(self.workspace, places.viewport, self._inset, self._glances)
             if self.workspace.perform.close_up.box is not None and self._source is not None:
                 draw_side_view(self.workspace, places.viewport, self._source.renderer.picture.texture.glo)
             draw_live(self.workspace, places.viewport, self.pace)

@@ -26,7 +26,7 @@ class ActionTable:
 
     Attributes:
         recent: ids of the actions that were done last, the newest first.
-        room: the workspace whose own keys come first; empty where none has keys of its own.
+        room: the workspace that has keys of its own, which come first; empty where none has.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
@@ -85,7 +85,7 @@ class ActionTable:
         """Do the action that has a key; returns whether one has.
 
         Args:
-            own: only those of the workspace, whose keys come before what the tool in hand does with them.
+            own: only those of the workspace: their keys come before what the tool in hand does with them.
         """
         room = self.room() if own else ""
         action = self.holder(key, room) if room or not own else None
@@ -107,7 +107,7 @@ class ActionTable:
         return next((one for one in with_key if (room in one.rooms if room else not one.rooms)), None)
 
     def rival(self, action_id: str, key: str) -> Action | None:
-        """The other action whose key it is where an action would have it."""
+        """The other action that has a key where an action would have it."""
         wanted = self._actions[action_id]
         others = (one for one in self if one is not wanted and one.rivals(wanted))
         return next((one for one in others if key in self.keys_of(one)), None)

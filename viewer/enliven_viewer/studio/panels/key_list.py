@@ -15,6 +15,8 @@ _COLUMN = 320.0
 """Pixels of a column: the longest name beside its key."""
 _KEY = 122.0
 """Pixels of a key: Ctrl+Shift+Z."""
+_BETWEEN = 20.0
+"""Pixels between a name, which goes on below where it is long, and the next column."""
 _MOUSE = (
     ("Right drag", "Turn the view"),
     ("Middle drag", "Move the view"),
@@ -32,6 +34,7 @@ def draw_key_list(workspace: Workspace) -> None:
         count = max(min(int(imgui.get_content_region_avail().x / _COLUMN), 3), 1)
         for column in _columns([*parts, ("Mouse", list(_MOUSE))], count):
             imgui.begin_group()
+            imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _COLUMN - _BETWEEN)
             for title, lines in column:
                 quiet(title.upper())
                 for key, label in lines:
@@ -39,6 +42,7 @@ def draw_key_list(workspace: Workspace) -> None:
                     imgui.same_line(_KEY)
                     imgui.text_disabled(label)
                 imgui.dummy(ImVec2(_COLUMN, 4))
+            imgui.pop_text_wrap_pos()
             imgui.end_group()
             imgui.same_line()
         imgui.end_child()

@@ -7,6 +7,7 @@ from .inset import (
     SeenBody as SeenBody,
     rectangle_of as rectangle_of,
     seen as seen,
+    width_of as width_of,
 )
 from .recording import StageRecording as StageRecording
 from .session import ROOMS as ROOMS, PerformSession as PerformSession

@@ -12,7 +12,7 @@ from enliven_viewer.render import Box, OrbitCamera, Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Lens
 
-_ROOM = 2.2
+_ROOM = 1.7
 """How much larger than the limb the picture is: what it hangs on is seen too."""
 _WHOLE = 0.75
 """Share of a character's size from which on what is held is no limb of it: the view stays."""
@@ -25,7 +25,7 @@ _SAME = 1e-6
 
 
 class CloseUp:
-    """Moves the editor's camera while somebody chooses what to take hold of.
+    """Moves the editor's camera while a performer chooses what to take hold of.
 
     Attributes:
         on: whether the view goes there.
@@ -34,7 +34,8 @@ class CloseUp:
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self.on, self.box = False, None  # type: bool, Box | None
+        self.on = False
+        self.box: Box | None = None
         self._before: tuple[float, ...] | None = None
         self._sent: tuple[float, ...] = ()
         self._framed: Box | None = None

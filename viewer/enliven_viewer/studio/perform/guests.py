@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from enliven.wire import CALLS, Topic
+from enliven.wire import CALLS, CAMERA, CameraMessage, Topic
 from enliven_viewer.link import EdgeClient, EdgeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -16,6 +16,12 @@ from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 APART = 100
 """Ids from the performers of one edge to those of the next: an edge follows fewer at a time."""
+
+
+def camera_of(client: EdgeClient) -> CameraMessage | None:
+    """What an edge told last of its camera; None where it has not."""
+    client.take(CAMERA)
+    return next(iter(client.latest(CAMERA).values()), None)
 
 
 class Guest:
@@ -63,6 +69,11 @@ class Guest:
         """What is there, a line each."""
         people = (f"Performer {body} at {self.name}" for body in self.performers)
         return (*people, *self._client.characters)
+
+    @property
+    def camera(self) -> CameraMessage | None:
+        """Where its camera stands and what it sees; None where it does not tell."""
+        return camera_of(self._client)
 
     @property
     def delay_ns(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import BONES, Body
+from enliven.wire import CameraMessage
 
 EYE = 1.1
 """Metres over the floor from which performers are seen, a camera's on a table: messages do not say."""
@@ -47,15 +48,17 @@ class SeenBody:
 
     Attributes:
         id: as the window numbers performers.
-        places: (20, 2) of the view: 0 to WIDER to the right, 0 to 1 down; NaN behind the camera.
+        places: (20, 2) of the view: 0 to its width over its height to the right, 0 to 1 down; NaN behind it.
         depth: (20,) metres before the camera.
         confidence: (20,) in [0, 1].
+        focal: heights of the view that a metre has at a distance of one.
     """
 
     id: int
     places: Float
     depth: Float
     confidence: Float
+    focal: float = float(0.5 / _VIEW)
 
     @property
     def bones(self) -> list[tuple[int, int]]:
@@ -64,13 +67,20 @@ class SeenBody:
 
     def pixels(self, metres: float, joint: int) -> float:
         """Shares of the view's height that a length at a joint has."""
-        return float(metres / (2.0 * _VIEW * max(self.depth[joint], _NEAREST)))
+        return float(metres * self.focal / max(self.depth[joint], _NEAREST))
 
 
-def seen(bodies: Sequence[Body]) -> tuple[SeenBody, ...]:
-    """Performers as a level camera sees them that stands at the world's origin and looks along -z."""
+def width_of(camera: CameraMessage | None) -> float:
+    """The width over the height of a camera's view; of one that tells no picture :data:`WIDER`."""
+    return WIDER if camera is None or not camera.height else camera.width / camera.height
+
+
+def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[SeenBody, ...]:
+    """Performers as their camera sees them; of one that does not tell, as a level one before them does."""
     if not bodies:
         return ()
+    if camera is not None:
+        return tuple(_through(camera, body) for body in bodies)
     nearest = max(float(body.joints[:, 2].max()) for body in bodies)
     eye = np.array([0.0, EYE, 0.0])
     if nearest > -_NEAREST:
@@ -86,6 +96,15 @@ def seen(bodies: Sequence[Body]) -> tuple[SeenBody, ...]:
     return tuple(made)
 
 
+def _through(camera: CameraMessage, body: Body) -> SeenBody:
+    """A performer as a camera sees them that said where it stands."""
+    rows, (across, down, right, low) = np.reshape(camera.place, (3, 4)), camera.lens
+    ahead = (body.joints - rows[:, 3]) @ rows[:, :3]
+    depth = np.where(ahead[:, 2] > 0.0, ahead[:, 2], np.nan)
+    places = np.stack([across * ahead[:, 0] / depth + right, down * ahead[:, 1] / depth + low], 1)
+    return SeenBody(body.id, places, ahead[:, 2], body.confidence, down)
+
+
 class PerformerInset:
     """Where the inset is; it stays in a corner until another one covers much less."""
 
@@ -93,11 +112,12 @@ class PerformerInset:
         self._corner, self._drawn = 0, 0
 
     def place(
-        self, width: float, height: float, views: int, covered: Callable[[], Sequence[Rectangle]]
+        self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
     ) -> Rectangle:
         """The rectangle in a picture of a width and height in pixels, for some views side by side.
 
         Args:
+            views: how many, by their widths: one of :data:`WIDER` is one.
             covered: returns where characters are seen, in pixels of the picture; asked once in a while.
         """
         fits = min(_MOST, _WIDEST * width / (WIDER * views), height - _BELOW - _MARGIN)

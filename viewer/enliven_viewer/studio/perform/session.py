@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import EnlivenError, InputError
-from enliven.wire import CALLS, Topic, parse_endpoint
+from enliven.wire import CALLS, CameraMessage, Topic, parse_endpoint
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -15,7 +15,7 @@ from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
 from enliven_viewer.studio.perform.close_up import CloseUp
-from enliven_viewer.studio.perform.guests import Guest, together
+from enliven_viewer.studio.perform.guests import Guest, camera_of, together
 from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
@@ -68,7 +68,7 @@ class PerformSession:
 
     @property
     def keys_of(self) -> str:
-        """The workspace whose own keys count; none in *Play* without a stage, where the project plays."""
+        """The workspace that has keys of its own; none in *Play* without a stage, where the project plays."""
         return "" if self.room == "Play" and self.live is None else self.room
 
     # The link ---------------------------------------------------------------------------------------------
@@ -180,6 +180,11 @@ class PerformSession:
     def client(self) -> EdgeClient | None:
         """The link to the edge; None without one, and while a take is played."""
         return self._client
+
+    @property
+    def camera(self) -> CameraMessage | None:
+        """Where the edge's camera stands and what it sees; None where it does not tell."""
+        return None if self._client is None else camera_of(self._client)
 
     @property
     def stage(self) -> StageLink | None:

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.person import Body, Joint
+from enliven.wire import CameraMessage
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render.overlay import CUE_TINTS
 from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.perform import WIDER, PerformerInset, PerformSession, SeenBody, rectangle_of, seen
+from enliven_viewer.studio.perform import (
+    WIDER,
+    PerformerInset,
+    PerformSession,
+    SeenBody,
+    rectangle_of,
+    seen,
+    width_of,
+)
+from enliven_viewer.studio.picture import GlancePictures
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, Colour
@@ -26,7 +37,7 @@ _TEXT = 13.0
 """Pixels of the words in the inset."""
 
 
-def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset) -> None:
+def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures: GlancePictures) -> None:
     """Draw the inset over the viewport, where it is wanted and performers can be seen."""
     perform = workspace.perform
     views = views_of(perform) if workspace.preferences.performer else []
@@ -34,11 +45,12 @@ def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset) -> None:
     if not views:
         return
     room = area.width, area.height
-    left, top, wide, tall = inset.place(*room, len(views), lambda: _covered(workspace))
-    draw = imgui.get_background_draw_list()
-    cell = wide / len(views)
-    for number, (name, bodies) in enumerate(views):
-        _view(draw, Area(area.x + left + number * cell, area.y + top, cell, tall), name, seen(bodies))
+    widths = [width_of(one.camera) for one in views]
+    left, top, wide, tall = inset.place(*room, sum(widths) / WIDER, lambda: _covered(workspace))
+    draw, x = imgui.get_background_draw_list(), area.x + left
+    for one, width in zip(views, widths, strict=True):
+        _view(draw, Area(x, area.y + top, width * tall, tall), one, pictures.of(one.name, one.camera))
+        x += width * tall
     workspace.widgets["performer inset"] = (
         *(area.x + left, area.y + top),
         *(area.x + left + wide, area.y + top + tall),
@@ -46,15 +58,24 @@ def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset) -> None:
     _explain(workspace, Area(area.x + left, area.y + top, wide, tall))
 
 
-def views_of(perform: PerformSession) -> list[tuple[str, tuple[Body, ...]]]:
-    """The name of each edge, or of the take, and who is seen there; none without a link."""
+@dataclass(frozen=True)
+class CameraViewOf:
+    """What is seen by the camera of an edge, or was in a take: the name, who is there, and the camera."""
+
+    name: str
+    bodies: tuple[Body, ...]
+    camera: CameraMessage | None = None
+
+
+def views_of(perform: PerformSession) -> list[CameraViewOf]:
+    """What each edge sees, or what was seen in the take; none without a link."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
-    views = [(live.take or "Performer", live.scene.bodies)]
+    views = [CameraViewOf(live.take or "Performer", live.scene.bodies, perform.camera)]
     guests = [guest for guest in perform.guests if guest.connected]
-    views += [(guest.name, guest.live.scene.bodies) for guest in guests]
-    someone = any(bodies for _, bodies in views)
+    views += [CameraViewOf(guest.name, guest.live.scene.bodies, guest.camera) for guest in guests]
+    someone = any(one.bodies for one in views)
     return views if someone or perform.room == "Perform" else []
 
 
@@ -69,14 +90,18 @@ def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     return [one for one in found if one is not None]
 
 
-def _view(draw, area: Area, name: str, bodies: tuple[SeenBody, ...]) -> None:  # type: ignore[no-untyped-def]
+def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # type: ignore[no-untyped-def]
     """One camera's view."""
+    name, bodies = one.name, seen(one.bodies, one.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
+    if texture is not None:
+        picture, white = imgui.ImTextureRef(texture), packed((1.0, 1.0, 1.0, 1.0))
+        draw.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
     draw.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
         tint = tuple(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)])
-        _figure(draw, area, body, (*tint, 1.0))  # type: ignore[arg-type]
+        _figure(draw, area, body, (*tint, 1.0), width_of(one.camera))  # type: ignore[arg-type]
     said = name if bodies else f"{name}: no one in view"
     draw.add_text(
         imgui.get_font(), _TEXT, ImVec2(area.x + 9, area.y + 6), packed(INK if bodies else QUIET), said
@@ -85,10 +110,10 @@ def _view(draw, area: Area, name: str, bodies: tuple[SeenBody, ...]) -> None:  #
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 
 
-def _figure(draw, area: Area, body: SeenBody, tint: Colour) -> None:  # type: ignore[no-untyped-def]
-    """A performer: limbs, the farther ones first and darker, and a head."""
+def _figure(draw, area: Area, body: SeenBody, tint: Colour, width: float) -> None:  # type: ignore[no-untyped-def]
+    """A performer in a view of a width over its height: limbs, the farther first and darker, and a head."""
     at = body.places * area.height + [area.x, area.y]
-    at[:, 0] += (area.width - WIDER * area.height) / 2
+    at[:, 0] += (area.width - width * area.height) / 2
     if not np.isfinite(at).all():
         return
     far, near = float(body.depth.max()), float(body.depth.min())

@@ -11,8 +11,10 @@ from enliven_viewer.theme import INK, LINE
 
 _SHARE = 0.3
 """Share of the picture's height."""
-_LEAST, _MOST = 104.0, 400.0
-"""Pixels of its height: a limb is told from others, and more shows no more."""
+_LEAST = 104.0
+"""Pixels of its height at least: a limb is told from others."""
+_MOST = 400.0
+"""Pixels of its height at most: more shows no more."""
 _WIDE = 1.2
 """Width over height, as of the performers in the other corner."""
 _MARGIN = 14.0
