@@ -90,11 +90,11 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
     np.testing.assert_allclose(flown[0], earlier[[0, 2]] / 6, atol=1e-9)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.floats(0.2, 0.6))
 def test_it_is_never_far_from_a_performer_who_stays(turn: float, leash: float) -> None:
     """A fish's tail rows it 4 m away, offline and live, while who moves it sways on the spot."""
-    places = walked(1200)
+    places = walked(720)
     ways = [None, 0.02 * np.array([np.sin(turn), np.cos(turn)])]
     roots = []
     for way in ways:
@@ -106,8 +106,8 @@ def test_it_is_never_far_from_a_performer_who_stays(turn: float, leash: float) -
     loose, led = roots
     size = float(np.linalg.norm(np.ptp(REST, axis=0)))
     speed = np.linalg.norm(loose[-1, [0, 2]]) / (len(places) * STEP)
-    assert speed * 20 > 4.0
-    assert np.linalg.norm(led[:, [0, 2]], axis=1).max() < leash * size + 1.2 * speed + 0.1
+    assert np.linalg.norm(loose[-1, [0, 2]]) > 4.0 + leash * size + 1.4 * speed
+    assert np.linalg.norm(led[:, [0, 2]], axis=1).max() < leash * size + 1.4 * speed + 0.1
     np.testing.assert_allclose(led[:, 1], loose[:, 1])
     # What draws it back is slow: nothing of it is seen in a step.
     assert np.abs(np.diff((led - loose)[:, [0, 2]], 2, axis=0)).max() / STEP**2 < 1.5
