@@ -53,6 +53,10 @@ def retarget(
         bool,
         typer.Option(help="Let legs of another build than the performer's step where their feet do."),
     ] = True,
+    stretch: Annotated[
+        bool,
+        typer.Option("--stretch", help="Stretch the model's bones as the take does its own."),
+    ] = False,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
@@ -88,7 +92,17 @@ def retarget(
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     plan = _plan(
-        read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin, floor, steps
+        read_plan(mapping) if mapping else None,
+        rig,
+        clip,
+        rest,
+        mode,
+        travel,
+        turn,
+        pin,
+        floor,
+        steps,
+        stretch,
     )
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
@@ -119,7 +133,7 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
         typer.echo(f"enliven: moved less, so that the surface does not stretch: {told}")
-    seen = _seen(quality)
+    seen = _seen(quality, made.plan.pin)
     for told in seen:
         typer.echo(f"enliven: {told}", err=True)
     if not seen:
@@ -137,8 +151,8 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     typer.echo(f"enliven: {told}", err=True)
 
 
-def _seen(quality: MotionQuality) -> list[str]:
-    """What is beyond its bound, with the joints where it is."""
+def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
+    """What is beyond its bound, with the joints where it is; ``pinned``: whether feet are held already."""
     from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
@@ -146,7 +160,7 @@ def _seen(quality: MotionQuality) -> list[str]:
         f"the surface stretches at {', '.join(quality.joints)}": quality.stretch > BOUND,
         f"it goes below the floor at {feet}": sunk > LEVEL,
         f"it is above the floor at {feet} while the performer stands": afloat > max(LEVEL, sunk),
-        "its feet slide (--pin holds them)": (quality.slide or 0.0) > SLIDE,
+        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0) > SLIDE,
         f"parts go through one another: {', '.join(quality.parts)}": quality.through > THROUGH,
     }
     return [words for words, so in told.items() if so]
@@ -167,6 +181,7 @@ def _plan(
     pin: bool,
     floor: bool,
     steps: bool,
+    stretch: bool,
 ) -> Plan:
     """Returns the mapping from the file, or the one found automatically, with the options of the command
     line."""
@@ -179,6 +194,7 @@ def _plan(
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
     changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor, "steps": steps and plan.steps}
+    changes["stretch"] = stretch or plan.stretch
     if rest is not None:
         value = float(rest) if _is_number(rest) else rest
         changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest

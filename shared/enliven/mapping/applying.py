@@ -118,7 +118,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         project = project.with_takes(take)
         for line in group:
             basis = _basis(lines, line, take.skeleton, target, turns)
-            project = _bound(project, shape, take, line, basis)
+            project = _bound(project, shape, take, line, basis, plan.stretch)
     assert first is not None
     if plan.travel:
         project = _travelling(project, shape.id, first, turns, plan.stride)
@@ -168,8 +168,9 @@ def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     return bool(height[list(chain)].max() < height.min() + _ANKLE * np.ptp(height))
 
 
-def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float) -> Project:
+def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float, stretch: bool) -> Project:
     chain = line.plan
+    stretches = {"stretch": True} if stretch and take.tracks else {}
     return bind_chain(
         project,
         shape.id,
@@ -183,6 +184,7 @@ def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float
         speed=chain.speed,
         loop=chain.loop,
         mirrored=chain.mirrored,
+        **stretches,
     )
 
 

@@ -55,6 +55,11 @@ class Plan:
     steps: bool = setting(
         True, "Let legs that are not posed as the performer's step as theirs do, by their feet (with floor)."
     )
+    stretch: bool = setting(
+        False,
+        "Lengthen and stretch the model's bones as the take does its own, in the model's size. A clip of the "
+        "model itself always does.",
+    )
     stride: float = setting(
         1.0, "How far it steps and travels, in the performer's strides at its own size.", low=0.0, high=10.0
     )

@@ -31,7 +31,8 @@ _ROUNDS = 12
 
 def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
     """The mapping with less movement in the limbs that would stretch the surface beyond the bound."""
-    bare = replace(plan, travel=False)
+    # What stretches because the take does is meant to.
+    bare = replace(plan, travel=False, stretch=False)
     best, least, striding = plan, np.inf, _striding(plan, clip, shape)
     for _ in range(_ROUNDS):
         project, based = apply_plan(Project(), shape, clip, bare)

@@ -10,8 +10,8 @@ import numpy as np
 from creatures import Creature, random_creature
 from plain_gauss_newton import PlainGaussNewton
 
-from enliven.arrays import Float
-from enliven.deformation.embedded.solver import EmbeddedSolver
+from enliven.arrays import Bool, Float
+from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 
 CREATURES = 10
 FRAMES = 60
@@ -28,10 +28,17 @@ WARM = 3
 
 @dataclass
 class CreatureRun:
-    """All creatures of one size: milliseconds of each frame, and the gaps of those that were compared."""
+    """All creatures of one size.
+
+    Attributes:
+        frame_ms: milliseconds of each frame.
+        gaps: of each frame that was compared, the share of the minimum by which it ended above it.
+        said: of the same, whether the frame said that it is at its minimum.
+    """
 
     frame_ms: Float
     gaps: Float
+    said: Bool
 
 
 @cache
@@ -40,11 +47,11 @@ def creatures(nodes: int) -> list[Creature]:
     return [random_creature(seed, nodes, FRAMES) for seed in range(CREATURES)]
 
 
-def measured(nodes: int, compare: bool) -> CreatureRun:
+def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
     """The least time of each frame in several passes; gaps to a plain Gauss-Newton from the answers."""
-    times, gaps = [], []
+    times, gaps, said = [], [], []
     for creature in creatures(nodes):
-        solver = EmbeddedSolver(creature.graph, creature.points)
+        solver = EmbeddedSolver(creature.graph, creature.points, EmbeddedSettings(budget_ms=budget_ms))
         peer, passes = PlainGaussNewton(creature.graph, creature.points), []
         for turn in range(REPEATS):
             solver.reset()
@@ -54,10 +61,12 @@ def measured(nodes: int, compare: bool) -> CreatureRun:
                 solver.solve(targets)
                 each.append(1e-6 * (time.thread_time_ns() - start))
                 if compare and turn == 0 and frame >= WARM and frame % COMPARED == 0:
-                    gaps += _gap(peer, solver, targets)
+                    found = _gap(peer, solver, targets)
+                    gaps += found
+                    said += [solver.settled] * len(found)
             passes.append(each)
         times.append(np.min(passes, 0)[WARM:])
-    return CreatureRun(np.concatenate(times), np.array(gaps))
+    return CreatureRun(np.concatenate(times), np.array(gaps), np.array(said, bool))
 
 
 def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:

@@ -16,7 +16,7 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import locate
 from enliven.person.joints import Joint
-from enliven_edge.stage.puppet.locomotion import Feet, Footing, Locomotion
+from enliven_edge.stage.puppet.locomotion import EITHER, Feet, Footing, Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
@@ -88,6 +88,40 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
     np.testing.assert_allclose((places[60:, 1:, 1].min(1) + roots[60:, 1]), 0.02 + 2.0 * lift, atol=1e-9)
     earlier = roots[59] - roots[53]
     np.testing.assert_allclose(flown[0], earlier[[0, 2]] / 6, atol=1e-9)
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.floats(-np.pi, np.pi), st.floats(0.2, 0.6))
+def test_it_is_never_far_from_a_performer_who_stays(turn: float, leash: float) -> None:
+    """A fish's tail rows it 4 m away, offline and live, while who moves it sways on the spot."""
+    places = walked(720)
+    ways = [None, 0.02 * np.array([np.sin(turn), np.cos(turn)])]
+    roots = []
+    for way in ways:
+        go = Locomotion(REST, FEET, STEP, LocomotionSettings(leash=leash), [EITHER, EITHER])
+        go.begin(np.zeros(3))
+        sway = [None if way is None else np.sin(0.1 * f) * way for f in range(len(places))]
+        each = zip(places, sway, strict=True)
+        roots.append(np.array([go.go(at, turn, Footing(), 1.0, to) for at, to in each]))
+    loose, led = roots
+    size = float(np.linalg.norm(np.ptp(REST, axis=0)))
+    speed = np.linalg.norm(loose[-1, [0, 2]]) / (len(places) * STEP)
+    assert np.linalg.norm(loose[-1, [0, 2]]) > 4.0 + leash * size + 1.4 * speed
+    assert np.linalg.norm(led[:, [0, 2]], axis=1).max() < leash * size + 1.4 * speed + 0.1
+    np.testing.assert_allclose(led[:, 1], loose[:, 1])
+    # What draws it back is slow: nothing of it is seen in a step.
+    assert np.abs(np.diff((led - loose)[:, [0, 2]], 2, axis=0)).max() / STEP**2 < 1.5
+
+
+def test_strides_of_its_own_are_let_alone() -> None:
+    places = walked(300)
+    way = Locomotion(REST, FEET, STEP, LocomotionSettings(), [EITHER, EITHER])
+    way.begin(np.zeros(3))
+    free = gone(places)[0]
+    size = float(np.linalg.norm(np.ptp(REST, axis=0)))
+    theirs = np.linspace(0.0, 1.0, 300)[:, None] * free[-1, [0, 2]] / size / 1.3
+    roots = [way.go(at, 0.0, Footing(), 1.0, to) for at, to in zip(places, theirs, strict=True)]
+    np.testing.assert_allclose(roots, free, atol=1e-12)
 
 
 def test_without_feet_it_stays() -> None:

@@ -11,6 +11,7 @@ from made_bodies import horse, man, meshed, random_motion, snake, spider, turned
 
 from enliven.document.clip import Clip
 from enliven.document.project import Project
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic_mapping import automatic, retarget
@@ -24,6 +25,7 @@ from enliven.mapping.resting import (
     posed,
     rebased,
 )
+from enliven.mapping.softening import softened
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, swing
 
@@ -284,3 +286,23 @@ def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
         if "ankle" not in other:
             a, b = man().index(one), man().index(other)
             np.testing.assert_allclose(joints[b] - joints[a], hunched[b] - hunched[a], atol=0.01)
+
+
+def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
+    """Left forearms become half as long again; the model is twice as large and has other names."""
+    random = np.random.default_rng(4)
+    clip = random_motion(random, man())
+    elbow, wrist = (man().index(f"Left {name}") for name in ("elbow", "wrist"))
+    strains = np.zeros((len(clip.turns), len(man()), 6))
+    # The rest pose's forearm lies along x.
+    strains[:, wrist, 0] = np.log(1.5)
+    clip = replace(clip, strains=strains)
+    shape = meshed("giant", Skeleton(man(False).names, man().parents, 2.0 * man().positions))
+    rest = np.linalg.norm(shape.skeleton.positions[wrist] - shape.skeleton.positions[elbow])
+    lengths = []
+    for stretch in (False, True):
+        made = retarget(shape, clip, replace(automatic(clip, shape), stretch=stretch, floor=False))
+        joints = Player(made.project, "giant").at(0.3).joints
+        lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
+    assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
+    assert softened(replace(automatic(clip, shape), stretch=True), clip, shape).stretch

@@ -29,12 +29,14 @@ class Sample:
         yaw: radians about +Y that the puppet is to face.
         footing: how the performer stands.
         size: metres that the puppet rises for a lift of 1.
+        way: (2,) beside and ahead, the performer's hips in their own heights, in the puppet's axes.
     """
 
     pose: Float
     yaw: float
     footing: Footing
     size: float
+    way: Float
 
 
 class Live:
@@ -106,7 +108,7 @@ class Live:
             return
         places[self.loose] = self.rest[self.loose]
         out = self._waiting.popleft()
-        root = self._locomotion.go(places, out.yaw, out.footing, out.size)
+        root = self._locomotion.go(places, out.yaw, out.footing, out.size, out.way)
         self._before, self._after = self._after, State(places, out.yaw, root)
 
 
@@ -117,4 +119,5 @@ def _between(a: Sample, b: Sample, share: float) -> Sample:
         a.yaw + share * (b.yaw - a.yaw),
         replace((a if share < 0.5 else b).footing, lift=lift),
         b.size,
+        a.way + share * (b.way - a.way),
     )

@@ -20,6 +20,7 @@ from enliven.examples import State
 from enliven.examples.spacetime import stand
 from enliven.mapping import turned_about_y
 from enliven.person import Body, Joint
+from enliven_edge.stage.puppet.leash import Leash
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
 _CREEP = 0.01
@@ -86,7 +87,7 @@ class Feet:
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._contacts(body).any():
             return Footing(stands=stands)
-        lift = min(float(above.min()) / _height(body), _HIGHEST)
+        lift = min(float(above.min()) / height_of(body), _HIGHEST)
         if lift <= _DEAD:
             return Footing(stands=stands)
         return Footing(False, lift - _DEAD)
@@ -103,7 +104,7 @@ class Feet:
         since = max(self._seconds - self._path[0][0], 1e-9)
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
-        leg = _LEG * _height(body)
+        leg = _LEG * height_of(body)
         # A runner's foot rolls fast while it stands: it is slow against the other.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
@@ -119,7 +120,7 @@ class Feet:
         return np.asarray(body.contacts >= least)
 
 
-def _height(body: Body) -> float:
+def height_of(body: Body) -> float:
     """Returns the performer's height in metres; an adult's where it is unknown."""
     height = body.height
     return height if np.isfinite(height) and height > _LOWEST else _ADULT
@@ -159,7 +160,9 @@ class Locomotion:
         self._sides: Int = np.asarray([EITHER] * len(feet) if sides is None else sides, np.int64)
         self._step = step
         self._sole = float(rest[self._feet, 1].min()) if len(self._feet) else 0.0
-        self._grip = settings.grip * (float(np.linalg.norm(np.ptp(rest, axis=0))) or 1.0)
+        large = float(np.linalg.norm(np.ptp(rest, axis=0))) or 1.0
+        self._grip = settings.grip * large
+        self._leash = Leash(large, settings.leash * large, step)
         self._roots: deque[Float] = deque(maxlen=max(round(settings.throw / step), 1) + 1)
         self._velocity = np.zeros(3)
         self._before: Float | None = None
@@ -171,6 +174,7 @@ class Locomotion:
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
+        self._leash.begin()
 
     def stands(self, state: State) -> Float:
         """Returns (3,) metres, the middle of the feet, before the puppet's own place and rotation."""
@@ -181,19 +185,22 @@ class Locomotion:
         """Moves the root, the past ones included, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
+        self._leash.shift(by)
 
     @property
     def goes(self) -> bool:
         """Whether the puppet has feet to walk on."""
         return len(self._feet) > 0
 
-    def go(self, places: Float, yaw: float, footing: Footing, size: float) -> Float:
+    def go(self, places: Float, yaw: float, footing: Footing, size: float, way: Float | None = None) -> Float:
         """Returns the root (3,) of the next frame, metres.
 
         Args:
             places: (P, 3) metres in the puppet's frame.
             yaw: radians.
             size: metres that the puppet rises for a lift of 1.
+            way: (2,) beside and ahead, the performer's hips in their own heights, in the puppet's axes; None:
+                where its steps lead it is right.
         """
         if len(self._feet) == 0:
             return self.root
@@ -203,6 +210,8 @@ class Locomotion:
             self._stand(turned, root, footing.stands)
         else:
             self._fly(root)
+        if way is not None:
+            root += self._leash.pull(root, way)
         root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
         self._before, self.root = turned, root
         return root

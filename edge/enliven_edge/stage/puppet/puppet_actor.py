@@ -11,6 +11,7 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
+from enliven.mapping import turned_about_y
 from enliven.person import MIRROR, Body, parts_named
 from enliven.possession import Actor, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
@@ -192,7 +193,8 @@ class PuppetActor(Actor):
             pose[rows] = hold.pose[rows]
         yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
-        sample = Sample(pose, yaw, lead.footing, size)
+        way = turned_about_y(np.array([lead.way[0], 0.0, lead.way[1]]), np.asarray(self._yaw_offset))[[0, 2]]
+        sample = Sample(pose, yaw, lead.footing, size, way)
         if self._restarts or paused:
             self._restarts = False
             self._easing.restart_fade()

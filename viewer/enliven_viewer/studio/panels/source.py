@@ -64,6 +64,11 @@ _WHOLE = (
     ("steps", "Steps", "Let legs of another build than the performer's step where the performer's feet do"),
     ("travel", "Travels", "Let it go where the performer goes"),
     ("pin", "Feet hold", "Hold feet in their place while they stand"),
+    (
+        "stretch",
+        "Bones stretch",
+        "Let its bones get longer and thinner as the take's do, in its own size",
+    ),
 )
 """How a whole body is mapped: the setting, its label, and what it does."""
 

@@ -33,6 +33,7 @@ class WholeBody:
     steps: bool = True
     travel: bool = False
     pin: bool = False
+    stretch: bool = False
 
 
 class MapTool(Tool):
