@@ -10,18 +10,32 @@ from collections.abc import Iterator
 
 import numpy as np
 from figure import Figure
-from known_bodies import BODIES, limbs_found
+from known_bodies import BODIES, KnownBody, limbs_found
 
+from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph
+from enliven.meshes import Mesh
+from enliven.person.joints import PARENTS, Joint
+from enliven.possession import ActorSettings, standing_figure
+from enliven.possession.attachment import Growth, attach
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.likeness.any_mesh import body_by_extremities
+from enliven.possession.preparing import as_moved, prepared
 
 PEER = "extremities by height alone"
 
 
+_TRUNK = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
+_LIMB_OF = np.repeat(np.arange(5), 4)
+"""(20,) the limb of each joint: trunk and head, arms, legs."""
+_NEAR = 1.5
+"""Times the distance to the nearest bone of its own limb from which skin counts as another limb's."""
+
+
 def figures() -> Iterator[Figure]:
-    """Limbs found, bodies found without a doubt, and processor time."""
+    """Limbs found, bodies found without a doubt, processor time, where a performer stands, what is held."""
     found, before, certain, times = 0, 0, 0, []
+    off, far = [], []
     for make in BODIES.values():
         known = make()
         graph = DeformationGraph.build(known.mesh, nodes=128)
@@ -31,6 +45,37 @@ def figures() -> Iterator[Figure]:
         found += sum(limbs_found(like.joints, known).values())
         before += sum(limbs_found(body_by_extremities(graph).joints, known).values())
         certain += not like.doubts
+        fitted, joints = _in_fitted(known)
+        off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))
+        far.append(100.0 * _held_far(fitted, joints))
     yield Figure("mapped.limbs", found, "of 40 arms and legs", PEER, found / before)
     yield Figure("mapped.certain", certain, "of 10 bodies")
+    yield Figure("mapped.stand_off_cm", max(off), "cm from back to back, the worst of ten")
+    yield Figure("mapped.held_far_pct", float(np.mean(far)), "% of the hold is on another limb's skin")
+    yield Figure("mapped.held_far_worst_pct", max(far), "% in the worst of ten")
     yield Figure("mapped.find_ms", float(np.median(times)), "ms of processor time")
+
+
+def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
+    """The mesh where a standing performer fits into it, and (20, 3) metres where its own joints are there."""
+    fitted, _ = prepared(known.mesh, ActorSettings())
+    return fitted, as_moved(known.joints, known.mesh.vertices, fitted.vertices[: len(known.mesh.vertices)])
+
+
+def _held_far(mesh: Mesh, joints: Float) -> float:
+    """The share of the hold of a performer in the mesh's own pose that is on skin of another limb."""
+    graph, settings = DeformationGraph.build(mesh, nodes=128), ActorSettings()
+    grow = Growth(settings.enough, settings.farthest_reach)
+    held = attach(graph, joints, np.ones(20), settings=settings.attachment, grow=grow)
+    apart = np.stack([_from_bone(graph.positions, joints, joint) for joint in range(1, 20)], 1)
+    limbs = np.stack([apart[:, _LIMB_OF[1:] == limb].min(1) for limb in range(5)], 1)
+    own = limbs[held.node_indices, _LIMB_OF[held.bone][:, None]]
+    other = own > _NEAR * limbs[held.node_indices].min(2)
+    return float((held.node_weights * other).sum() / held.node_weights.sum())
+
+
+def _from_bone(points: Float, joints: Float, joint: int) -> Float:
+    """(P,) metres from points to the bone that ends in a joint."""
+    start, way = joints[PARENTS[joint]], joints[joint] - joints[PARENTS[joint]]
+    along = np.clip((points - start) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - start - along[:, None] * way, axis=1))

@@ -7,7 +7,7 @@ from .automatic_mapping import (
     with_feet_pinned as with_feet_pinned,
 )
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
-from .next_best import NextBest as NextBest, next_best as next_best
+from .alternatives import NextBest as NextBest, next_best as next_best
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
 from .quality import (

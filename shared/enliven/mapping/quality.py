@@ -38,7 +38,7 @@ _APART = 1.0 / 60.0
 _STANDING = 10.0
 """Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
 _WITHIN = 0.05
-"""How much a measure counts that is within its bound, against one beyond it: nobody sees it."""
+"""How much a measure counts that is within its bound, against one beyond it."""
 _NAMED = 4
 """Joints that are named where a surface stretches, and pairs of parts where it goes through itself."""
 

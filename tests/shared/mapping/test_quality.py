@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from made_bodies import horse, man, meshed, random_motion, walk, webbed
 
 from enliven.document.project import Project
+from enliven.mapping.alternatives import next_best
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.next_best import next_best
 from enliven.mapping.quality import BOUND, LEVEL, SLIDE, quality_of, stretches
 from enliven.mapping.softening import limb_of, softened
 from enliven.modeling.edits import vertices_of
