@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 """The type of a task's result."""
-Steps = Generator[int, Any, T]
+Steps = Generator[float, Any, T]
 """A task in parts: it yields the cost of each part, in coarse fits, and returns its result."""
 LOOK = 2
 """Coarse fits that the network costs for one group of pixels."""

@@ -36,6 +36,8 @@ _LOOSE = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights that hold the lengths in a refinement: loosely, as the person is not measured yet."""
 _COARSE_POINTS = 160
 """Points of the coarse fits of a followed person: a third of all, as the fits are only compared."""
+_FIRST_POINTS = 250
+"""The same of a new person: half of all, as no posture is known that would do where all of these are bad."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit: with four to six the tuning set lost half a percent of its joints."""
 _WIDE = 0.25
@@ -68,8 +70,10 @@ _BANK = 4
 """Coarse fits: the cost of comparing the bank with the points."""
 _REFINEMENT = 2
 """Coarse fits: the cost of half a refinement of one hypothesis."""
-_GLANCED = 1
-"""Coarse fits: the cost of the first steps of one coarse fit."""
+_GLANCED, _RANKED = 0.33, 0.67
+"""Coarse fits to all points: the cost of the first steps and of the others, with all points."""
+_PER_FIT = 0.3
+"""Share of the cost of a step that does not depend on the number of points."""
 
 
 def detect(
@@ -92,12 +96,9 @@ def detect(
         by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
         lengths: (12,) metres, of this person where they are known already.
     """
-    coarse = _Coarse(fitter, observation, seen, eye, height)
+    coarse = _Coarse(fitter, observation, seen, eye, height, _FIRST_POINTS)
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
-    ranked = []
-    for start in starts:
-        ranked.append(coarse.fitted(start))
-        yield 1
+    ranked = yield from coarse.ranked(starts)
     kept = _best_distinct(ranked, _REFINED)
     best = yield from _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
@@ -147,9 +148,10 @@ class _Coarse:
         seen: EstimateAtPoints | None,
         eye: Float,
         height: float,
-        points: int | None = None,
+        points: int,
     ) -> None:
-        step = 1 if points is None else max(1, len(observation.points) // points)
+        step = max(1, len(observation.points) // points)
+        self._cost = _PER_FIT + (1.0 - _PER_FIT) / step
         self._fitter, self._eye, self._height = fitter, eye, height
         self._seen = None if seen is None else seen.thinned(step)
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
@@ -162,11 +164,11 @@ class _Coarse:
         glanced, ranked = [], []
         for start in starts:
             glanced.append(self.fitted(start, _GLANCE))
-            yield _GLANCED
+            yield _GLANCED * self._cost
         glanced.sort(key=lambda pair: pair[0])
         for _, posture in glanced[: max(_REFINED, len(starts) // 2)]:
             ranked.append(self.fitted(posture, _COARSE_STEPS - _GLANCE))
-            yield _GLANCED
+            yield _RANKED * self._cost
         return ranked
 
     def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:

@@ -14,38 +14,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
 from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
+from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
+from enliven_edge.tracking.detect.backoff import Backoff
 from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, aligned_to, posed
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
-
-
-class Backoff:
-    """Says when to run the next of one kind of trial.
-
-    Attributes:
-        longest: frames between two trials, at most.
-    """
-
-    def __init__(self, longest: int, worse: float = 1.2) -> None:
-        """
-        Args:
-            worse: times the badness of the last failed trial above which to try at once.
-        """
-        self.longest = longest
-        self._worse = worse
-        self._wait, self._since, self._in_vain = 1, 0, np.inf
-
-    def is_due(self, badness: float) -> bool:
-        """Whether to try in this frame; call it once in every frame that is bad."""
-        self._since += 1
-        return self._since >= self._wait or badness > self._worse * self._in_vain
-
-    def tried(self, badness: float, *, better: bool) -> None:
-        """Takes in the result of a trial in a frame so bad: whether it found something better."""
-        self._since = 0
-        self._wait = 1 if better else min(2 * self._wait, self.longest)
-        self._in_vain = np.inf if better else badness
-
 
 _ARM_POSES = (
     standing(arm_raise=0.15, arm_forward=0.1, elbow=1.5),
@@ -99,10 +72,11 @@ _ANKLE = 0.04
 
 
 class PoseRecovery:
-    """Proposes other places for doubtful limbs and for the whole body, in turn, one proposal a frame."""
+    """Proposes other places for arms in every frame, for doubtful limbs and the whole body in turn."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
+        self._arms = ArmRecovery(fitter)
         self._turn = 0
         self._bodies = Backoff(_RAREST)
         self._remembered: dict[tuple[int, ...], Float] = {}
@@ -126,6 +100,10 @@ class PoseRecovery:
         badly = report.explained - report.violated.mean() < _BADLY
         elsewhere = seen is not None and seen.estimate.apart_from(posture.joints())
         self._turn += 1
+        doubted = [*doubtful, *_ARMS] if badly else doubtful
+        arm = self._arms.tried(observation, posture, report, doubted, seen, steps=_STEPS)
+        if arm is not None and self._is_better(arm, observation, posture, seen, _BETTER):
+            return arm
         if not (badly or doubtful or elsewhere):
             return posture, report
         if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):

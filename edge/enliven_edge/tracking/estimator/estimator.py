@@ -12,6 +12,7 @@ import onnxruntime
 from enliven.arrays import Bool, Float, Float32
 from enliven.errors import InputError
 from enliven.kernels import njit
+from enliven.person import Joint
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.tracking.estimator.crop import COLUMNS, Crop, crop_person
 from enliven_edge.tracking.estimator.labels import FACINGS
@@ -75,9 +76,9 @@ class Estimate:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
-    def apart_from(self, joints: Float) -> bool:
-        """Whether any of (20, 3) joints, metres, is plainly elsewhere than the network sees it."""
-        return bool(_apart(joints, self.joints, self.spread))
+    def apart_from(self, joints: Float, which: list[Joint] | slice = slice(None)) -> bool:
+        """Whether any of (20, 3) joints, or of ``which``, is plainly elsewhere than the network sees it."""
+        return bool(_apart(joints[which], self.joints[which], self.spread[which]))
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""

@@ -21,7 +21,7 @@ _FRAGMENT = 0.12
 """Square metres that a fragment of a person shows at most: a shank seen apart from its thigh."""
 _FRAGMENT_NEAR = 0.6
 """Metres in plan from a person within which a small group of pixels is a fragment of that person."""
-_LEAST = 6
+_LEAST = 4
 """Coarse fits that a search may cost in every frame, however many newcomers are measured in it."""
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.detect.recovery import Backoff
+from enliven_edge.tracking.detect.backoff import Backoff
 
 
 def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:

@@ -1,0 +1,169 @@
+"""Other places for an arm: where the network sees it, at the surface, as the other arm, at what is proud."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.kernels import njit
+from enliven.person import Joint
+from enliven_edge.tracking.body_model import Posture, mirrored, model
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints
+from enliven_edge.tracking.fit import align
+from enliven_edge.tracking.frame import ImageView, Observation
+
+Arm = tuple[int, ...]
+"""The two frames of an arm."""
+ARM_JOINTS: dict[Arm, list[Joint]] = {
+    (model.UPPER_ARM_L, model.FOREARM_L): [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT],
+    (model.UPPER_ARM_R, model.FOREARM_R): [Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT],
+}
+"""The joints of either arm beyond its shoulder."""
+_RADIUS = 0.035
+"""Metres from an arm's surface to its middle: of a wrist."""
+_FARTHEST = 0.25
+"""Metres by which depth may move a joint along its ray: more is another part of the body."""
+_DEEPER = 0.03
+"""Metres behind the surface from which a joint counts as fitted too deep: less is the fit's noise."""
+_STEPS = 8
+"""Steps of aligning an arm: the rest of the body stays, so few are enough."""
+_WIDTH = 0.3
+"""Metres beyond which a target is doubted: about a forearm."""
+_HELD = 0.1
+"""Weight of each target, the joints of the rest of the body among them."""
+_STANDS_OUT = 0.04
+"""Metres outside the whole model from which a point is proud: clothes and the fit's error stay within."""
+_BEHIND = (0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3)
+"""Metres behind a point at which the trunk is looked for."""
+_TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
+"""The capsules of trunk, neck and head."""
+_GROUP = 0.16
+"""Metres about a point that stands out within which others are of the same forearm."""
+_FEWEST = 8
+"""Points of a group at the least: of 500 points a hand has about as many."""
+_LONG = 0.14
+"""Metres of a group's length from which it shows a forearm's direction: a hand is shorter."""
+
+
+def arm_starts(
+    observation: Observation, posture: Posture, seen: EstimateAtPoints | None, arms: list[Arm]
+) -> Iterator[Posture]:
+    """Yields the posture with one of some arms in another place, for each arm and each place."""
+    joints, view = posture.joints(), observation.view
+    eye = view.world_from_camera[:3, 3]
+    for arm in arms:
+        of_arm = ARM_JOINTS[arm]
+        own = joints[of_arm]
+        if seen is not None:
+            sighted = seen.estimate.joints[of_arm]
+            yield _with_arm(posture, joints, arm, sighted)
+            yield _with_arm(posture, joints, arm, np.stack([sighted[0], *_at_surface(view, sighted[1:])]))
+        before = _at_surface(view, own)
+        nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(before - eye, axis=1)
+        if nearer[1:].max() > _DEEPER:
+            yield _with_arm(posture, joints, arm, before)
+        yield _as_the_other(posture, arm)
+    yield from _where_it_stands_out(observation, posture, joints, arms)
+
+
+def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Posture:
+    """Returns the posture with an arm's elbow, wrist and hand brought to (3, 3) places; NaN for none."""
+    targets, weights = joints.copy(), np.full(len(joints), _HELD)
+    for joint, place in zip(ARM_JOINTS[arm], places, strict=True):
+        if np.isnan(place).any():
+            weights[joint] = 0.0
+        else:
+            targets[joint] = place
+    frames, offsets = model.JOINT_FRAMES, model.JOINT_OFFSETS
+    return align(posture, frames, offsets, targets, weights, width=_WIDTH, iterations=_STEPS)[0]
+
+
+def _as_the_other(posture: Posture, arm: Arm) -> Posture:
+    """Returns the posture with an arm held as the other one, mirrored."""
+    made, index = posture.copy(), list(arm)
+    made.rotations[index] = mirrored(posture.rotations)[index]
+    return made
+
+
+def _at_surface(view: ImageView, joints: Float) -> Float:
+    """Returns (N, 3) joints, each moved along its ray to just behind the person's surface there.
+
+    Where the person is not seen there, or far from it, the joint stays.
+    """
+    depth, mask, _, (fx, fy, cx, cy), pose = view
+    made = joints.copy()
+    for n, joint in enumerate(joints):
+        x, y, z = pose[:3, :3].T @ (joint - pose[:3, 3])
+        u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
+        if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0] and mask[v, u]):
+            continue
+        along = depth[v, u] + _RADIUS
+        if abs(along - z) < _FARTHEST:
+            made[n] = pose[:3, 3] + pose[:3, :3] @ (np.array([x, y, z]) * (along / z))
+    return made
+
+
+def _where_it_stands_out(
+    observation: Observation, posture: Posture, joints: Float, arms: list[Arm]
+) -> Iterator[Posture]:
+    """Yields the posture with a forearm along the points that stand out of it, either way about."""
+    out = _before_trunk(observation, posture).astype(float)
+    if len(out) < _FEWEST:
+        return
+    near = np.linalg.norm(out[:, None] - out[None], axis=2) < _GROUP
+    group = out[near[near.sum(1).argmax()]]
+    if len(group) < _FEWEST:
+        return
+    middle = group.mean(0)
+    way = np.linalg.svd(group - middle, full_matrices=False)[2][0]
+    low, high = np.percentile((group - middle) @ way, [10, 90])
+    inward = middle - observation.view.world_from_camera[:3, 3]
+    middle = middle + _RADIUS * inward / np.linalg.norm(inward)
+    fore, hand = posture.lengths[model.FORE], posture.lengths[model.HAND]
+    for arm in arms:
+        if high - low < _LONG:
+            nowhere = np.full(3, np.nan)
+            yield _with_arm(posture, joints, arm, np.stack([nowhere, nowhere, middle]))
+            continue
+        for tip, back in ((high, -way), (low, way)):
+            end = middle + tip * way
+            places = np.stack([end + (hand + fore) * back, end + hand * back, end])
+            yield _with_arm(posture, joints, arm, places)
+
+
+def _before_trunk(observation: Observation, posture: Posture) -> Float32:
+    """Returns the (N, 3) points that stand out of the whole model, on rays that meet its trunk behind them.
+
+    Furniture beside a person, and another person's arm, stand out too, but beside the trunk.
+    """
+    ends, radii = posture.capsules()
+    out = observation.points[standing_out(observation.points, ends, radii) > _STANDS_OUT]
+    away = out - observation.view.world_from_camera[:3, 3].astype(np.float32)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    met = np.zeros(len(out), bool)
+    for step in _BEHIND:
+        met |= standing_out(out + np.float32(step) * away, ends[_TRUNK], radii[_TRUNK]) < 0.0
+    return out[met]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
+    """(M,) metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        best = 1e9
+        for c in range(len(ends)):
+            along, square = 0.0, 1e-12
+            for a in range(3):
+                way = ends[c, 1, a] - ends[c, 0, a]
+                along += (points[i, a] - ends[c, 0, a]) * way
+                square += way * way
+            t = min(1.0, max(0.0, along / square))
+            away = 0.0
+            for a in range(3):
+                away += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
+            best = min(best, np.sqrt(away) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
+        out[i] = best
+    return out

@@ -1,0 +1,109 @@
+"""An arm before the trunk that is fitted too deep: it is tried elsewhere, and comes to its surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from estimates_for_tests import estimate_of, seen_as
+from postures_seen_for_tests import observed
+
+from enliven.person.joints import Joint
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints
+from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
+from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, standing_out
+from enliven_edge.tracking.detect.recovery import PoseRecovery
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.settings import FitSettings
+
+HANDS = [Joint.WRIST_LEFT, Joint.HAND_LEFT]
+LEFT = (model.UPPER_ARM_L, model.FOREARM_L)
+FOUND = 0.07
+"""Metres within which the hand is found."""
+LOST = 0.12
+"""Metres from which it is lost."""
+FRAMES = 5
+"""Frames within which it must be found again, where it stuck for eight and more."""
+SAMPLED = 1e-4
+"""Metres by which the nearest of 2,001 samples along an axis is too far."""
+SURE = np.ones(20)
+
+
+def forearm_across(forward: float) -> Posture:
+    """The left forearm lies across the belly, its elbow so many radians before the shoulder."""
+    made = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.75))
+    made.rotations[model.UPPER_ARM_L] = rotation(x=-forward, z=0.1) @ rotation(y=-1.2)
+    made.rotations[model.FOREARM_L] = rotation(x=-1.6)
+    return made
+
+
+TRUTH, TOO_DEEP = forearm_across(0.3), forearm_across(-0.35)
+
+
+def off(posture: Posture) -> float:
+    """Metres by which the left wrist or hand is off."""
+    return float(np.linalg.norm(posture.joints() - TRUTH.joints(), axis=1)[HANDS].max())
+
+
+def mistaken(observation: Observation) -> EstimateAtPoints:
+    """A network that is sure of the arm inside the trunk, and of no point."""
+    points = observation.points
+    return seen_as(estimate_of(TOO_DEEP.joints()), points, np.full((len(points), 17), 1 / 17))
+
+
+@pytest.mark.parametrize("told", [False, True], ids=["depth alone", "the network is mistaken"])
+def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
+    observation, fitter = observed(TRUTH), Fitter(FitSettings())
+    seen = mistaken(observation) if told else None
+    posture, report = fitter.fit(observation, TOO_DEEP)
+    for _ in range(FRAMES):
+        posture, report = fitter.fit(observation, posture, predicted=posture)
+    assert off(posture) > LOST, "the fit alone found it: nothing had to be recovered"
+    recovery = PoseRecovery(fitter)
+    usual = fitter.fit(observed(forearm_across(0.0)), forearm_across(0.0))
+    recovery.reconsider(observed(forearm_across(0.0)), *usual, SURE, None)
+    for _ in range(FRAMES):
+        posture, report = recovery.reconsider(observation, posture, report, SURE, seen)
+        posture, report = fitter.fit(observation, posture, predicted=posture)
+    assert off(posture) < FOUND
+
+
+def test_a_frame_that_costs_what_frames_cost_is_left_alone():
+    """An arm that is sure, seen where it is, in a frame as good as those before: no fit is spent on it."""
+    fitter, observation = Fitter(FitSettings()), observed(TRUTH)
+    posture, report = fitter.fit(observation, TRUTH)
+    points = observation.points
+    seen = seen_as(estimate_of(posture.joints()), points, np.full((len(points), 17), 1 / 17))
+    arms = ArmRecovery(fitter)
+    for _ in range(3):
+        assert arms.tried(observation, posture, report, [], seen, steps=6) is None
+
+
+def test_a_forearm_is_placed_along_what_stands_out():
+    """The arm hangs; what lies across the belly stands out of the model, and one start is there."""
+    observation, hanging = observed(TRUTH), forearm_across(0.0)
+    hanging.rotations[list(LEFT)] = joint_limits.standing()[list(LEFT)]
+    apart = [off(start) for start in arm_starts(observation, hanging, None, [LEFT])]
+    assert off(hanging) > 0.2
+    assert min(apart) < LOST
+    other = [j for j in range(20) if j not in ARM_JOINTS[LEFT]]
+    for start in arm_starts(observation, hanging, None, [LEFT]):
+        moved = np.linalg.norm(start.joints() - hanging.joints(), axis=1)
+        assert moved[other].max() < 0.05, "only the arm moves"
+
+
+def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
+    """Against every point and every capsule, sampled densely along its axis."""
+    dice = np.random.default_rng(3)
+    ends, radii = TRUTH.capsules()
+    points = dice.normal([0.0, 1.0, -2.5], 0.4, (40, 3)).astype(np.float32)
+    along = np.linspace(0.0, 1.0, 2001)[:, None]
+    twin = np.full(len(points), np.inf)
+    for (a, b), (first, last) in zip(ends, radii, strict=True):
+        away = np.linalg.norm(points[:, None] - (a + along * (b - a)), axis=2)
+        nearest = away.argmin(1)
+        thick = first + along[nearest, 0] * (last - first)
+        twin = np.minimum(twin, away.min(1) - thick)
+    np.testing.assert_allclose(standing_out(points, ends, radii), twin, rtol=0, atol=SAMPLED)
