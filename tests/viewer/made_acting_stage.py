@@ -70,7 +70,7 @@ def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspac
 def ready_for(workspace: Workspace, action: Action) -> None:
     """Choose what an action needs, and see to it that something can be undone, done again and pasted."""
     editor = workspace.editor
-    workspace.perform.room = "Animate"
+    workspace.perform.room = (action.rooms or ("Animate",))[0]
     workspace.input.take("choose")
     workspace.outliner.renaming = ""
     editor.go_to(0)

@@ -191,7 +191,7 @@ def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def main() -> None:
-    workspace = acting_stage(Path(sys.argv[1]), *((1280, 720) if len(sys.argv) > 2 else (700, 520)))
+    workspace = acting_stage(Path(sys.argv[1]), *((1280, 720) if len(sys.argv) > 2 else (900, 520)))
     window = StudioWindow(workspace)
 
     def guarded(ctx: imgui.test_engine.TestContext) -> None:
