@@ -22,8 +22,8 @@ from figure import Figure
 
 sys.path += [str(Path(__file__).parents[1] / part) for part in ("helpers", "shared", "shared/modeling")]
 sys.path.append(str(Path(__file__).parents[2] / "scripts"))
+from rig_worlds import graph_world, skeleton_world
 from swaying import possessed_chair
-from test_character_laws import graph_world, skeleton_world
 
 from enliven.document import Clip, Project, still_shape
 from enliven.formats.project import project_of, project_of_mesh
