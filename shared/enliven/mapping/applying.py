@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -170,7 +171,7 @@ def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
 
 def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float, stretch: bool) -> Project:
     chain = line.plan
-    stretches = {"stretch": True} if stretch and take.tracks else {}
+    stretches: dict[str, Any] = {"stretch": True} if stretch and take.tracks else {}
     return bind_chain(
         project,
         shape.id,

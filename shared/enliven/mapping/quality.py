@@ -173,7 +173,8 @@ def _lengths(at: Float, edges: Int32) -> Float:
 
 def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """The joints of the bones that move most ends of edges stretched beyond the bound."""
-    return _joints_of(shape, np.bincount(edges.ravel(), np.repeat((stretch > BOUND).sum(0), 2).astype(float)))
+    torn = np.repeat((stretch > BOUND).sum(0), 2).astype(float)
+    return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
 def _lowest(shape: Shape, at: Float) -> tuple[str, ...]:
