@@ -36,8 +36,6 @@ _WHOLE = 0.12
 """Share of a body, a hand or a foot say, that may be covered or outside the image of a whole body."""
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it: the border must not flicker."""
-_WHILE_FOLLOWING = 0.6
-"""Share of a frame's search budget for new people while others are followed, whose fits take time too."""
 _REDETECTION = 0.15
 """Share of a frame's search budget for detecting followed people again."""
 
@@ -139,8 +137,7 @@ class MultiPersonTracker:
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
-        share = _WHILE_FOLLOWING if self.people else 1.0
-        self.finder.allot(Budget(share * whole), first=elapsed is None)
+        self.finder.allot(Budget(whole), first=elapsed is None)
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Takes in a frame of a covered lens: all people move on as hidden ones do."""

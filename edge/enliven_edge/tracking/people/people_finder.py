@@ -23,6 +23,8 @@ _FRAGMENT_NEAR = 0.6
 """Metres in plan from a person within which a small group of pixels is a fragment of that person."""
 _LEAST = 4
 """Coarse fits that a search may cost in every frame, however many newcomers are measured in it."""
+_WHILE_FOLLOWING = 0.6
+"""Share of the search budget while people are followed in a known room: their fits take time too."""
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
@@ -79,6 +81,8 @@ class PeopleFinder:
         newcomers = self._newcomers.update(
             view, kind, segments, self._roster.admits, self._roster.awaits, young=room.age < YOUNG
         )
+        if self._roster.people and room.age > YOUNG:
+            self._budget.left *= _WHILE_FOLLOWING
         self._budget.left -= _MEASURED * len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
