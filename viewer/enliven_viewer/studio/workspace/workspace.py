@@ -22,7 +22,7 @@ from enliven_viewer.studio.scan import ScanSession, scan_actions
 from enliven_viewer.studio.sound import SOUNDS, SoundPlayer, sound_actions
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.workspace.action_table import curve_action, ghost_action, studio_actions
+from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
@@ -41,6 +41,7 @@ from enliven_viewer.studio.workspace.files import (
 )
 from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
+from enliven_viewer.studio.workspace.view_table import curve_action, ghost_action
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""

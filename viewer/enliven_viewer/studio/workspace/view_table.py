@@ -1,0 +1,176 @@
+"""The actions of the menu View: what plays, what is drawn, how it reads, and where it is seen from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.curves import CurveInput
+from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.preferences import SIZES, Preferences
+from enliven_viewer.studio.workspace.commands import Commands
+
+
+def playing_actions(c: Commands) -> Iterator[Action]:
+    """Playing, and what is drawn."""
+    editor = c.editor
+    yield Action("view.play", "View", "Play or stop", ("space",), c.play, on=lambda: editor.playing)
+    yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
+    yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
+    yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
+    yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, on=lambda: editor.show_bones, apart=True)
+    yield Action(
+        "view.outline",
+        "View",
+        "Outline of the key pose before",
+        ("o",),
+        c.puppets.outline,
+        on=lambda: editor.puppets.silhouette,
+        about="While a key pose is edited.",
+    )
+    yield Action(
+        "view.crossing",
+        "View",
+        "Faces that cross",
+        ("w",),
+        c.puppets.warn,
+        on=lambda: editor.puppets.warn,
+        about="Faces that pass through one another are red while a key pose is edited.",
+    )
+
+
+def reading_actions(preferences: Preferences) -> Iterator[Action]:
+    """How large the window's text is, and how much moves in it."""
+
+    def at_end(size: float, said: str) -> str:
+        return f"The text is as {said} as it gets." if preferences.text_size == size else ""
+
+    yield Action(
+        "view.larger_text",
+        "View",
+        "Larger text",
+        ("ctrl+shift+equal",),
+        lambda: preferences.resize(1),
+        lambda: at_end(SIZES[-1], "large"),
+        about="Text, and everything around it.",
+        apart=True,
+    )
+    yield Action(
+        "view.smaller_text",
+        "View",
+        "Smaller text",
+        ("ctrl+shift+minus",),
+        lambda: preferences.resize(-1),
+        lambda: at_end(SIZES[0], "small"),
+        about="Text, and everything around it.",
+    )
+    yield Action(
+        "view.less_motion",
+        "View",
+        "Less motion",
+        (),
+        preferences.calm,
+        on=lambda: preferences.less_motion,
+        about="The view turns at once, without gliding.",
+    )
+    yield Action(
+        "view.performer",
+        "View",
+        "Performers in the corner",
+        ("alt+p",),
+        preferences.watch_performer,
+        on=lambda: preferences.performer,
+        about="As their camera sees them, each camera's beside the other's.",
+    )
+
+
+def camera_actions(c: Commands) -> Iterator[Action]:
+    """Where the picture is seen from."""
+    editor, right = c.editor, np.pi / 2
+    yield Action(
+        "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
+    )
+    yield Action(
+        "view.way",
+        "View",
+        "Frame the whole way",
+        ("ctrl+f",),
+        editor.frame_way,
+        about="All places that the chosen shape, or else all, come to while they play.",
+    )
+    yield Action(
+        "view.follow",
+        "View",
+        "Follow what moves",
+        ("shift+f",),
+        editor.moves.toggle_follow,
+        on=lambda: editor.moves.follow,
+        about="The view goes along with the chosen character, or with all, from the side that you chose.",
+    )
+    yield Action(
+        "view.turntable",
+        "View",
+        "Turntable",
+        ("shift+t",),
+        editor.moves.toggle_turntable,
+        on=lambda: editor.moves.turntable,
+        about="The view goes around slowly.",
+    )
+    yield Action(
+        "view.look",
+        "View",
+        "Next look",
+        ("shift+l",),
+        editor.next_look,
+        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+    )
+    sides = (
+        ("front", "1", 0.0, 0.0),
+        ("back", "2", np.pi, 0.0),
+        ("right", "3", right, 0.0),
+        ("above", "7", 0.0, right),
+    )
+    for name, key, around, up in sides:
+        label = "From above" if name == "above" else f"From the {name}"
+        face = lambda to=(around, up): editor.camera.face(*to)  # noqa: E731
+        yield Action(f"view.{name}", "View", label, (key,), face, group="From a side")
+    yield Action(
+        "view.best",
+        "View",
+        "Where most is seen",
+        ("v",),
+        c.best_view,
+        c.lacks_shape,
+        group="From a side",
+        about="Turns the view so that the bones of the chosen shape hide one another least.",
+    )
+
+
+def ghost_action(ghosts: Ghosts) -> Action:
+    """The switch of ghosts and trails."""
+    return Action(
+        "view.ghosts",
+        "View",
+        "Ghosts and trails",
+        ("shift+g",),
+        ghosts.toggle,
+        on=lambda: ghosts.on,
+        about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
+        apart=True,
+    )
+
+
+def curve_action(curves: CurveInput) -> Action:
+    """The switch of the curves."""
+    return Action(
+        "view.curves",
+        "View",
+        "Curves",
+        ("shift+c",),
+        curves.toggle,
+        on=lambda: curves.on,
+        about="Turn, place, keys, weight and speed of what is chosen, over time, above the timeline.",
+    )
