@@ -61,7 +61,7 @@ class SearchSettings:
     """How people are looked for who are not followed yet."""
 
     fits_per_frame: int = setting(
-        20,
+        26,
         "Search in a frame, in coarse fits: a person appears some frames later, but no frame takes long. "
         "0: all of it in one frame, where a person must be there at first sight.",
         low=0,
