@@ -19,8 +19,10 @@ from enliven_edge.tracking.frame import Observation
 
 _WORSE = 1.12
 """Times the usual energy of a person's frames from which both arms are doubted: most wrong ones exceed it."""
-_FALLS, _RISES = 0.2, 0.01
-"""Shares by which the usual energy follows a frame that costs less, and one that costs more."""
+_FALLS = 0.2
+"""Share by which the usual energy follows a frame that costs less."""
+_RISES = 0.01
+"""Share by which it follows a frame that costs more: slowly, or a wrong arm would become usual."""
 _GLANCES = 4
 """Places looked at in a frame: with eight, hands gained 0.2 % and wrong joints were surer."""
 _RAREST = 3

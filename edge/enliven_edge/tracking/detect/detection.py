@@ -70,8 +70,10 @@ _BANK = 4
 """Coarse fits: the cost of comparing the bank with the points."""
 _REFINEMENT = 2
 """Coarse fits: the cost of half a refinement of one hypothesis."""
-_GLANCED, _RANKED = 0.33, 0.67
-"""Coarse fits to all points: the cost of the first steps and of the others, with all points."""
+_GLANCED = 0.33
+"""Coarse fits to all points: the cost of the first steps of one."""
+_RANKED = 0.67
+"""The same: the cost of the other steps."""
 _PER_FIT = 0.3
 """Share of the cost of a step that does not depend on the number of points."""
 
