@@ -15,8 +15,8 @@ from enliven_edge.tracking.tracker import Tracker
 SETTINGS = TrackerSettings()
 GOOD, HIPS_WITHIN = 0.6, 0.15
 HEAD_WITHIN = 0.11
-"""Metres at first sight, before the person is followed: with half of the points in its first fits a head is 10.2
-cm off."""
+"""Metres at first sight, before the person is followed: a head is 10.2 cm off where first fits have half of
+the points."""
 
 
 def group(stagecraft, players=(), boxes=()):
