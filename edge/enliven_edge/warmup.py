@@ -33,8 +33,10 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     Kernels stay in the process: with settings that were warmed up before there is nothing to do.
     """
     settings = settings or TrackerSettings()
-    # The user's own mounting and zone would hide the recorded person from view.
-    tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings()))
+    # The user's own mounting and zone would hide the recorded person from view, and a search that is spread
+    # over frames would find the second person too late.
+    search = dataclasses.replace(settings.search, fits_per_frame=0)
+    tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings(), search=search))
     for frame in _warm_up_frames():
         tracker.track(frame)
         tracker.surfaces()

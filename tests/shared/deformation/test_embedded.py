@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from enliven import rotation
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.embedded.energy import gradient
+from enliven.deformation.embedded.inputs import NO_PLANES, planes_of
 from enliven.deformation.embedded.lbfgs import UNLIMITED, descend, record_energies
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
 from enliven.deformation.embedded.preconditioner import align, precondition, refactor
@@ -173,7 +174,7 @@ def made_solver(tail, translation, seed=1):
     state = random_state(graph, seed + 4)
     solver = EmbeddedSolver(graph, points, chosen, start=state, stiffness=stiffness)
     solver._take(targets, pulls)
-    solver._planes = solver._planes_of(planes)
+    solver._planes = planes_of(planes, chosen.planes, graph.positions, solver._place)
     return solver, (graph, points, targets, pulls, chosen, planes, stiffness)
 
 
@@ -258,7 +259,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
         solver.reset()
     linear = np.swapaxes(solver._x[:, :3, :3], 1, 2)
     solver._x[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)
-    solver._planes = solver._planes_of(None)
+    solver._planes = NO_PLANES
     x = solver._x.reshape(-1)
     # Without a gradient no force acts on a turning arm.
     refactor(x, solver._terms, solver._planes, np.zeros_like(x), solver._system)
@@ -293,7 +294,7 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
     """As if it were made anew after all nodes have turned alike; so it serves a body that turns."""
     solver, _ = made_solver(False, "printed", seed % 30)
     rng = np.random.default_rng(seed)
-    x, still = solver._x.reshape(-1), solver._planes_of(None)
+    x, still = solver._x.reshape(-1), NO_PLANES
     turn = rotation.to_matrix(rotation.from_rotation_vector(3.0 * rng.normal(size=3)))
     force = rng.normal(size=(len(solver._x), 16)) * [c % 4 < 3 for c in range(16)]
     steps = []
