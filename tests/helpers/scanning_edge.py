@@ -92,7 +92,7 @@ class ScanningEdge:
         return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
 
     def show(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
-        """Shows images to the sensor, later than all before, until the last one was looked at.
+        """Shows images to the sensor, later than all before, until the last was looked at or the scan is done.
 
         Args:
             each: what is done after each image.
@@ -103,7 +103,9 @@ class ScanningEdge:
             self.edge.step(frame)
             self.poll()
             each()
-        self.until(lambda: self.said().time_ns == later[-1].time_ns, "the last image")
+        self.until(
+            lambda: self.said().time_ns == later[-1].time_ns or self.said().phase == "done", "the last image"
+        )
 
     def close(self) -> None:
         """Ends all."""
