@@ -92,7 +92,7 @@ class ScanningEdge:
         return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
 
     def show(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
-        """Shows images to the sensor, later than all before, until the last was looked at or the scan is done.
+        """Shows images to the sensor, later than all before, until the last was looked at or it is done.
 
         Args:
             each: what is done after each image.
