@@ -151,7 +151,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     perform.recording.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until, recording)
-    ctx.item_click("perform/arm  ·  held##stands arm")
+    ctx.item_click("perform/###stands arm")
     said["each"] = each_action(ctx, window, until)
     click("room Play")
     shot("play")
@@ -236,6 +236,8 @@ def each_action(
             workspace.editor.marked = None
             if recording.phase != "idle":
                 until(lambda: recording.recorder.seconds > 0.4, "something that is recorded")
+            # Where the stage was busy meanwhile nothing moved: it is recorded once more.
+            until(lambda: not action.why_not(), f"what {action.id} needs", recording.record)  # noqa: B023
         why_not = action.why_not()
         for _ in range(CLICKS):
             way(ctx, action)

@@ -233,7 +233,7 @@ def _character(workspace: Workspace, perform: PerformSession, name: str) -> None
     who = [one for one in perform.holders if one.character == name]
     label = f"{name}  ·  {'held' if who else 'free'}"
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
-    if imgui.selectable(f"{label}##stands {name}", perform.meant == name, over)[0]:
+    if imgui.selectable(f"{label}###stands {name}", perform.meant == name, over)[0]:
         perform.there = name
         workspace.editor.choose(name if own else None)
     workspace.remember(f"stands {name}")
