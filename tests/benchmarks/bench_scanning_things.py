@@ -23,7 +23,7 @@ from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 EVERY = 3
-"""Images of which one is scanned."""
+"""Images from one that is scanned to the next: the run is so many times shorter."""
 NEAR = 0.005
 """Metres within which a point of the truth counts as scanned."""
 

@@ -31,7 +31,7 @@ WAYS: dict[str, tuple[MovingThing, HandheldPath, int]] = {
 }
 """The ways of chair and camera, and images at thirty a second, of the turn and of what is before it."""
 EVERY = 2
-"""Images of which one is scanned."""
+"""Images from one that is scanned to the next: the run is so many times shorter."""
 NEAR = 0.01
 """Metres within which a point of the truth counts as scanned."""
 

@@ -94,6 +94,6 @@ class ObjectModel:
             )
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
-        """Average a view into it, of which only the object's points have worth."""
+        """Average a view into it; only the object's points of the view have weight."""
         room = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
         self.full = self.full or not all(room)

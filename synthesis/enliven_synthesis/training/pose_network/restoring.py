@@ -26,7 +26,7 @@ _FORMERLY = {".branch.": ".way."}
 
 
 def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
-    """Returns the network with weights between two, of which the second was trained on from the first.
+    """Returns the network with weights between two; the second was trained on from the first.
 
     What is learnt of rare samples is kept with a part of the way, what was known of all others is forgotten
     less (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022, equation 1).
