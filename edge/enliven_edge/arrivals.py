@@ -64,7 +64,8 @@ class _Preparation(threading.Thread):
         try:
             if hashlib.sha256(self._data).digest() != self.order.digest:
                 raise InputError("it was changed on its way", where=where, mend=mend)
-            actor = cast_sent(self._data, self.order, self._settings)
+            former = self._stage.actors.get(self.order.id)
+            actor = cast_sent(self._data, self.order, self._settings, former)
             self.carried = self._stage.carry_over(actor)
             self.actor = actor
         except EnlivenError as error:

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.document import GraphShape, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
 from enliven.formats.project import project_of
-from enliven.possession import Actor
+from enliven.possession import Actor, EmbeddedActor
 from enliven.wire import PutCharacter, character_to_message
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage import cast_mesh
@@ -22,8 +22,11 @@ _FARTHEST_UNFITTED = 1e9
 """Units of its own within which a mesh that is to be fitted lies: a house in micrometres."""
 
 
-def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings) -> Actor:
+def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: Actor | None = None) -> Actor:
     """Returns the actor of a character that was sent, ready for its first frame.
+
+    Args:
+        former: the actor that has its id on the stage, where there is one: what it was before an edit.
 
     Raises:
         InputError: for data that is no project of one character, or a character that cannot be moved.
@@ -41,13 +44,15 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings) -> Actor
     if not (np.abs(mesh.vertices) < farthest).all():
         what = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(what, where=where, mend="Scale it to metres.")
-    actor = _actor_of(project, one.with_changes(id=order.id), order, settings)
+    actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
     character_to_message(actor.character, 0)  # what no viewer can be sent is said now
     actor.warm_up()
     return actor
 
 
-def _actor_of(project: Project, one: RigBase, order: PutCharacter, settings: EdgeSettings) -> Actor:
+def _actor_of(
+    project: Project, one: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
+) -> Actor:
     """Returns the actor of a character by its rig; only the modules that it needs are loaded."""
     if isinstance(one, GraphShape):
         nodes = len(one.positions) if len(one.positions) > 1 else settings.nodes
@@ -55,7 +60,8 @@ def _actor_of(project: Project, one: RigBase, order: PutCharacter, settings: Edg
             mend = f"Give it {_MOST_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
         known = {"ends": one.ends, "joints": one.joints}
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, **known)
+        like = former if isinstance(former, EmbeddedActor) and not len(one.ends) else None
+        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, like=like, **known)
     if isinstance(one, Shape):
         from enliven_edge.stage.rig import RigActor
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_bodies import t_woman
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
@@ -17,7 +18,7 @@ from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project import character_bytes, project_of_mesh
 from enliven.meshes import MeshMaterials, Texture
-from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession import ActorSettings, EmbeddedActor, find_person_in_mesh
 from enliven.samples import cactus_project
 from enliven.wire import (
     MAX_PART_BYTES,
@@ -33,6 +34,7 @@ from enliven.wire import (
 from enliven_edge import arrivals as module
 from enliven_edge.arrivals import Arrivals
 from enliven_edge.settings import EdgeSettings
+from enliven_edge.stage import casting
 from enliven_edge.stage.stage import Stage
 
 from .matching.rigs_for_stage import star
@@ -247,3 +249,27 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
         arrivals.put(order_of(CHAIR, "e"))
     monkeypatch.setattr(module, "_GIVEN_UP", -1.0)
     assert arrivals.put(order_of(CHAIR, "e")) == Awaited(0)
+
+
+def test_a_mesh_without_a_person_is_not_searched_for_one_after_an_edit_that_moves_its_vertices(monkeypatch):
+    """Searching takes as long as all the rest. With other faces it is searched, and where one was found."""
+    searched = list[str]()
+
+    def counting(mesh, *known):
+        searched.append(mesh.name)
+        return find_person_in_mesh(mesh, *known)
+
+    monkeypatch.setattr(casting, "find_person_in_mesh", counting)
+    stage = Stage()
+    arrivals, woman = Arrivals(stage, SETTINGS), t_woman().mesh
+    coarser = make_chair(0.06)
+    sent = (MESH, replace(MESH, vertices=1.1 * MESH.vertices), coarser)
+    for revision, (mesh, count) in enumerate(zip(sent, (1, 1, 2), strict=True), 1):
+        data = character_bytes(project_of_mesh(mesh, "chair"), "chair")
+        send(arrivals, data, order_of(data, revision=revision))
+        assert len(searched) == count and stage.actors["chair"].likeness is None
+    for revision in (1, 2):
+        mesh = replace(woman, vertices=(1.0 + 0.02 * revision) * woman.vertices)
+        data = character_bytes(project_of_mesh(mesh, "woman"), "woman")
+        send(arrivals, data, order_of(data, "woman", revision))
+        assert len(searched) == 2 + revision and stage.actors["woman"].likeness.human

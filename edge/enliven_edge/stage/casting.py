@@ -76,6 +76,7 @@ def cast_mesh(
     fit: bool = True,
     ends: Float | None = None,
     joints: Float | None = None,
+    like: EmbeddedActor | None = None,
 ) -> EmbeddedActor:
     """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
 
@@ -83,6 +84,8 @@ def cast_mesh(
         ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot
             where they are known; else the settings' are taken.
         joints: (20, 3) metres of the mesh as given, of the person that it shows, where they are known.
+        like: the actor of the mesh as it was before an edit. Where no person was found in that, none is
+            looked for in a mesh of the same faces: an edit that moves vertices makes none.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -100,11 +103,12 @@ def cast_mesh(
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
         # Where a part of them was in view, the mesh is less high than the person.
         height = Body(0, joints, np.ones(len(joints))).height
-    seeks = seeks_person(settings) and not settings.joints
+    none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
+    seeks = seeks_person(settings) and not settings.joints and not none_there
     with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
-        found = None if person is None else person.result
+        found = _no_person if none_there else None if person is None else person.result
         actor = EmbeddedActor(character, graph_of(character), settings, size, height, found)
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
@@ -116,6 +120,15 @@ def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
     """Returns the person that an actor of the mesh finds in it, which has its vertices as they are sent."""
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
+
+
+def _no_person() -> None:
+    """Returns that no person is in the mesh."""
+
+
+def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
+    """Returns whether an actor has the faces of a mesh, so that an edit moved vertices at most."""
+    return np.array_equal(like.character.faces, mesh.faces)
 
 
 def parts_for(spec: str) -> str:

@@ -27,11 +27,10 @@ from enliven.modeling.possessed import between, even_times, graph_pose, over_bas
 from enliven.rotation import to_matrix
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punching import Punch
+from enliven.takes.shared_motion import shared_motion
 
-_ROUNDS = 12
-"""Rounds of reweighted least squares: the last ones move a chair by less than a millimetre."""
 _NEAR = 2e-3
-"""Metres of distance below which weights no longer grow: the steps of poses on the wire."""
+"""Metres within which two nodes are the same one: the steps of poses on the wire."""
 
 
 def plays(project: Project, shape: GraphShape) -> bool:
@@ -59,6 +58,7 @@ class OverNodes:
         apart, node = cKDTree(pivots).query(self._at)
         here = apart < _NEAR  # a node that both have moves as itself, not as the surface around it
         self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
+        self._arms: Float = self._at[:, None] - pivots[self._nodes]
         self._pivots, self._scale = pivots, 0.0
 
     def __call__(self, linear: Float, positions: Float) -> tuple[Float, Float]:
@@ -70,16 +70,15 @@ class OverNodes:
         if not self._scale:  # as it was placed: a performer bends a mesh, and swells it nowhere
             self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
         turns, places = shared_motion(positions / self._scale, self._pivots)
-        back = np.swapaxes(turns, 1, 2)
-        linear = back[:, None] @ (linear / self._scale)
-        positions = (positions / self._scale - places[:, None]) @ turns
-        arms = (self._at[:, None] - self._pivots[self._nodes])[None, ..., None]
-        went = (linear[:, self._nodes] @ arms)[..., 0] + positions[:, self._nodes]
-        weights = self._weights[None, ..., None]
-        apart = (went * weights).sum(2) - self._at
-        maps = (linear[:, self._nodes] * weights[..., None]).sum(2)
+        share = self._weights / self._scale
+        around = linear[:, self._nodes]
+        maps = np.einsum("kw,fkwij->fkij", share, around)
+        went = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
+        went += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
+        apart = (went - places[:, None]) @ turns - self._at
         turn = self._same.turn
-        return turn @ maps @ turn.T, self._same.size * apart @ turn.T
+        back = turn @ np.swapaxes(turns, 1, 2)
+        return back[:, None] @ maps @ turn.T, self._same.size * apart @ turn.T
 
 
 class LiveOver:
@@ -141,28 +140,6 @@ def with_layer_over(
         shape = shape.with_changes(parts=tuple(parts), over=tuple(one for one in over if one is not None))
     shape = shape.with_changes(over=(*shape.over, layer))
     return project.with_streams(stream).with_characters(shape)
-
-
-def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
-    """Returns the turns (F, 3, 3) and moves (F, 3) that take rest (N, 3) to most of positions (F, N, 3).
-
-    It is the rigid motion with the least sum of distances, by least squares with weights anew (Weiszfeld's
-    way): nodes that go elsewhere, fewer than half, hardly count.
-    """
-    weights = np.ones(positions.shape[:2])
-    turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
-    for _ in range(_ROUNDS):
-        share = weights / weights.sum(1, keepdims=True)
-        middle = np.einsum("fn,fni->fi", share, positions)
-        centre = share @ rest
-        spread = np.einsum("fn,fni,nj->fij", share, positions, rest) - middle[:, :, None] * centre[:, None]
-        u, _, vt = np.linalg.svd(spread)
-        u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-        turns = u @ vt
-        moves = middle - np.einsum("fij,fj->fi", turns, centre)
-        apart = positions - rest @ np.swapaxes(turns, 1, 2) - moves[:, None]
-        weights = 1.0 / np.maximum(np.linalg.norm(apart, axis=2), _NEAR)
-    return turns, moves
 
 
 @dataclass(frozen=True)

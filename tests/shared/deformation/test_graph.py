@@ -9,7 +9,7 @@ from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.connectivity import components, joints, weak_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.graph.sampling import _clamped_shares, nearest_on_surface
+from enliven.deformation.graph.sampling import nearest_on_surface
 from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
@@ -44,6 +44,17 @@ def side(points):
     return np.sign(points[:, 0]) * (points[:, 1] < 0.55)
 
 
+def clamped_shares(corners, point):
+    """(F, 3, 1) barycentric coordinates of a point's projection on triangles (F, 3, 3), clamped to them."""
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+    along, across = ((point - a) * u).sum(1), ((point - a) * v).sum(1)
+    area = np.maximum(uu * vv - uv * uv, 1e-30)
+    second, third = (vv * along - uv * across) / area, (uu * across - uv * along) / area
+    shares = np.maximum(np.stack([1 - second - third, second, third], 1), 0.0)
+    return (shares / shares.sum(1, keepdims=True))[..., None]
+
+
 @given(st.integers(0, 10**6), st.floats(0.0, 0.3), st.floats(-1e3, 1e3))
 def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
     rng = np.random.default_rng(seed)
@@ -54,7 +65,7 @@ def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
     points = on + off * rng.normal(size=(5, 3))
     found = nearest_on_surface(mesh, points).positions
     for point, place in zip(points, found, strict=True):
-        shares = _clamped_shares(mesh.vertices[mesh.faces], point)
+        shares = clamped_shares(mesh.vertices[mesh.faces], point)
         every = np.linalg.norm((mesh.vertices[mesh.faces] * shares).sum(1) - point, axis=1)
         # A micrometre a kilometre from the origin is rounding.
         assert np.linalg.norm(place - point) <= every.min() + 1e-9

@@ -155,11 +155,16 @@ class StageLink:
         revision = max(self._edge.revision(sending.name), self._last.get(sending.name, 0)) + 1
         self._last[sending.name] = revision
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
+        sending.ask_at = float("inf")
+        self._ask(sending.order, partial(self._told, sending))
+        self._send_parts(sending)  # with the announcement: an answer first would take one frame of the edge
 
     def _told(self, sending: _Sending, answer: Answer) -> None:
         """Takes the answer to the question how far a character is."""
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
+        elif sending.under_way:
+            return  # their answers say how far it is
         elif answer.received >= len(sending.data):
             sending.ask_at = time.monotonic() + _ASK_AGAIN
         else:
@@ -168,6 +173,8 @@ class StageLink:
 
     def _send_parts(self, sending: _Sending) -> None:
         assert sending.order is not None
+        if self._sending.get(sending.name) is not sending:
+            return
         while sending.under_way < _PARTS_UNDER_WAY and sending.sent < len(sending.data):
             data = sending.data[sending.sent : sending.sent + MAX_PART_BYTES]
             part = CharacterPart(sending.name, sending.order.digest, sending.sent, data)

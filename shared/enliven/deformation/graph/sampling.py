@@ -17,7 +17,9 @@ _DARTS_PER_NODE = 80
 _SMOOTH = 0.75
 """Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
 _ROUNDED = 1e-9
-"""Share of a square distance that rounding of products may change it by; faces as near are looked at."""
+"""Share of a distance, and metres, that rounding may change it by: faces as near are looked at."""
+_FLAT = 1e-30
+"""Square metres, twice: a triangle of less area counts as of this."""
 
 
 class SurfaceSamples(NamedTuple):
@@ -64,35 +66,63 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
     Exact for a point on the surface; beside it, of each face the place of its clamped barycentric coordinates
     counts.
     """
-    # A tree of SciPy would be no faster than these products, and takes an edge's start 0.05 s to load.
     corners = mesh.vertices[mesh.faces]
     middles = corners.mean(1)
     reach = float(np.sqrt(np.square(corners - middles[:, None]).sum(2).max(initial=0.0)))
-    origin = middles.mean(0)
-    middles -= origin
-    lengths = np.square(middles).sum(1)
-    faces, weights = np.empty(len(points), np.int64), np.empty((len(points), 3, 1))
-    for k, point in enumerate(points):
-        way = point - origin
-        square = lengths - middles @ (2.0 * way) + way @ way
-        slack = _ROUNDED * (float(lengths.max()) + way @ way)
-        nearest = np.sqrt(max(float(square.min()), 0.0) + slack)
-        close = np.flatnonzero(square <= (nearest + reach) ** 2 + slack)
-        shares = _clamped_shares(corners[close], point)
-        off = np.linalg.norm((corners[close] * shares).sum(1) - point, axis=1).argmin()
-        faces[k], weights[k] = close[off], shares[off]
-    return _at(mesh, faces, weights, weld(mesh))
+    faces, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
+    _nearest(corners, middles, reach, np.asarray(points, np.float64), faces, weights)
+    return _at(mesh, faces, weights[..., None], weld(mesh))
 
 
-def _clamped_shares(corners: Float, point: Float) -> Float:
-    """(F, 3, 1) barycentric coordinates of a point's projection on triangles (F, 3, 3), clamped to them."""
-    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
-    along, across = ((point - a) * u).sum(1), ((point - a) * v).sum(1)
-    area = np.maximum(uu * vv - uv * uv, 1e-30)
-    second, third = (vv * along - uv * across) / area, (uu * across - uv * along) / area
-    shares = np.maximum(np.stack([1 - second - third, second, third], 1), 0.0)
-    return np.asarray((shares / shares.sum(1, keepdims=True))[..., None])
+@njit(cache=True, nogil=True)
+def _nearest(corners, middles, reach, points, faces, weights):  # type: ignore[no-untyped-def]
+    """Kernel: the number (N,) and the clamped barycentric coordinates (N, 3) of the face nearest to a point.
+
+    A face whose middle is farther away than that of another one by more than ``reach`` metres, the farthest
+    corner from its middle, is not nearest.
+    """
+    far, shares = np.empty(corners.shape[0]), np.empty(3)
+    for n in range(points.shape[0]):
+        nearest = np.inf
+        for f in range(corners.shape[0]):
+            far[f] = 0.0
+            for i in range(3):
+                far[f] += (points[n, i] - middles[f, i]) ** 2
+            nearest = min(nearest, far[f])
+        most = (np.sqrt(nearest) + reach) * (1.0 + _ROUNDED) + _ROUNDED
+        best = np.inf
+        for f in range(corners.shape[0]):
+            if far[f] > most * most:
+                continue
+            off = _clamp(corners[f], points[n], shares)
+            if off < best:
+                best, faces[n] = off, f
+                weights[n] = shares
+
+
+@njit(cache=True, nogil=True)
+def _clamp(corners, point, shares):  # type: ignore[no-untyped-def]
+    """Kernel: squared metres to the place of a point's clamped barycentric coordinates, which it fills in."""
+    uu = uv = vv = along = across = 0.0
+    for i in range(3):
+        u, v, w = corners[1, i] - corners[0, i], corners[2, i] - corners[0, i], point[i] - corners[0, i]
+        uu, uv, vv = uu + u * u, uv + u * v, vv + v * v
+        along, across = along + w * u, across + w * v
+    area = max(uu * vv - uv * uv, _FLAT)
+    shares[1], shares[2] = (vv * along - uv * across) / area, (uu * across - uv * along) / area
+    shares[0] = 1.0 - shares[1] - shares[2]
+    total, off = 0.0, 0.0
+    for k in range(3):
+        shares[k] = max(shares[k], 0.0)
+        total += shares[k]
+    for i in range(3):
+        place = 0.0
+        for k in range(3):
+            place += shares[k] / total * corners[k, i]
+        off += (place - point[i]) ** 2
+    for k in range(3):
+        shares[k] /= total
+    return off
 
 
 def _at(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
