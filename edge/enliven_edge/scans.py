@@ -142,8 +142,8 @@ class Scans:
         def made(mesh: Mesh, name: str, person: ScannedPerson | None) -> Actor:
             aside = np.array([self._aside(mesh, name), 0.0, 0.0])
             mesh = replace(mesh, vertices=mesh.vertices + aside)
-            known = {} if person is None else {"ends": person.ends + aside, "joints": person.bones + aside}
-            actor = cast_mesh(mesh, name, nodes, settings, fit=False, **known)
+            ends, joints = (None, None) if person is None else (person.ends + aside, person.bones + aside)
+            actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
             actor.warm_up()
             return actor
 

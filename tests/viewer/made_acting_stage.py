@@ -83,7 +83,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.commands.copy()
     if action.id == "motion.paste":
         editor.select(**CHAIN)
-        workspace.commands.copy_motion()
+        workspace.commands.motion.copy()
     if action.id.startswith("view.take_"):
         workspace.actions.do(action.id.replace("take", "store"))
     if action.id == "shape.show_all":

@@ -14,14 +14,12 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Axis, Mesh
-from enliven.person import Body
 from enliven.possession import (
     ActorSettings,
     BodyInMesh,
     EmbeddedActor,
-    as_moved,
     find_person_in_mesh,
-    prepared,
+    prepared_as,
     seeks_person,
 )
 from enliven.samples import load_sample
@@ -90,26 +88,15 @@ def cast_mesh(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    settings, size = settings or ActorSettings(), 1.0
-    at = [] if ends is None else [int(np.linalg.norm(mesh.vertices - end, axis=1).argmin()) for end in ends]
-    if fit:
-        given = mesh.vertices
-        mesh, size = prepared(mesh, settings, at, joints)
-        joints = joints if joints is None else as_moved(joints, given, mesh.vertices[: len(given)])
-    if at:
-        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
-    height = None
-    if joints is not None and len(joints):
-        settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
-        # Where a part of them was in view, the mesh is less high than the person.
-        height = Body(0, joints, np.ones(len(joints))).height
+    made = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
+    mesh, settings = made.mesh, made.settings
     none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
     seeks = seeks_person(settings) and not settings.joints and not none_there
     with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         found = _no_person if none_there else None if person is None else person.result
-        actor = EmbeddedActor(character, graph_of(character), settings, size, height, found)
+        actor = EmbeddedActor(character, graph_of(character), settings, made.size, made.height or None, found)
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
         log.warning("%s: %s %s", name, doubt, mend)

@@ -11,7 +11,6 @@ from enliven.errors import InputError
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis, Mesh
-    from enliven.possession import ActorSettings
 
 
 def possess(
@@ -48,8 +47,7 @@ def possess(
     from enliven.document import HoldChange, Project
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.project import write_project
-    from enliven.modeling.possessed import possess_mesh, solve_again, with_possession
-    from enliven.possession import settings_of
+    from enliven.modeling.possessed import possess_another, solve_again, with_possession
     from enliven.takes import possession_in
 
     exporter = None if output.suffix.lower() == ".enliven" else exporter_of(output)
@@ -58,9 +56,8 @@ def possess(
     if parts:
         how = replace(how, holds=(HoldChange(at, parts=parts),))
     if mesh:
-        model, size = _mesh(mesh, settings_of(how), up)
-        how = replace(how, place=(), height=0.0, size=size)
-        project, name = possess_mesh(Project(), model, bodies, how, nodes=nodes, notes=notes)
+        model, fit = _mesh(mesh, up)
+        project, name = possess_another(Project(), model, bodies, how, fit=fit, nodes=nodes, notes=notes)
     elif name:
         project = solve_again(with_possession(source, name, how), name, notes=notes)
     else:
@@ -75,19 +72,18 @@ def possess(
     typer.echo(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 
-def _mesh(spec: str, settings: ActorSettings, up: Axis | None) -> tuple[Mesh, float]:
-    """Returns a mesh as it goes on stage, and the metres as modelled for one of it.
+def _mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
+    """Returns a mesh, and whether it has to be brought to a person's size: those that ship have it.
 
     Raises:
         InputError: where it cannot be read.
     """
     from enliven.meshes import load_upright
-    from enliven.possession import prepared
     from enliven.samples import load_sample
 
     if spec in ("chair", "lamp"):
-        return load_sample(spec), 1.0
+        return load_sample(spec), False
     mesh, notes = load_upright(spec, up)
     for note in notes:
         typer.echo(f"enliven: {spec}: {note}", err=True)
-    return prepared(mesh, settings)
+    return mesh, True

@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh, fit_height, refine
-from enliven.person import Joint
+from enliven.person import Body, Joint
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
 from enliven.possession.placement import turn_about_y
@@ -22,6 +23,52 @@ _HEIGHT = 1.75
 """Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
 _LONGEST_EDGE = 0.04
 """Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
+
+
+class Prepared(NamedTuple):
+    """A mesh as it goes on stage, and what an actor of it is told.
+
+    Attributes:
+        mesh: in metres of its rest space.
+        settings: with the ends and joints of this mesh.
+        size: metres of the mesh as modelled for one of its rest space.
+        height: metres of the person that it shows, of whom it may be a part; 0: as high as the mesh is.
+    """
+
+    mesh: Mesh
+    settings: ActorSettings
+    size: float
+    height: float
+
+
+def prepared_as(
+    mesh: Mesh,
+    settings: ActorSettings,
+    *,
+    fit: bool = True,
+    ends: Float | None = None,
+    joints: Float | None = None,
+) -> Prepared:
+    """Returns a mesh and its settings as an actor takes them.
+
+    Args:
+        fit: whether it is brought to a person's size, as :func:`prepared` does; else it is as modelled.
+        ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot,
+            where they are known; else those of the settings are kept.
+        joints: (20, 3) metres of the mesh as given, of the person that it shows, where they are known.
+    """
+    given, size, height = mesh.vertices, 1.0, 0.0
+    at = [] if ends is None else [int(np.linalg.norm(given - end, axis=1).argmin()) for end in ends]
+    if fit:
+        mesh, size = prepared(mesh, settings, at, joints)
+        joints = joints if joints is None else as_moved(joints, given, mesh.vertices[: len(given)])
+    if at:
+        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
+    if joints is not None and len(joints):
+        settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
+        # Where a part of them was in view, the mesh is less high than the person.
+        height = Body(0, joints, np.ones(len(joints))).height
+    return Prepared(mesh, settings, size, height)
 
 
 def prepared(

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sample_meshes.chair import make_chair
 from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play, steps
 from swaying import possessed_chair, without_cache
 
 from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.project import Project, same
-from enliven.modeling.edits import cut_character
+from enliven.formats.project import project_of_mesh
+from enliven.modeling.edits import (
+    cut_character,
+    delete_character,
+    foot_of,
+    move_character,
+    paste_character,
+    scale_character,
+    vertices_of,
+)
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.possessed import stale
 from enliven_viewer.studio.editor.editor import Editor
@@ -186,8 +197,47 @@ def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp
     cut = editor.project
     assert stale(cut, cut.graph(name))
     editor.choose(name)
-    made.commands.solve_again()
+    made.commands.motion.solve_again()
+    editor.beside.finish()
     assert not stale(editor.project, editor.project.graph(name))
     assert editor.history.names[-1] == f"solve again {name}"
     editor.undo()
     assert same(editor.project, cut)
+
+
+def test_a_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
+    """Its performers step into the chosen mesh, beside the window; what was changed meanwhile stays."""
+    editor = workspace.editor
+    source, performed = possessed_chair(frames=15)
+    stool = project_of_mesh(replace(make_chair(0.09), name="stool"), "stool")
+    for project, name in ((source, performed), (stool, "stool")):
+        editor.edit("paste", lambda before, p=project, n=name: paste_character(before, p, n)[0])
+    editor.edit("move", lambda project: move_character(project, "stool", [2.0, 0.0, 0.0]))
+    paste, copy = workspace.actions["motion.paste"], workspace.actions["motion.copy"]
+    assert "No motion was copied" in paste.why_not()
+    editor.choose("post")
+    assert "a mesh that was performed" in copy.why_not(), "the post was never performed"
+    editor.choose(performed)
+    stage = HeadlessStage(workspace)
+    play([Key("ctrl+shift+c")], stage)
+    editor.choose("stool")
+    before = editor.project
+    play([Key("ctrl+shift+v")], stage)
+    editor.edit("scale", lambda project: scale_character(project, "stool", 1.5))
+    editor.beside.finish()
+    assert editor.history.names[-1] == "scale" and "was changed" in editor.toasts.shown[-1].text
+    editor.undo()
+    assert same(editor.project, before)
+    play([Key("ctrl+shift+v")], stage)
+    editor.beside.finish()
+    assert editor.history.names[-1] == f"give {performed} to stool"
+    seen = [vertices_of(editor.project, "stool", time) for time in (0.0, 0.4)]
+    assert np.abs(seen[1] - seen[0]).max() > 0.02
+    assert abs(foot_of(seen[0])[0] - 2.0) < 0.2
+    editor.undo()
+    assert same(editor.project, before)
+    editor.choose(performed)
+    editor.edit("delete", lambda project: delete_character(project, performed))
+    editor.choose("stool")
+    play([Key("ctrl+shift+v")], stage)
+    assert "is not there any more" in editor.toasts.shown[-1].text

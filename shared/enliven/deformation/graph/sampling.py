@@ -78,7 +78,7 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 def _nearest(corners, middles, reach, points, faces, weights):  # type: ignore[no-untyped-def]
     """Kernel: the number (N,) and the clamped barycentric coordinates (N, 3) of the face nearest to a point.
 
-    A face whose middle is farther away than that of another one by more than ``reach`` metres, the farthest
+    A face with a middle that is farther away than that of another one by more than ``reach`` metres, the farthest
     corner from its middle, is not nearest.
     """
     far, shares = np.empty(corners.shape[0]), np.empty(3)

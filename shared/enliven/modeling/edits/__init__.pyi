@@ -34,6 +34,7 @@ from .clips import (
     trim_clip as trim_clip,
 )
 from .feet import feet_while as feet_while, lock_feet as lock_feet
+from .given import give_performance as give_performance, performance_in as performance_in
 from .groups import (
     copy_characters as copy_characters,
     middle_of as middle_of,
@@ -89,6 +90,7 @@ from .root_layers import (
 from .rigs import (
     RIGS as RIGS,
     as_standing as as_standing,
+    foot_of as foot_of,
     pose_of_character as pose_of_character,
     rig_of as rig_of,
     vertices_of as vertices_of,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from enliven.arrays import Float
 from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
@@ -59,3 +61,9 @@ def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
     """The transforms of a character for the wire and the viewer, as :func:`vertices_of`."""
     character = project.character(character_id)
     return rig_of(character).player(project, character)(time).pose
+
+
+def foot_of(vertices: Float) -> Float:
+    """(3,) metres: the middle of the box of vertices (V, 3), at the height of the lowest."""
+    low, high = vertices.min(0), vertices.max(0)
+    return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

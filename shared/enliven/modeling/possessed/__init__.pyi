@@ -1,3 +1,4 @@
+from .another_mesh import possess_another as possess_another
 from .even_steps import between as between, even_times as even_times, stream_of as stream_of
 from .following import followers as followers
 from .pose import (

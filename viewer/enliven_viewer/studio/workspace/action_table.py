@@ -180,8 +180,24 @@ def _snap(editor: Editor) -> Action:
 
 
 def _motion(c: Commands) -> Iterator[Action]:
-    yield Action("motion.copy", "Motion", "Copy motion", ("ctrl+shift+c",), c.copy_motion, c.lacks_chain)
-    yield Action("motion.paste", "Motion", "Paste motion", ("ctrl+shift+v",), c.paste_motion, c.lacks_motion)
+    yield Action(
+        "motion.copy",
+        "Motion",
+        "Copy motion",
+        ("ctrl+shift+c",),
+        c.motion.copy,
+        c.motion.lacks_copy,
+        about="Of the chosen chain; or what performers did with the chosen mesh.",
+    )
+    yield Action(
+        "motion.paste",
+        "Motion",
+        "Paste motion",
+        ("ctrl+shift+v",),
+        c.motion.paste,
+        c.motion.lacks_paste,
+        about="Onto the chosen chain; or the performers step into the chosen mesh.",
+    )
     yield Action(
         "motion.spread",
         "Motion",
@@ -290,8 +306,8 @@ def _shape(c: Commands) -> Iterator[Action]:
         "Shape",
         "Possess it again",
         ("ctrl+shift+p",),
-        c.solve_again,
-        c.lacks_possessed,
+        c.motion.solve_again,
+        c.motion.lacks_possessed,
         about="The performers take hold of the mesh as it is now, as after a cut.",
         apart=True,
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Project, Shape
+from enliven.document import Project, Shape
 from enliven.matching import EqualLimbs, best_view, equal_limbs
 from enliven.modeling.edits import (
     copy_characters,
@@ -18,10 +18,9 @@ from enliven.modeling.edits import (
     shift_characters,
     turn_characters,
 )
-from enliven.modeling.possessed import solve_again
 from enliven.modeling.rigged import spread_motion
 from enliven.motion.contact import pin_feet, unpin
-from enliven.motion.layers import clear_chain, copy_motion
+from enliven.motion.layers import clear_chain
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
@@ -29,6 +28,7 @@ from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.fitting import Fitting
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
+from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, outwards
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
 from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
@@ -40,10 +40,9 @@ class Commands:
         self.editor = editor
         self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
-        self._motion: tuple[str, tuple[int, ...]] | None = None
         self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
         self.takes, self.fitting = TakeCommands(editor), Fitting(editor)
-        self.keys = KeyCommands(editor)
+        self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
     def play(self) -> None:
         """Start or stop playing."""
@@ -118,10 +117,6 @@ class Commands:
         layers = [layer for one in self.editor.chosen_all for layer in one.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
-    def solve_again(self) -> None:
-        """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
-        self._change("solve again", lambda project, names: solve_again(project, names[0]))
-
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
         """Do an edit that adds a character, and choose that."""
         made: list[str] = []
@@ -135,25 +130,6 @@ class Commands:
             return False
         self.editor.choose(made[-1])
         return True
-
-    def copy_motion(self) -> None:
-        """Remember the motion of the chosen chain."""
-        chain = self._chosen_chain()
-        if chain is not None:
-            self._motion = chain
-            self.editor.toasts.say(
-                "Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V."
-            )
-
-    def paste_motion(self) -> None:
-        """Add the remembered motion to the chosen chain, on top of its own."""
-        target, lens = self._chosen_chain(), self.editor.lens
-        if self._motion is not None and target is not None:
-            source, chain = self._motion
-            view, up = lens.forward, lens.up
-            self.editor.edit(
-                "paste motion", lambda p: copy_motion(p, source, chain, *target, view=view, up=up)
-            )
 
     def spread(self) -> None:
         """Give the motion of the chosen limb to the limbs that are equal to it."""
@@ -196,7 +172,7 @@ class Commands:
         shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
         if shape is None:
             return
-        chains: Sequence[Sequence[int]] = [_outwards(shape, chosen)]
+        chains: Sequence[Sequence[int]] = [outwards(shape, chosen)]
         if len(chosen) < 2:
             chains = [(0,), *((int(parent), j) for j, parent in enumerate(shape.parents) if j)]
 
@@ -247,24 +223,9 @@ class Commands:
         """What a command on a shape with bones lacks."""
         return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
 
-    def lacks_possessed(self) -> str:
-        """What solving a possession again lacks."""
-        chosen = self.editor.chosen(GraphShape)
-        return "" if chosen else "No possessed mesh is chosen. Click one first."
-
-    def lacks_chain(self) -> str:
-        """What a command on a chain of joints lacks."""
-        said = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
-        return "" if self._chosen_chain() else said
-
     def lacks_copied(self) -> str:
         """What pasting a character lacks."""
         return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
-
-    def lacks_motion(self) -> str:
-        """What pasting motion lacks."""
-        said = "No motion was copied. Choose a chain and press Ctrl+Shift+C first."
-        return self.lacks_chain() if self._motion else said
 
     def lacks_limb(self) -> str:
         """What a command on a limb lacks."""
@@ -301,16 +262,6 @@ class Commands:
         groups = equal_limbs(shape.skeleton)
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
-    def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
-        """The chosen shape and chain."""
-        shape, chain = self.editor.chosen(Shape), self.editor.selection.chain
-        return (shape.id, _outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
-
     def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
         """(3,) metres, an offset to the right of the view by about the width of some characters."""
         return aside(self.editor, [source.characters[name] for name in names])
-
-
-def _outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """The chain in the order from the root to the end."""
-    return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import move_character, scale_character, vertices_of
+from enliven.modeling.edits import foot_of, move_character, scale_character, vertices_of
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
@@ -52,7 +52,7 @@ class Fitting:
         if name is None or heights is None:
             return
         scaled = scale_character(project, name, heights[1] / heights[0])
-        way = _foot(seen[name]) - _foot(vertices_of(scaled, name, time))
+        way = foot_of(seen[name]) - foot_of(vertices_of(scaled, name, time))
 
         def change(project: Project) -> Project:
             return move_character(scale_character(project, name, heights[1] / heights[0]), name, way)
@@ -66,12 +66,6 @@ class Fitting:
             return
         said = f"It is {heights[0]:.3g} m tall, beside {heights[1]:.3g} m"
         self.editor.toasts.say(said, "Alt+F makes it as tall as the others.")
-
-
-def _foot(vertices: Float) -> Float:
-    """(3,) metres: the middle of the box of vertices (V, 3), at the height of the lowest."""
-    low, high = vertices.min(0), vertices.max(0)
-    return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:

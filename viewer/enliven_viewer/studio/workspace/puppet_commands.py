@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Puppet, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.edits import move_character, rig_of, vertices_of
+from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
 from enliven.modeling.puppet import bake_puppet, make_puppet
 from enliven_viewer.studio.editor import Editor
 
@@ -143,6 +143,5 @@ def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
     """
     if not len(mesh.faces):
         raise InputError("it has no surface", where=f"mesh {mesh.name!r}", mend="Open a mesh with faces.")
-    low, high = mesh.bounds
-    place = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    place = foot_of(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place

@@ -1,0 +1,116 @@
+"""A performance given to another character: its performers step into that one's mesh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import GraphLayer, GraphPart, GraphShape, Project, RigBase, TimeMap, unused
+from enliven.errors import InputError
+from enliven.modeling.edits.characters import move_character, scale_character
+from enliven.modeling.edits.rigs import foot_of, vertices_of
+from enliven.modeling.possessed import possess_another
+from enliven.possession import as_moved, settings_of
+
+_OF_RECORDING = ("recorded", "alternatives")
+"""What a layer says about the recording that it came from, and not about when it plays."""
+
+
+def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
+    """Returns the first part of a shape that performers moved, or else what they performed over it."""
+    return next((one for one in (*shape.parts, *shape.over) if one.possession is not None), None)
+
+
+def give_performance(
+    project: Project,
+    source_id: str,
+    target_id: str,
+    *,
+    time: float = 0.0,
+    nodes: int = 128,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, str]:
+    """Returns a project in which a mesh does what performers did with another one, and its id.
+
+    They step into the mesh as it stands at a time, brought to the size that they need; then it has its own
+    size again, and begins where it stood. A possessed mesh that did not move yet is the one that moves; of
+    any other character a copy does, and the character stays.
+
+    Args:
+        time: seconds.
+        nodes: of the deformation graph.
+        progress: is told the share that is done, from 0 to 1.
+        notes: takes a sentence about each hold that the mesh refused.
+
+    Raises:
+        InputError: where the first is no mesh that performers moved, where the second has no surface, or is
+            the first, or where the performers can take hold of none of it.
+    """
+    shape, target = project.graph(source_id), project.character(target_id)
+    layer = performance_in(shape)
+    if layer is None or layer.possession is None:
+        raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
+    if target is shape:
+        mend = "Choose another character, or possess it again."
+        raise InputError("it is performed so already", where=shape.where, mend=mend)
+    if target.mesh is None or not len(target.mesh.faces):
+        raise InputError("it has no surface", where=target.where, mend="Choose one with a mesh.")
+    seen = vertices_of(project, target_id, time)
+    mesh = replace(target.mesh, vertices=seen, name=target_id)
+    take = project.bodies[layer.possession.take]
+    # Where the first mesh was fixed in the room, this one is elsewhere.
+    settings = replace(settings_of(layer.possession), place="meet")
+    possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
+    ends, joints = _known(target, seen)
+    made, name = possess_another(
+        project,
+        mesh,
+        take,
+        possession,
+        ends=ends,
+        joints=joints,
+        nodes=nodes,
+        progress=progress,
+        notes=notes,
+    )
+    made = _as_it_stood(made, name, seen)
+    new = made.graph(name)
+    when = {one.name: getattr(layer, one.name) for one in fields(TimeMap) if one.name not in _OF_RECORDING}
+    new = new.with_changes(parts=(replace(new.parts[0], **when),))
+    if isinstance(target, GraphShape) and not _moves(project, target):
+        return made.without(name).with_characters(new.with_changes(id=target_id)), target_id
+    called = unused(f"{target_id} performed", project.characters)
+    return made.without(name).with_characters(new.with_changes(id=called)), called
+
+
+def _known(target: RigBase, seen: Float) -> tuple[Float | None, Float | None]:
+    """Returns the ends and joints of a mesh as it is seen, where they are known."""
+    if not isinstance(target, GraphShape):
+        return None, None
+    rest = target.mesh.vertices
+    ends, joints = (as_moved(one, rest, seen) if len(one) else None for one in (target.ends, target.joints))
+    return ends, joints
+
+
+def _as_it_stood(project: Project, name: str, seen: Float) -> Project:
+    """Returns the project with a new mesh as large as its vertices (V, 3) were seen, beginning there."""
+    shape = project.graph(name)
+    first = project.streams[shape.parts[0].take].linear[0]
+    grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
+    project = scale_character(project, name, _height(seen) / grown)
+    return move_character(project, name, foot_of(seen) - foot_of(vertices_of(project, name, 0.0)))
+
+
+def _height(vertices: Float) -> float:
+    """Metres from the lowest to the highest of vertices (V, 3)."""
+    return max(float(np.ptp(vertices[:, 1])), 1e-6)
+
+
+def _moves(project: Project, shape: GraphShape) -> bool:
+    """Whether a mesh plays anything."""
+    return any(project.length_of(one) > 0.0 for one in shape.playing)

@@ -1,0 +1,51 @@
+"""A mesh that the performers of another one step into, with what they held and how."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, replace
+
+from enliven.arrays import Float
+from enliven.document import BodyTake, Possession, Project
+from enliven.meshes import Mesh
+from enliven.modeling.possessed.solving import possess_mesh
+from enliven.possession import prepared_as, settings_of
+
+
+def possess_another(
+    project: Project,
+    mesh: Mesh,
+    take: BodyTake,
+    possession: Possession,
+    *,
+    fit: bool = True,
+    ends: Float | None = None,
+    joints: Float | None = None,
+    nodes: int = 128,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, str]:
+    """Returns a project with a mesh that performers move as they moved the one of a possession, and its id.
+
+    The mesh comes to its performers as it would on a stage; what was said about places on the first mesh, its
+    ends, joints and stiff spots, is not taken over.
+
+    Args:
+        fit: whether it is first brought to a person's size; else it is as modelled.
+        ends, joints: of the mesh, as of :func:`enliven.possession.prepared_as`.
+        nodes, progress, notes: as of :func:`possess_mesh`.
+
+    Raises:
+        InputError: where the performers can take hold of no point of the mesh.
+    """
+    settings = replace(settings_of(possession), stiffness=(), ends=(), joints=())
+    made = prepared_as(mesh, settings, fit=fit, ends=ends, joints=joints)
+    how = replace(
+        possession,
+        settings=json.dumps(asdict(made.settings)),
+        place=(),
+        height=made.height,
+        size=made.size,
+    )
+    return possess_mesh(project, made.mesh, take, how, nodes=nodes, progress=progress, notes=notes)

@@ -1,0 +1,130 @@
+"""A performance is given to another character: its performers step into that one's mesh."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rig_worlds import puppet_world, skeleton_world
+from sample_meshes.chair import make_chair
+from swaying import possessed_chair, take_of
+
+from enliven.document import HoldChange, Possession, Project, same
+from enliven.errors import InputError
+from enliven.formats.project import project_of_mesh
+from enliven.meshes import Mesh
+from enliven.modeling.edits import (
+    change_layers,
+    foot_of,
+    give_performance,
+    move_character,
+    paste_character,
+    shift_character,
+    vertices_of,
+)
+from enliven.modeling.possessed import possess_another, solve_again, stale
+from enliven.possession import settings_of
+
+WORLD, SOURCE = possessed_chair(frames=30)
+STOOL = replace(make_chair(0.09), name="stool")
+NODES = 32
+LAST = 29 / 30
+SETTLED = 4e-3
+"""Share of the height: an iterative solver ends as near to itself where its input differs by rounding."""
+
+
+def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
+    """The chair that is performed, and beside it a stool that stands still."""
+    mesh = replace(STOOL, vertices=STOOL.vertices * size)
+    project, name = paste_character(WORLD, project_of_mesh(mesh, "stool"), "stool")
+    return move_character(project, name, place)
+
+
+def test_a_still_mesh_performs_where_it_stands_as_large_as_it_is():
+    before = with_stool(0.5)
+    stood = vertices_of(before, "stool", 0.0)
+    project, name = give_performance(before, SOURCE, "stool", nodes=NODES)
+    assert name == "stool" and set(project.characters) == set(before.characters)
+    seen = vertices_of(project, name, 0.0)
+    np.testing.assert_allclose(foot_of(seen), foot_of(stood), atol=1e-6)
+    assert np.ptp(seen[:, 1]) == pytest.approx(np.ptp(stood[:, 1]), rel=0.1), (
+        "its performer bends it a little"
+    )
+    went = np.linalg.norm(vertices_of(project, name, 0.7) - seen, axis=1)
+    assert went.max() > 0.02, "it is performed"
+    assert not stale(project, project.graph(name)) and same(solve_again(project, name), project)
+    assert same(project.graph(SOURCE), before.graph(SOURCE)), "who gives it keeps it"
+
+
+@settings(deadline=None, max_examples=4)
+@given(size=st.floats(0.05, 20.0), x=st.floats(-9, 9), z=st.floats(-9, 9))
+def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size, x, z):
+    usual, name = give_performance(with_stool(), SOURCE, "stool", nodes=NODES)
+    other, _ = give_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)
+    height = np.ptp(STOOL.vertices[:, 1])
+    for time in (0.0, 0.5, LAST):
+        here, there = (vertices_of(one, name, time) for one in (usual, other))
+        moved = [one - foot_of(vertices_of(each, name, 0.0)) for one, each in ((here, usual), (there, other))]
+        np.testing.assert_allclose(moved[1] / size, moved[0], atol=SETTLED * height)
+
+
+def test_it_plays_when_the_one_plays_that_it_comes_from():
+    project = change_layers(shift_character(with_stool(), SOURCE, 1.5), SOURCE, [0], speed=0.5, loop=True)
+    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    part, source = made.graph(name).parts[0], made.graph(SOURCE).parts[0]
+    assert (
+        (part.offset, part.speed, part.loop) == (source.offset, source.speed, source.loop) == (1.5, 0.5, True)
+    )
+
+
+@pytest.mark.parametrize("world", [skeleton_world, puppet_world], ids=["rigged", "puppet"])
+def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
+    source, other = world()
+    project, name = paste_character(WORLD, source, other)
+    made, copy = give_performance(project, SOURCE, name, time=0.2, nodes=NODES)
+    assert copy == f"{name} performed" and same(made.characters[name], project.characters[name])
+    height = np.ptp(vertices_of(project, name, 0.2)[:, 1])
+    assert np.ptp(vertices_of(made, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
+    again, second = give_performance(made, SOURCE, name, nodes=NODES)
+    assert second == f"{name} performed 2" and set(again.characters) == {*made.characters, second}
+
+
+def test_what_moves_already_is_copied_too():
+    project, copied = paste_character(WORLD, WORLD, SOURCE)
+    made, name = give_performance(project, SOURCE, copied, nodes=NODES)
+    assert name == f"{copied} performed" and same(made.graph(copied), project.graph(copied))
+
+
+def test_what_cannot_be_given_is_said():
+    project = with_stool()
+    with pytest.raises(InputError, match="performers moved no part"):
+        give_performance(project, "stool", SOURCE)
+    with pytest.raises(InputError, match="performed so already"):
+        give_performance(project, SOURCE, SOURCE)
+    bare = project.graph("stool")
+    flat = bare.with_changes(mesh=Mesh(bare.mesh.vertices, bare.mesh.faces[:0], "stool"))
+    with pytest.raises(InputError, match="no surface"):
+        give_performance(project.with_characters(flat), SOURCE, "stool")
+    nobody = project.graph(SOURCE).parts[0]
+    away = replace(nobody.possession, holds=(HoldChange(0.1, performer=9),))
+    shape = project.graph(SOURCE).with_changes(parts=(replace(nobody, possession=away),))
+    with pytest.raises(InputError, match="not in view"):
+        give_performance(project.with_characters(shape), SOURCE, "stool", nodes=NODES)
+
+
+def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
+    """They are places on that mesh."""
+    take = take_of(20)
+    how = settings_of(WORLD.graph(SOURCE).parts[0].possession)
+    how = replace(how, place="meet")
+    ends = tuple((0.1 * k, 0.2 * k, 0.3) for k in range(5))
+    spots = replace(how, ends=ends, stiffness=((0.0, 0.4, 0.0, 0.5, 8.0),))
+    told = [Possession(take.id, (HoldChange(0.1),), json.dumps(asdict(each))) for each in (how, spots)]
+    made = [possess_another(Project(), STOOL, take, each, nodes=NODES) for each in told]
+    for time in (0.0, 0.5):
+        plain, other = (vertices_of(project, name, time) for project, name in made)
+        np.testing.assert_allclose(other, plain, atol=1e-9)

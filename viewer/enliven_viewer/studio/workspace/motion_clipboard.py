@@ -1,0 +1,139 @@
+"""Motion that is copied to another character: of a chain of bones, or what performers did with a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from enliven.document import GraphShape, Project, RigBase, Shape
+from enliven.errors import InputError
+from enliven.modeling.edits import give_performance, performance_in
+from enliven.modeling.possessed import solve_again
+from enliven.motion.layers import copy_motion
+from enliven_viewer.studio.editor import Editor
+
+Chain = tuple[str, tuple[int, ...]]
+"""The id of a shape and joints of it, from the root to the end."""
+_Solved = tuple[Project, str, list[str]]
+"""A project with a mesh that was solved, the mesh's id, and what is to be said of its holds."""
+
+
+class MotionClipboard:
+    """What was copied, and what it is pasted onto; meshes are solved beside the window."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self._copied: Chain | None = None
+        self._performed: str | None = None
+
+    def copy(self) -> None:
+        """Remember the motion of the chosen chain, or how the chosen mesh was performed."""
+        chain, mesh = chosen_chain(self.editor), self._chosen_performed()
+        if mesh is not None:
+            self._copied, self._performed = None, mesh.id
+            said = f"Copied how {mesh.id} was performed"
+            self.editor.toasts.say(said, "Choose another character and press Ctrl+Shift+V.")
+        elif chain is not None:
+            self._copied, self._performed = chain, None
+            said = "Copied the chain's motion"
+            self.editor.toasts.say(said, "Choose another chain and press Ctrl+Shift+V.")
+
+    def paste(self) -> None:
+        """Add the remembered motion to the chosen chain, or let the performers step into the chosen mesh."""
+        if self._performed is not None and self.editor.chosen() is not None:
+            self._give(self._performed)
+        target, lens = chosen_chain(self.editor), self.editor.lens
+        if self._copied is not None and target is not None:
+            source, chain = self._copied
+            change = partial(copy_motion, view=lens.forward, up=lens.up)
+            self.editor.edit("paste motion", lambda p: change(p, source, chain, *target))
+
+    def solve_again(self) -> None:
+        """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
+        shape, project = self.editor.chosen(GraphShape), self.editor.project
+        if shape is None:
+            return
+        name, notes = shape.id, list[str]()
+
+        def work() -> _Solved:
+            return solve_again(project, name, notes=notes), name, notes
+
+        self._begin(f"Possessing {name} again", work, f"solve again {name}", shape)
+
+    def lacks_copy(self) -> str:
+        """What copying motion lacks."""
+        if self._chosen_performed() is not None or chosen_chain(self.editor):
+            return ""
+        return (
+            "Choose a mesh that was performed; or a chain: click where it begins, then Shift-click its end."
+        )
+
+    def lacks_paste(self) -> str:
+        """What pasting motion lacks."""
+        if self._performed is not None:
+            return "" if self.editor.chosen() else "No character is chosen. Click the one that is to perform."
+        if self._copied is None:
+            return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
+        said = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
+        return "" if chosen_chain(self.editor) else said
+
+    def lacks_possessed(self) -> str:
+        """What solving a possession again lacks."""
+        chosen = self.editor.chosen(GraphShape)
+        return "" if chosen else "No possessed mesh is chosen. Click one first."
+
+    def _chosen_performed(self) -> GraphShape | None:
+        """The chosen mesh, where performers moved it."""
+        shape = self.editor.chosen(GraphShape)
+        return shape if shape is not None and performance_in(shape) is not None else None
+
+    def _give(self, source: str) -> None:
+        """Let the performers of a mesh step into the chosen character's, as it stands now."""
+        target, project, time = self.editor.chosen(), self.editor.project, self.editor.time
+        performed = project.graphs.get(source)
+        if target is None:
+            return
+        name, notes = target.id, list[str]()
+        if performed is None:
+            mend = "Copy the motion of another one."
+            self.editor.toasts.complain(InputError(f"{source} is not there any more", where=name, mend=mend))
+            return
+
+        def work() -> _Solved:
+            return *give_performance(project, source, name, time=time, notes=notes), notes
+
+        self._begin(f"The performers of {source} step into {name}", work, f"give {source} to {name}", target)
+
+    def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
+        """Begin to solve a mesh; it comes into the project as one edit unless ``guarded`` was changed."""
+        self.editor.beside.begin(said, work, partial(self._put, word, guarded))
+
+    def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
+        """Put a mesh that was solved into the project."""
+        made, name, notes = solved
+        shape = made.graph(name)
+
+        def change(project: Project) -> Project:
+            if project.characters.get(guarded.id) is not guarded:
+                mend = "Do it once more."
+                raise InputError("it was changed while its motion was solved", where=guarded.where, mend=mend)
+            needed = shape.needed()
+            bodies = [made.bodies[one] for one in needed.get("bodies", ())]
+            streams = [made.streams[one] for one in needed.get("streams", ())]
+            return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)
+
+        if self.editor.edit(word, change):
+            self.editor.choose(name)
+            told = " ".join(notes) or "Ctrl+Z takes it back."
+            self.editor.toasts.say(f"{name} moves as its performers do", told)
+
+
+def chosen_chain(editor: Editor) -> Chain | None:
+    """Returns the chosen shape and its chosen chain."""
+    shape, chain = editor.chosen(Shape), editor.selection.chain
+    return (shape.id, outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
+
+
+def outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns the chain in the order from the root to the end."""
+    return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain
