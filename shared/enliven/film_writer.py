@@ -1,4 +1,4 @@
-"""Writes pictures as an MP4 file with PyAV, in H.264 where there is an encoder for it."""
+"""Writes pictures and sound as an MP4 file with PyAV, in H.264 and AAC where there are encoders for them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from enliven.arrays import UInt8
+from enliven.arrays import Int16, UInt8
 from enliven.errors import ResourceError
 from enliven.film_encoders import AUTO, choose_encoder
 
 log = logging.getLogger(__name__)
+
+_SOUND_CODEC, _SOUND_BITS = "aac", 128_000
+"""The encoder of sound that every player knows, and bits a second: more than one channel of speech needs."""
 
 
 class FilmWriter:
@@ -27,17 +30,27 @@ class FilmWriter:
         rate: pictures a second.
         bit_rate: Mbit/s, for encoders that are not told a quality.
         encoder: the name of one of :data:`enliven.film_encoders.ENCODERS`, or "auto".
+        sound: (N,) samples of one channel from the first picture on, and how many a second; heard as long as
+            there are pictures.
 
     Raises:
         ResourceError: where PyAV is missing, the file cannot be written, or there is no such encoder.
     """
 
     def __init__(
-        self, path: Path, size: tuple[int, int] | None, rate: float, bit_rate: float, encoder: str = AUTO
+        self,
+        path: Path,
+        size: tuple[int, int] | None,
+        rate: float,
+        bit_rate: float,
+        encoder: str = AUTO,
+        sound: tuple[Int16, int] | None = None,
     ) -> None:
         self._av = _pyav()
         self.path, self.count, self.codec = path, 0, ""
         self._rate, self._bit_rate, self._encoder = Fraction(rate).limit_denominator(1001), bit_rate, encoder
+        self._sound, self._heard = sound, 0
+        self._sound_stream: Any = None
         if size is not None:
             self._choose(size)
         try:
@@ -65,6 +78,33 @@ class FilmWriter:
         self._stream.pix_fmt = "yuv420p"
         if not self._options:
             self._stream.bit_rate = int(self._bit_rate * 1e6)
+        if self._sound is not None and len(self._sound[0]):
+            self._begin_sound(self._sound[1])
+
+    def _begin_sound(self, rate: int) -> None:
+        """Adds the stream of sound to the file, before the first packet of either."""
+        try:
+            stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
+        except (ValueError, self._av.FFmpegError):  # PyAV may be built without it
+            log.warning("there is no encoder for sound here, so %s is silent", self.path)
+            return
+        stream.layout, stream.bit_rate = "mono", _SOUND_BITS
+        self._sound_stream = stream
+
+    def _hear(self) -> None:
+        """Adds the sound up to the end of the last picture: the file has both side by side."""
+        if self._sound is None or self._sound_stream is None:
+            return
+        samples, rate = self._sound
+        until = min(round(float(self.count / self._rate) * rate), len(samples))
+        if until > self._heard:
+            part = np.ascontiguousarray(samples[None, self._heard : until])
+            frame = self._av.AudioFrame.from_ndarray(part, format="s16", layout="mono")
+            frame.sample_rate, frame.pts = rate, self._heard
+            frame.time_base = Fraction(1, rate)
+            for packet in self._sound_stream.encode(frame):
+                self._file.mux(packet)
+            self._heard = until
 
     def add(self, picture: UInt8) -> None:
         """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides."""
@@ -80,12 +120,14 @@ class FilmWriter:
         for packet in self._stream.encode(frame):
             self._file.mux(packet)
         self.count += 1
+        self._hear()
 
     def close(self) -> None:
         """Write the pictures that the encoder holds back, and the index."""
         if self.count:
-            for packet in self._stream.encode():
-                self._file.mux(packet)
+            for stream in filter(None, (self._stream, self._sound_stream)):
+                for packet in stream.encode():
+                    self._file.mux(packet)
         self._file.close()
 
     def __enter__(self) -> FilmWriter:

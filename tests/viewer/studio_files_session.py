@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import glfw
+import numpy as np
 from deeds import scripted
 from imgui_bundle import imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
@@ -19,7 +20,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_acting_stage import acting_stage
 
+from enliven.document import SOUND_RATE, Sound
 from enliven.exporters import exporter_of, performance_of
+from enliven_viewer.studio.sound import read_sound
 from enliven_viewer.studio.window import StudioWindow
 
 said: dict[str, object] = {"done": False}
@@ -86,8 +89,10 @@ def drop(*paths: str) -> None:
 
 
 def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Write a film from the menu, while the window goes on."""
+    """Write a film with sound from the menu, while the window goes on."""
     workspace, pictures = window.workspace, window.pictures
+    tone = (20_000 * np.sin(np.arange(SOUND_RATE) * 2 * np.pi * 440 / SOUND_RATE)).astype(np.int16)
+    workspace.editor.edit("a sound", lambda project: project.with_sounds(Sound("tone", tone)))
     for name in ("star", "post"):
         workspace.editor.edit("delete", lambda project, name=name: project.without(name))
     ctx.menu_click("##MainMenuBar/File/Film...")
@@ -99,6 +104,8 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
         ctx.yield_()
     said["film"] = [path.name for path in Path().glob("*.mp4")]
     said["film told"] = [toast.text for toast in workspace.editor.toasts.shown]
+    heard = read_sound(Path("squid.mp4")).samples.astype(float)
+    said["heard"] = float(np.sqrt(2.0 * np.mean(heard**2)))
     said["went on"] = window.pictures - pictures > 10
     said["still drawn"] = None
     while said["still drawn"] is None and time.monotonic() < end:

@@ -51,16 +51,18 @@ def export(
     asked = {"unit": unit, "size": size, "morphs": morphs or None}
     options = {name: value for name, value in asked.items() if value is not None}
     exporter = exporter_of(output, (), **options)
+    from enliven.document import heard_from
     from enliven.takes import exportables_of
 
-    found, notes = exportables_of(source)
+    found, notes, sounds = exportables_of(source)
     for note in notes:
         typer.echo(f"enliven: {note}", err=True)
     made = []
     for one in _chosen(found, exporter, character or [], source):
         typer.echo(f"enliven: sampling {one.name}", err=True)
         made.append(one.sample(start, end, rate, morphs))
-    exporter.write(output, made, source.stem, **options)
+    heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
+    exporter.write(output, made, source.stem, **options, **heard)
     lasts = max(performance.times[-1] for performance in made)
     names = ", ".join(performance.name for performance in made)
     baked = "".join(f"; {one.name} is {one.error}" for one in made if one.error is not None)

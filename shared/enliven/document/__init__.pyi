@@ -49,14 +49,13 @@ from .keys import (
 from .project import (
     CameraMark as CameraMark,
     FREE as FREE,
-    SOUND_RATE as SOUND_RATE,
     Handling as Handling,
     Marker as Marker,
     Project as Project,
     same as same,
-    Sound as Sound,
 )
 from .naming import unused as unused
+from .sounds import SOUND_RATE as SOUND_RATE, Sound as Sound, heard_from as heard_from, mixed as mixed
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (
     ControlPoint as ControlPoint,

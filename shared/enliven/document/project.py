@@ -9,7 +9,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.arrays import Int16
 from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
 from enliven.document.graph import GraphShape, PoseStream
@@ -17,6 +16,7 @@ from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
 from enliven.document.smoothing import smoothed
+from enliven.document.sounds import Sound
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
@@ -87,35 +87,6 @@ class Handling:
         if self.exaggeration is not None and not 0.0 <= self.exaggeration < float("inf"):
             what = f"its exaggeration is {self.exaggeration}"
             raise InputError(what, where="handling", mend="Give 0 or more.")
-
-
-SOUND_RATE = 32_000
-"""Samples a second of sounds: what is performed along is recognised by half, and this halves a project."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sound:
-    """A sound that is performed along; exports do not ask.
-
-    Attributes:
-        id: its name.
-        samples: (N,) int16, one channel of :data:`SOUND_RATE`.
-        begin: seconds of the project's time.
-    """
-
-    id: str
-    samples: Int16
-    begin: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.samples.ndim != 1 or self.samples.dtype != np.int16 or not 0.0 <= self.begin < float("inf"):
-            mend = "Give samples of 16 bits, one channel, and a begin from 0 on."
-            raise InputError("it is no sound", where=f"sound {self.id!r}", mend=mend)
-
-    @property
-    def end(self) -> float:
-        """Seconds of the project's time."""
-        return self.begin + len(self.samples) / SOUND_RATE
 
 
 FREE = Handling()

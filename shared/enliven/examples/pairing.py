@@ -14,7 +14,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
@@ -112,7 +112,7 @@ def guess_joints(
         if skeleton.names[joint] in still:
             cost[~base | (ours[:, 1] > _BASE), column] += _NEVER
     times = max(-(-len(ours) // len(joints)), 1)
-    rows, columns = linear_sum_assignment(
+    rows, columns = scipy.optimize.linear_sum_assignment(
         np.concatenate([cost + 10.0 * _NEVER * k for k in range(times)], axis=1)
     )
     return tuple(skeleton.names[joints[column % len(joints)]] for column in columns[np.argsort(rows)])

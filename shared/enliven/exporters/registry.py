@@ -38,12 +38,14 @@ class Exporter:
         write: takes the path, the performances, a title, and options as keywords.
         jointed: it holds only characters with a skeleton.
         single: it holds only one character.
+        heard: it holds sound: ``write`` takes ``sound``, samples from the first pose on.
         check: takes the options and raises where one makes no sense, before any work.
     """
 
     write: Callable[..., None]
     jointed: bool = False
     single: bool = False
+    heard: bool = False
     check: Callable[..., object] = lambda **_: None
 
 

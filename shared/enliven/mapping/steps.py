@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape, Skeleton, joint_places, unused
@@ -196,10 +196,11 @@ class _Performer:
         passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1) / self._length(
             self._legs[0]
         )
-        passing = maximum_filter1d(passing, max(round(_STRIDE / self.step), 1), mode="nearest")
+        passing = scipy.ndimage.maximum_filter1d(passing, max(round(_STRIDE / self.step), 1), mode="nearest")
         hangs = np.clip((below - _RAISED) / (_HANGS - _RAISED), 0.0, 1.0)
         share = hangs * np.clip((passing - _SHUFFLE) / (_WALKS - _SHUFFLE), 0.0, 1.0)
-        return np.asarray(uniform_filter1d(share, max(round(_SMOOTH / self.step), 1), mode="nearest"))
+        wide = max(round(_SMOOTH / self.step), 1)
+        return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
 
     def _length(self, limb: SkeletonLimb) -> float:
         return max(float(self.skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
@@ -229,7 +230,7 @@ def _bend(skeleton: Skeleton, step: _Step, performer: _Performer, turns: Float, 
 def _even(headings: Float, count: int) -> Float:
     """(T, 4) headings without what sways within so many moments: feet do not turn to and fro with a body."""
     angles = np.unwrap(2.0 * np.arctan2(headings[:, 2], headings[:, 0]))
-    even = uniform_filter1d(angles, max(count, 1), mode="nearest") / 2.0
+    even = scipy.ndimage.uniform_filter1d(angles, max(count, 1), mode="nearest") / 2.0
     return np.stack([np.cos(even), 0.0 * even, np.sin(even), 0.0 * even], axis=1)
 
 

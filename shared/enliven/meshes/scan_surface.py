@@ -9,10 +9,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from scipy.ndimage import minimum_filter
+import scipy
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, cKDTree
 
 from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
@@ -59,7 +58,7 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
     seen = _thinned(_in_front(seen[seen[:, 2] > 0.05 * depth], spacing), spacing)
     if len(seen) < 3:
         raise _too_few(len(seen), name)
-    faces = np.asarray(Delaunay(seen[:, :2] / seen[:, 2:]).simplices, np.int64)
+    faces = np.asarray(scipy.spatial.Delaunay(seen[:, :2] / seen[:, 2:]).simplices, np.int64)
     faces = faces[_is_surface(seen, faces, spacing)]
     if len(faces) == 0:
         raise _too_few(0, name)
@@ -120,7 +119,7 @@ def _in_front(seen: Float, spacing: float) -> Float:
         raise InputError(what, where="scan", mend="Cut away what is far from the thing that was scanned.")
     nearest = np.full(at.max(0) + 2, np.inf)
     np.minimum.at(nearest, (at[:, 0], at[:, 1]), seen[:, 2])
-    nearest = minimum_filter(nearest, 3)
+    nearest = scipy.ndimage.minimum_filter(nearest, 3)
     return np.asarray(seen[seen[:, 2] < nearest[at[:, 0], at[:, 1]] + _HIDING * spacing])
 
 
@@ -134,7 +133,7 @@ def _thinned(seen: Float, spacing: float) -> Float:
 
 def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
     """(F,) whether a triangle spans neither a gap nor a step."""
-    near = float(np.median(cKDTree(seen).query(seen, k=2)[0][:, 1]))
+    near = float(np.median(scipy.spatial.cKDTree(seen).query(seen, k=2)[0][:, 1]))
     corners = seen[faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

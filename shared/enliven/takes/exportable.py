@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
+from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, Sound, unused
 from enliven.errors import InputError
 from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
@@ -48,18 +48,33 @@ class Exportable:
     rank: int = 0
 
 
-def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]:
-    """Returns what a recording, a project, a model or a motion file has to export, and notes on the file.
+class Exportables(NamedTuple):
+    """All that a file has to export.
+
+    Attributes:
+        found: what moves in it.
+        notes: on the file, a sentence each.
+        sounds: those that were performed along.
+    """
+
+    found: list[Exportable]
+    notes: tuple[str, ...] = ()
+    sounds: tuple[Sound, ...] = ()
+
+
+def exportables_of(path: Path | str) -> Exportables:
+    """Returns what a recording, a project, a model or a motion file has to export.
 
     Seconds are a project's or a clip's; in a recording, those since the first pose, or since a person came.
 
     Raises:
         InputError: where the file cannot be read, or nothing moves in it.
     """
-    path, notes = Path(path), tuple[str, ...]()
+    path, notes, sounds = Path(path), tuple[str, ...](), tuple[Sound, ...]()
     kind = path.suffix.lower()
     if kind == ".enliven":
-        found = _of_project(solve_lost(read_project(path)))
+        project = solve_lost(read_project(path))
+        found, sounds = _of_project(project), tuple(project.sounds.values())
     elif kind == ".mcap":
         found = _of_recording(path)
     elif kind in (".glb", ".gltf"):
@@ -73,7 +88,7 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
         if kind == ".mcap" and DEPTH_TOPIC in Recording(path).info.topics:
             mend = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
         raise InputError("nothing in it moves", where=str(path), mend=mend)
-    return found, notes
+    return Exportables(found, notes, sounds)
 
 
 def _of_project(project: Project) -> list[Exportable]:

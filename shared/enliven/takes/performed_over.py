@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import (
@@ -52,10 +52,10 @@ class OverNodes:
         self._same = _similarity(surface, np.asarray(shape.mesh.vertices))
         self._rest = shape.positions
         self._at = self._same.back(shape.positions)
-        nearest = cKDTree(surface).query(self._at)[1]
+        nearest = scipy.spatial.cKDTree(surface).query(self._at)[1]
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
-        apart, node = cKDTree(pivots).query(self._at)
+        apart, node = scipy.spatial.cKDTree(pivots).query(self._at)
         here = apart < _NEAR  # a node that both have moves as itself, not as the surface around it
         self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
         self._arms: Float = self._at[:, None] - pivots[self._nodes]

@@ -205,3 +205,19 @@ def test_who_shows_no_puppet_loads_no_solver() -> None:
         [sys.executable, "-c", look], capture_output=True, text=True, timeout=300, check=True
     )
     assert shown.stdout.split() == []
+
+
+def test_a_window_starts_without_what_its_first_tool_needs() -> None:
+    """SciPy loads these at their first use; at the start they were a sixth of it."""
+    later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}
+    look = f"""
+import sys
+from enliven_viewer.studio import StudioWindow
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace import Workspace
+print(StudioWindow is not None, *{later} & set(sys.modules))
+"""
+    shown = subprocess.run(
+        [sys.executable, "-c", look], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert shown.stdout.split() == ["True"]

@@ -249,6 +249,7 @@ def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path)
     assert said["dropped"] == ["limb", "limb 2", "post", "star"] and "nothing.glb" in said["told"][0]
     assert said["recent"] == ["limb.glb", "squid.enliven", "Untitled.enliven"]
     assert said["film"] == ["squid.mp4"] and "Wrote 2 shapes to squid.mp4" in said["film told"]
+    assert said["heard"] == pytest.approx(20_000, rel=0.1), "as loud as the tone"
     assert said["went on"] and said["still drawn"] > 5, "the window goes on while a film is written"
     assert said["recent asks"] == "unsaved"
     assert said["opened"] == ["squid - enliven", ["squid.enliven", "limb.glb", "Untitled.enliven"]]

@@ -12,7 +12,7 @@ from typing import Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from enliven.arrays import UInt8
+from enliven.arrays import Int16, UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
 from enliven.film_writer import FilmWriter
@@ -60,12 +60,14 @@ def make_film(
     title: str = "enliven",
     caption: bool = True,
     console: Console | None = None,
+    sound: tuple[Int16, int] | None = None,
 ) -> FilmReport:
     """Draw what the feed brings until it ends, or ``seconds`` of sensor time.
 
     Args:
         document: its timeline must be unbounded; what was filmed is dropped from it.
         film, sheet: where to write; None for not at all.
+        sound: samples from the film's first picture on, and how many a second.
 
     Raises:
         ResourceError: where no edge appears in time, OpenGL is missing, or a file cannot be written.
@@ -73,7 +75,7 @@ def make_film(
     studio = _Studio(document, settings or ViewerSettings(), caption)
     with ExitStack() as stack:
         # The file first: a place that cannot be written is better known before the edge starts.
-        writer = stack.enter_context(studio.writer(film)) if film else None
+        writer = stack.enter_context(studio.writer(film, sound)) if film else None
         strip = stack.enter_context(FilmStrip(writer, studio.tiles))
         progress = stack.enter_context(_progress(console))
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
@@ -109,10 +111,10 @@ class _Studio:
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
         self.count, self.draw_seconds = 0, 0.0
 
-    def writer(self, path: Path) -> FilmWriter:
+    def writer(self, path: Path, sound: tuple[Int16, int] | None) -> FilmWriter:
         """The film file."""
         film = self.settings.film
-        return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder)
+        return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from enliven.arrays import Int16
+from enliven.document import SOUND_RATE
 from enliven.exporters import Exporter, Performance
 from enliven_viewer.film.film import ENDED, make_film
 from enliven_viewer.playback import Document, EdgeState, Timeline
@@ -27,12 +29,19 @@ class _Sampled:
         return len(arrived)
 
 
-def write_film(path: Path, performances: Sequence[Performance], name: str, size: str = "") -> None:
+def write_film(
+    path: Path,
+    performances: Sequence[Performance],
+    name: str,
+    size: str = "",
+    sound: Int16 | None = None,
+) -> None:
     """Film characters in motion, without a window.
 
     Args:
         name: the title.
         size: of the pictures, such as "1920x1080"; empty: as the settings say.
+        sound: (N,) samples from the first pose on, :data:`enliven.document.SOUND_RATE` a second.
 
     Raises:
         InputError: for no such size.
@@ -40,7 +49,8 @@ def write_film(path: Path, performances: Sequence[Performance], name: str, size:
     """
     settings = sized(ViewerSettings(), size or None)
     document = Document(Timeline(settings.playback, bounded=False))
-    make_film(_Sampled(performances), document, path, None, settings, title=name, caption=False)
+    heard = None if sound is None else (sound, SOUND_RATE)
+    make_film(_Sampled(performances), document, path, None, settings, title=name, caption=False, sound=heard)
 
 
-MP4 = Exporter(write_film, check=lambda size=None: sized(ViewerSettings(), size))
+MP4 = Exporter(write_film, heard=True, check=lambda size=None: sized(ViewerSettings(), size))

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.deformation.arap.riders import coarse_faces, followed, riding_on, spread, with_riders
@@ -128,7 +128,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
     label = shells(whole.faces, len(whole.vertices))
     held = np.empty(0, np.int64)
     if awake is not None:
-        held = label[cKDTree(whole.vertices).query(awake)[1]]
+        held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
     finest = _FINEST * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MOST_ROUNDS):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.kernels import njit
@@ -90,7 +90,7 @@ def with_riders(
     share = np.bincount(number).astype(float)
     middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
     host = np.arange(len(riding))
-    host[riding] = rest[cKDTree(whole.vertices[rest]).query(middle)[1]][number]
+    host[riding] = rest[scipy.spatial.cKDTree(whole.vertices[rest]).query(middle)[1]][number]
     return spread(host, start, near, weights)
 
 

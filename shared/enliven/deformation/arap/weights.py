@@ -10,9 +10,9 @@ is right for it. Non-manifold edges add up all their angles.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph import components
@@ -77,15 +77,16 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
 
 def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
     """(L, 2) edges between the shell ``inside`` and the one nearest to it; the nearest pair first."""
-    distance, nearest = cKDTree(vertices[outside]).query(vertices[inside])
+    distance, nearest = scipy.spatial.cKDTree(vertices[outside]).query(vertices[inside])
     first = int(np.argmin(distance))
     here, there = int(inside[first]), int(outside[nearest[first]])
     other = np.flatnonzero(label == label[there])
     middle = (vertices[here] + vertices[there]) / 2
     ours, theirs = (_around(vertices, group, middle) for group in (inside, other))
     links = [(here, there)]
-    links += [(int(a), int(theirs[cKDTree(vertices[theirs]).query(vertices[a])[1]])) for a in ours]
-    links += [(int(ours[cKDTree(vertices[ours]).query(vertices[b])[1]]), int(b)) for b in theirs]
+    of_ours, of_theirs = (scipy.spatial.cKDTree(vertices[each]) for each in (ours, theirs))
+    links += [(int(a), int(theirs[of_theirs.query(vertices[a])[1]])) for a in ours]
+    links += [(int(ours[of_ours.query(vertices[b])[1]]), int(b)) for b in theirs]
     return np.array(links, np.int64)
 
 
@@ -98,7 +99,7 @@ def _around(vertices: Float, group: Int, middle: Float) -> Int:
 def _near_neighbours(vertices: Float, label: Int) -> Int:
     """(L, 2) the shortest edges that join shells, among each vertex's sixteen nearest."""
     count = len(vertices)
-    distance, nearest = cKDTree(vertices).query(vertices, k=min(16, count))
+    distance, nearest = scipy.spatial.cKDTree(vertices).query(vertices, k=min(16, count))
     rows = np.repeat(np.arange(count), nearest.shape[1])
     columns, lengths = nearest.ravel(), distance.ravel()
     between = label[rows] != label[columns]

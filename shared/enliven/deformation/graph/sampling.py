@@ -78,8 +78,8 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 def _nearest(corners, middles, reach, points, faces, weights):  # type: ignore[no-untyped-def]
     """Kernel: the number (N,) and the clamped barycentric coordinates (N, 3) of the face nearest to a point.
 
-    A face with a middle that is farther away than that of another one by more than ``reach`` metres, the farthest
-    corner from its middle, is not nearest.
+    A face is left out where its middle is farther away than another one's by ``reach`` metres: the way from a
+    middle to the farthest corner.
     """
     far, shares = np.empty(corners.shape[0]), np.empty(3)
     for n in range(points.shape[0]):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -208,9 +209,7 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     orphans = np.flatnonzero(~np.isin(part[:count], part[count:]))
     if len(orphans) == 0:
         return np.empty((0, 2), np.int32)
-    from scipy.spatial import cKDTree  # 0.05 s to load, and few meshes have parts without a node
-
-    length, nearest = cKDTree(positions).query(points[orphans])
+    length, nearest = scipy.spatial.cKDTree(positions).query(points[orphans])
     order = np.lexsort((length, part[orphans]))
     label = part[orphans][order]
     first = np.concatenate([[True], label[1:] != label[:-1]])

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
@@ -87,11 +88,10 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     Raises:
         InputError: for a mesh without area.
     """
-    from scipy.spatial import cKDTree  # 0.05 s to load, which an edge's start does without
-
     found = limb_ends(mesh, most)
     used = np.unique(mesh.faces)
-    return np.asarray(used[cKDTree(mesh.vertices[used]).query(found.points[found.ends])[1]], np.int64)
+    tree = scipy.spatial.cKDTree(mesh.vertices[used])
+    return np.asarray(used[tree.query(found.points[found.ends])[1]], np.int64)
 
 
 def _spread_out(ways: csr_matrix, count: int) -> Float:
@@ -180,18 +180,16 @@ def joined_shells(points: Float, label: Int) -> Int:
 
 def _beside(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
     """Yields (P,) points of shells but the largest, metres to the nearest point of another, and that one."""
-    from scipy.spatial import cKDTree  # 0.05 s to load, which an edge's start does without
-
     size = np.bincount(label)
     largest = int(size.argmax())
     small = np.flatnonzero((size[label] <= _SMALL) & (label != largest))
     if len(small):
         # Of so many neighbours of a point one at least is on another shell.
-        near, around = cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
+        near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
         yield small, near[rows, place], around[rows, place]
     for shell in np.flatnonzero(size > _SMALL):
         if shell != largest:
             inside, outside = np.flatnonzero(label == shell), np.flatnonzero(label != shell)
-            near, around = cKDTree(points[outside]).query(points[inside])
+            near, around = scipy.spatial.cKDTree(points[outside]).query(points[inside])
             yield inside, near, outside[around]

@@ -12,7 +12,7 @@ bones", 2012, section 4.2, with scale).
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_solve
+import scipy
 
 from enliven.arrays import Float, Int32
 from enliven.kernels import njit
@@ -71,7 +71,7 @@ class Maps:
         count = right.shape[1]
         flat = right.reshape(frames, 4 * count, 3).transpose(1, 0, 2).reshape(4 * count, 3 * frames)
         found = (
-            cho_solve((self._factor, True), flat, check_finite=False)
+            scipy.linalg.cho_solve((self._factor, True), flat, check_finite=False)
             .reshape(4 * count, frames, 3)
             .transpose(1, 0, 2)
         )

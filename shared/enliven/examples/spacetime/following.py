@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from enliven.arrays import Float
 from enliven.examples.spacetime.locomotion import PlacedMotion
@@ -33,15 +33,20 @@ def drawn_back(placed: PlacedMotion, way: Float, step: float, size: float, leash
         leash: metres that it may be away.
     """
     wanted, own = way[:, [0, 2]] - way[0, [0, 2]], placed.root[:, [0, 2]] - placed.root[0, [0, 2]]
-    off = gaussian_filter1d(_in_own_size(wanted, own, size) - own, _SLOWLY / step, axis=0, mode="nearest")
+    off = _slow(_in_own_size(wanted, own, size) - own, step)
     far = np.linalg.norm(off, axis=1)
     if far.max() <= leash:
         return placed
     pull = np.zeros_like(placed.root)
     beyond = off * (np.maximum(far - leash, 0.0) / np.maximum(far, 1e-12))[:, None]
-    slow = gaussian_filter1d(beyond, _SLOWLY / step, axis=0, mode="nearest")
+    slow = _slow(beyond, step)
     pull[:, [0, 2]] = slow - slow[0]
     return replace(placed, root=placed.root + pull, world=placed.world + pull[:, None])
+
+
+def _slow(way: Float, step: float) -> Float:
+    """(F, 2) what is slow of a way (F, 2), of frames ``step`` seconds apart."""
+    return np.asarray(scipy.ndimage.gaussian_filter1d(way, _SLOWLY / step, axis=0, mode="nearest"))
 
 
 def _in_own_size(wanted: Float, own: Float, size: float) -> Float:

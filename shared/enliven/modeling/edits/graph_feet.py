@@ -16,9 +16,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
 from enliven.document import (
@@ -129,7 +129,7 @@ def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     """The numbers of places (K, 3) in groups that are farther than ``apart`` from each other."""
     if not len(places):
         return []
-    pairs = cKDTree(places).query_pairs(apart, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(places).query_pairs(apart, output_type="ndarray")
     links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2)
     count, label = connected_components(links, directed=False)
     return [numbers[label == one] for one in range(count)]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Float32
 from enliven.document import Plane, Project
@@ -43,7 +43,7 @@ def brushed(
     if mirror is not None:
         other = reflected(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
         stroke = np.concatenate([stroke, other])
-    near = 1.0 - np.minimum(cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
+    near = 1.0 - np.minimum(scipy.spatial.cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
     covered = near * near * (3.0 - 2.0 * near)
     if brush == "erase":
         after = doublings * (1.0 - covered)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.graph import components
@@ -248,7 +248,8 @@ class CutPlan:
                 return int(mean > 0.5)
             return int(self.far[vertices].mean() > 0.5)
         known = np.flatnonzero(side[part] >= 0)
-        _, nearest = cKDTree(self.at[known]).query(self.at[vertices[:: 1 + len(vertices) // 64]])
+        some = self.at[vertices[:: 1 + len(vertices) // 64]]
+        _, nearest = scipy.spatial.cKDTree(self.at[known]).query(some)
         return int(np.mean(side[part[known[nearest]]]) > 0.5)
 
     def caps(self) -> list[Cap]:

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import manifold3d
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Bool, Float
 from enliven.document import SkinWeights
@@ -95,6 +95,6 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
     after = corners[len(still) :]
     if not len(after):
         return mesh.materials.taken(still)
-    nearest = cKDTree(old[before].mean(1)).query(after.mean(1))[1]
+    nearest = scipy.spatial.cKDTree(old[before].mean(1)).query(after.mean(1))[1]
     inner = materials_within(mesh.materials, old, after, before[nearest])
     return joined_materials([(mesh.materials.taken(still), len(still)), (inner, len(after))])

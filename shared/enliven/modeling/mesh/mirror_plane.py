@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float
 from enliven.deformation.graph import scatter
@@ -42,7 +42,7 @@ class _Cloud(NamedTuple):
 
     points: Float
     normals: Float
-    tree: cKDTree
+    tree: scipy.spatial.cKDTree
 
 
 class _Found(NamedTuple):
@@ -85,7 +85,7 @@ def _cloud(points: Float, normals: Float, count: int) -> _Cloud:
     """About ``count`` of the points."""
     step = max(len(points) // count, 1)
     points, normals = points[::step], normals[::step]
-    return _Cloud(points, normals, cKDTree(np.concatenate([points, _FACING * normals], 1)))
+    return _Cloud(points, normals, scipy.spatial.cKDTree(np.concatenate([points, _FACING * normals], 1)))
 
 
 def _candidates(points: Float) -> Float:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
@@ -242,7 +242,7 @@ class _Merge:
         if not seam.any():
             return either
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-        away = cKDTree(mesh.vertices[seam]).query(mesh.vertices)[0]
+        away = scipy.spatial.cKDTree(mesh.vertices[seam]).query(mesh.vertices)[0]
         return np.asarray(either & (away > _NEAR * size))
 
     def _layers(
@@ -299,7 +299,7 @@ def _none(puppet: Puppet) -> SkinWeights:
 
 def _meeting(ours: Float, theirs: Float) -> Float:
     """(3,) metres in the world, the middle of where two surfaces are nearest."""
-    away, which = cKDTree(ours).query(theirs)
+    away, which = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
     near = away <= away.min() + scale
     return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import convolve1d, maximum_filter1d
+import scipy
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.document import Clip, Playing, PoseStream
@@ -194,5 +194,5 @@ def _even(drops: Float, wide: int, looped: bool) -> Float:
     mode = "wrap" if looped else "nearest"
     size = 2 * wide + 1
     window = np.hanning(size + 2)[1:-1]
-    high = maximum_filter1d(drops, size, mode=mode)
-    return np.asarray(convolve1d(high, window / window.sum(), mode=mode))
+    high = scipy.ndimage.maximum_filter1d(drops, size, mode=mode)
+    return np.asarray(scipy.ndimage.convolve1d(high, window / window.sum(), mode=mode))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Int
 from enliven.deformation.arap import SelfIntersection
@@ -72,7 +72,7 @@ def sentence(puppet: Puppet, faces: Int) -> str:
     if not puppet.points:
         return "the surface passes through itself"
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)
-    counts = np.bincount(cKDTree(puppet.rest).query(middles)[1], minlength=len(puppet.points))
+    counts = np.bincount(scipy.spatial.cKDTree(puppet.rest).query(middles)[1], minlength=len(puppet.points))
     first, *others = np.argsort(counts, kind="stable")[::-1]
     name = puppet.points[first].name
     if others and counts[others[0]] > 0.15 * counts[first]:

@@ -8,7 +8,7 @@ from functools import wraps
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Int32
 from enliven.document import Plane
@@ -60,7 +60,7 @@ def plane_of(mesh: Mesh) -> Plane | None:
 
 
 @by_mesh
-def tree_of(mesh: Mesh) -> tuple[cKDTree, Int32]:
+def tree_of(mesh: Mesh) -> tuple[scipy.spatial.cKDTree, Int32]:
     """A tree of the vertices that faces use, and (U,) which they are."""
     used = np.unique(mesh.faces)
-    return cKDTree(mesh.vertices[used]), used
+    return scipy.spatial.cKDTree(mesh.vertices[used]), used

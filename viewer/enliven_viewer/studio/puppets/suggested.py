@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.deformation.graph import extremities, scatter
 from enliven.document import Puppet
@@ -61,7 +61,7 @@ def _ends(mesh: Mesh) -> tuple[int, ...]:
     """The vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
-    tree, reach = cKDTree(samples), _NEAR * size_of(mesh)
+    tree, reach = scipy.spatial.cKDTree(samples), _NEAR * size_of(mesh)
     ends = []
     for vertex in found:
         near = tree.query_ball_point(mesh.vertices[vertex], reach)

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from enliven.arrays import Int16
-from enliven.document import SOUND_RATE, Sound
+from enliven.document import SOUND_RATE, Sound, mixed
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sound.mixing import mixed
 
 _APART = 0.08
 """Seconds by which sound and picture may differ: twice what is noticed would be heard as late."""

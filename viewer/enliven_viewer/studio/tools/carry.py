@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Int32
 from enliven.document import Project
@@ -27,7 +27,7 @@ class CarryTool(Tool):
         super().__init__(editor)
         self._held: CharacterDrag | None = None
         self._host: Hit | None = None
-        self._others: list[tuple[str, cKDTree]] = []
+        self._others: list[tuple[str, scipy.spatial.cKDTree]] = []
 
     @property
     def hint(self) -> str:
@@ -107,7 +107,7 @@ class CarryTool(Tool):
             return None
         if not self._others:  # nothing plays during a drag, so that the others stand still
             self._others = [
-                (one.id, cKDTree(_spread(one.vertices, one.character.mesh.faces)))
+                (one.id, scipy.spatial.cKDTree(_spread(one.vertices, one.character.mesh.faces)))
                 for one in self.editor.reachable
                 if one.id != held.character and one.character.mesh is not None
             ]

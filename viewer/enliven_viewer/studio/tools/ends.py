@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import GraphShape, Project
@@ -57,7 +57,7 @@ class EndsTool(Tool):
         if shape is None:
             return np.empty(0, np.int64)
         if len(shape.ends):
-            found = cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
+            found = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
         else:
             found = self._suggested(shape.mesh).copy()
         if self._held is not None and len(found):
@@ -163,4 +163,4 @@ def suggested_ends(mesh: Mesh) -> Int:
         low, high = mesh.bounds
         foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
         ends = standing_figure(float(high[1] - low[1]))[_ENDS_OF_FIGURE] + foot
-    return np.asarray(cKDTree(mesh.vertices).query(ends)[1], np.int64)
+    return np.asarray(scipy.spatial.cKDTree(mesh.vertices).query(ends)[1], np.int64)

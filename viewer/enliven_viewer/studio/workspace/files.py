@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, RigBase, unused
+from enliven.document import Project, RigBase, heard_from, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
@@ -107,7 +107,9 @@ def export(project: Project, path: Path, chosen: list[RigBase] | None = None) ->
     """
     exporter = exporter_of(path)
     made = [performance_of(project, character) for character in chosen or exportable(project)]
-    exporter.write(path, made, path.stem)
+    sounds = project.sounds.values()
+    heard = {"sound": heard_from(sounds, 0.0)} if exporter.heard and sounds else {}
+    exporter.write(path, made, path.stem, **heard)
     said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
     return said + "".join(f". {one.name} is {one.error}" for one in made if one.error is not None)
 

@@ -1,27 +1,14 @@
-"""The samples that are heard of a project's sounds, and how loud they are over time."""
+"""How loud a sound is over time, as a timeline draws it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
-from enliven.arrays import Float32, Int16
+from enliven.arrays import Float32
 from enliven.document import SOUND_RATE, Sound
 
 _LOUDEST = 32767
 """The largest sample of 16 bits."""
-
-
-def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
-    """(count,) what is heard of all sounds together from a sample of the project's time on."""
-    heard = np.zeros(count, np.int32)
-    for one in sounds:
-        begin = round(one.begin * SOUND_RATE)
-        low, high = max(first, begin), min(first + count, begin + len(one.samples))
-        if low < high:
-            heard[low - first : high - first] += one.samples[low - begin : high - begin]
-    return np.clip(heard, -_LOUDEST - 1, _LOUDEST).astype(np.int16)
 
 
 def envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
