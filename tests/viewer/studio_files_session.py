@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_acting_stage import acting_stage
 
-from enliven.document import SOUND_RATE, Sound
 from enliven.exporters import exporter_of, performance_of
+from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.sound import read_sound
 from enliven_viewer.studio.window import StudioWindow
 

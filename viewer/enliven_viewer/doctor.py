@@ -63,7 +63,7 @@ def _encoder() -> Check:
     try:
         import av
 
-        from enliven.film_encoders import choose_encoder
+        from enliven.film import choose_encoder
 
         encoder = choose_encoder(av)
     except ImportError as error:

@@ -81,7 +81,7 @@ def _film(
     import numpy as np
     from PIL import Image
 
-    from enliven.film_writer import FilmWriter
+    from enliven.film import FilmWriter
     from enliven_edge.inspection import Inspector, contact_sheet
     from enliven_edge.tracking import Tracker
 

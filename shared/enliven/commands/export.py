@@ -51,7 +51,7 @@ def export(
     asked = {"unit": unit, "size": size, "morphs": morphs or None}
     options = {name: value for name, value in asked.items() if value is not None}
     exporter = exporter_of(output, (), **options)
-    from enliven.document import heard_from
+    from enliven.sounds import heard_from
     from enliven.takes import exportables_of
 
     found, notes, sounds = exportables_of(source)

@@ -55,7 +55,6 @@ from .project import (
     same as same,
 )
 from .naming import unused as unused
-from .sounds import SOUND_RATE as SOUND_RATE, Sound as Sound, heard_from as heard_from, mixed as mixed
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (
     ControlPoint as ControlPoint,

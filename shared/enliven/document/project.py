@@ -16,9 +16,9 @@ from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
 from enliven.document.smoothing import smoothed
-from enliven.document.sounds import Sound
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
+from enliven.sounds import Sound
 
 R = TypeVar("R", bound=RigBase)
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, Sound, unused
+from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
 from enliven.errors import InputError
 from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
@@ -17,6 +17,7 @@ from enliven.formats.rig import playing
 from enliven.modeling.edits import rig_of
 from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
+from enliven.sounds import Sound
 from enliven.takes.capture_clip import between_times, resampled
 from enliven.takes.files import read_take
 from enliven.takes.possessed import characters_and_poses, with_performance

@@ -26,7 +26,7 @@ from possess_take import Act, perform
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven.film_writer import FilmWriter
+from enliven.film import FilmWriter
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes import Mesh
 from enliven.person import Body

@@ -22,7 +22,7 @@ from PIL import Image
 from tracking_cache import delivered
 from tracking_set import DATA, sequences
 
-from enliven.film_writer import FilmWriter
+from enliven.film import FilmWriter
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader

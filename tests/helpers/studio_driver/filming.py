@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from enliven.film_writer import FilmWriter
+from enliven.film import FilmWriter
 from enliven_viewer.film import Tiles, write_sheet
 from enliven_viewer.studio.actions import KEYS
 from enliven_viewer.studio.viewport import Point

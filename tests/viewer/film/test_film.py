@@ -14,8 +14,7 @@ from rich.console import Console
 
 from enliven.document.character import Character, Pose
 from enliven.errors import InputError, ResourceError
-from enliven.film_encoders import AUTO, ENCODERS, FilmEncoder, choose_encoder
-from enliven.film_writer import FilmWriter
+from enliven.film import AUTO, ENCODERS, FilmEncoder, FilmWriter, choose_encoder
 from enliven.settings import load_settings
 from enliven_viewer.film.film import make_film
 from enliven_viewer.film.sheet import Tiles, write_sheet
@@ -156,7 +155,7 @@ def test_an_odd_size_becomes_even(tmp_path) -> None:
 @pytest.mark.parametrize("name", ["libvpx-vp9", "mpeg4"])
 def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatch, caplog) -> None:
     only = tuple(one for one in ENCODERS if one.name == name)
-    monkeypatch.setattr("enliven.film_encoders.ENCODERS", only)
+    monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.full((32, 64, 3), 200, np.uint8))
     assert f"no H.264 encoder here, so {tmp_path / 'old.mp4'} is {only[0].format}" in caplog.text
@@ -164,7 +163,7 @@ def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatc
 
 
 def test_without_any_encoder_that_is_said(monkeypatch) -> None:
-    monkeypatch.setattr("enliven.film_encoders.ENCODERS", ())
+    monkeypatch.setattr("enliven.film.encoders.ENCODERS", ())
     with pytest.raises(ResourceError, match="no film encoder"):
         choose_encoder(av)
 
@@ -174,7 +173,7 @@ def test_an_encoder_that_is_listed_but_does_not_open_is_passed_over(tmp_path, mo
     broken = FilmEncoder("h264_v4l2m2m", "H.264", "the system's own")
     if broken.name not in av.codecs_available:
         pytest.skip(f"this build of PyAV does not list {broken.name}")
-    monkeypatch.setattr("enliven.film_encoders.ENCODERS", (broken, *ENCODERS))
+    monkeypatch.setattr("enliven.film.encoders.ENCODERS", (broken, *ENCODERS))
     with FilmWriter(tmp_path / "film.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.zeros((32, 64, 3), np.uint8))
     assert writer.codec != broken.name and len(decoded(tmp_path / "film.mp4")) == 1

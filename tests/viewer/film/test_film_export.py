@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from enliven.commands.export import export
-from enliven.document import SOUND_RATE, Clip, Project, Skeleton, Sound, still_shape
+from enliven.document import Clip, Project, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of_clip
 from enliven.formats.project import write_project
 from enliven.rotation import from_rotation_vector
+from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.sound import read_sound
 
 
@@ -61,7 +62,7 @@ def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, cl
 
 
 def test_where_sound_cannot_be_encoded_the_film_is_silent_and_says_so(tmp_path, monkeypatch, caplog) -> None:
-    monkeypatch.setattr("enliven.film_writer._SOUND_CODEC", "no such encoder")
+    monkeypatch.setattr("enliven.film.writer._SOUND_CODEC", "no such encoder")
     path = tmp_path / "arm.mp4"
     loud = np.full(SOUND_RATE, 9_000, np.int16)
     exporter_of(path).write(path, [performance_of_clip(waving())], "arm", size="160x90", sound=loud)

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.document import SOUND_RATE, Sound, mixed
 from enliven.document.project import same
 from enliven.errors import InputError
 from enliven.formats.project import project_of
 from enliven.formats.project.file import project_bytes
+from enliven.sounds import SOUND_RATE, Sound, mixed
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.sound import SoundPlayer, envelope, read_sound
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from enliven.arrays import Int16, UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven.film_writer import FilmWriter
+from enliven.film import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.live import cards_of, draw_cards, time_text

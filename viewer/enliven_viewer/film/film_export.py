@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from enliven.arrays import Int16
-from enliven.document import SOUND_RATE
 from enliven.exporters import Exporter, Performance
+from enliven.sounds import SOUND_RATE
 from enliven_viewer.film.film import ENDED, make_film
 from enliven_viewer.playback import Document, EdgeState, Timeline
 from enliven_viewer.settings import ViewerSettings, sized
@@ -41,7 +41,7 @@ def write_film(
     Args:
         name: the title.
         size: of the pictures, such as "1920x1080"; empty: as the settings say.
-        sound: (N,) samples from the first pose on, :data:`enliven.document.SOUND_RATE` a second.
+        sound: (N,) samples from the first pose on, :data:`enliven.sounds.SOUND_RATE` a second.
 
     Raises:
         InputError: for no such size.

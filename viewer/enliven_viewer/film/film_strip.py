@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
 
 from enliven.arrays import UInt8
-from enliven.film_writer import FilmWriter
+from enliven.film import FilmWriter
 from enliven_viewer.film.sheet import Tiles
 
 WAITING = 4

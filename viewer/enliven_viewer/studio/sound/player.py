@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from enliven.arrays import Int16
-from enliven.document import SOUND_RATE, Sound, mixed
+from enliven.sounds import SOUND_RATE, Sound, mixed
 from enliven_viewer.studio.editor import Editor
 
 _APART = 0.08

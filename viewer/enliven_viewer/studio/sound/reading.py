@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Int16
-from enliven.document import SOUND_RATE, Sound
 from enliven.errors import InputError
+from enliven.sounds import SOUND_RATE, Sound
 
 SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """Endings of sound files."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, RigBase, heard_from, unused
+from enliven.document import Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
@@ -16,6 +16,7 @@ from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
 from enliven.samples import dancing_cactus, load_sample
+from enliven.sounds import heard_from
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven.document import SOUND_RATE, Sound
+from enliven.sounds import SOUND_RATE, Sound
 
 _LOUDEST = 32767
 """The largest sample of 16 bits."""

@@ -12,12 +12,14 @@ import numpy as np
 
 from enliven.arrays import Int16, UInt8
 from enliven.errors import ResourceError
-from enliven.film_encoders import AUTO, choose_encoder
+from enliven.film.encoders import AUTO, choose_encoder
 
 log = logging.getLogger(__name__)
 
-_SOUND_CODEC, _SOUND_BITS = "aac", 128_000
-"""The encoder of sound that every player knows, and bits a second: more than one channel of speech needs."""
+_SOUND_CODEC = "aac"
+"""The encoder of sound that every player knows."""
+_SOUND_BITS = 128_000
+"""Bits a second of sound: more than one channel of music needs."""
 
 
 class FilmWriter:
@@ -29,7 +31,7 @@ class FilmWriter:
             row or column (4:2:0 needs even sizes).
         rate: pictures a second.
         bit_rate: Mbit/s, for encoders that are not told a quality.
-        encoder: the name of one of :data:`enliven.film_encoders.ENCODERS`, or "auto".
+        encoder: the name of one of :data:`enliven.film.encoders.ENCODERS`, or "auto".
         sound: (N,) samples of one channel from the first picture on, and how many a second; heard as long as
             there are pictures.
 
