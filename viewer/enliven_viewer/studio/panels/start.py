@@ -19,6 +19,8 @@ _COLUMN = 250.0
 """Pixels of a column and of its buttons, where there is room."""
 _BETWEEN = 24.0
 """Pixels between the two columns."""
+_LONGEST = max((step.text for step in TOUR), key=len)
+"""The text that every card of the tour has room for, so that they are of one size."""
 _CARD = 320.0
 """Pixels, width of the tour's card: four lines of text."""
 _EDGE = 14.0
@@ -108,9 +110,14 @@ def _tour(workspace: Workspace, area: Area) -> None:
     done = tour.ticked > 0.0
     with tinted(GOOD if done else ACCENT, imgui.Col_.text):
         imgui.text(f"{chr(0xF00C) if done else tour.number + 1}   {tour.step.title}")
+    imgui.begin_group()
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted("Done." if done else tour.text)
     imgui.pop_text_wrap_pos()
+    imgui.end_group()
+    # A card that changed its size would be cut in the first picture of a step.
+    tall = imgui.calc_text_size(_LONGEST, False, imgui.get_content_region_avail().x).y
+    imgui.dummy(ImVec2(0.0, max(tall - imgui.get_item_rect_size().y, 0.0)))
     with tinted(ACCENT, imgui.Col_.plot_histogram), tinted(RAISED, imgui.Col_.frame_bg):
         imgui.progress_bar((tour.number + done) / len(TOUR), ImVec2(-1, 4), "")
     if imgui.small_button("Skip this step"):
