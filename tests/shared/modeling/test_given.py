@@ -27,6 +27,7 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.modeling.possessed import possess_another, solve_again, stale
+from enliven.modeling.puppet import make_puppet
 from enliven.possession import settings_of
 
 WORLD, SOURCE = possessed_chair(frames=30)
@@ -91,6 +92,13 @@ def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     assert np.ptp(vertices_of(made, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
     again, second = give_performance(made, SOURCE, name, nodes=NODES)
     assert second == f"{name} performed 2" and set(again.characters) == {*made.characters, second}
+
+
+def test_a_mesh_as_it_was_opened_is_the_one_that_moves():
+    project = make_puppet(WORLD, replace(STOOL, vertices=2.0 * STOOL.vertices), "stool")
+    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    assert name == "stool" and set(made.characters) == set(project.characters)
+    assert made.graph("stool").parts[0].possession is not None
 
 
 def test_what_moves_already_is_copied_too():

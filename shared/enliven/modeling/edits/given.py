@@ -9,7 +9,7 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphLayer, GraphPart, GraphShape, Project, RigBase, TimeMap, unused
+from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Puppet, RigBase, TimeMap, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import move_character, scale_character
 from enliven.modeling.edits.rigs import foot_of, vertices_of
@@ -38,8 +38,8 @@ def give_performance(
     """Returns a project in which a mesh does what performers did with another one, and its id.
 
     They step into the mesh as it stands at a time, brought to the size that they need; then it has its own
-    size again, and begins where it stood. A possessed mesh that did not move yet is the one that moves; of
-    any other character a copy does, and the character stays.
+    size again, and begins where it stood. A mesh that nothing moves yet, neither motion nor bones nor key
+    poses, is the one that moves; of any other character a copy does, and the character stays.
 
     Args:
         time: seconds.
@@ -82,7 +82,7 @@ def give_performance(
     new = made.graph(name)
     when = {one.name: getattr(layer, one.name) for one in fields(TimeMap) if one.name not in _OF_RECORDING}
     new = new.with_changes(parts=(replace(new.parts[0], **when),))
-    if isinstance(target, GraphShape) and not _moves(project, target):
+    if _is_plain(project, target):
         return made.without(name).with_characters(new.with_changes(id=target_id)), target_id
     called = unused(f"{target_id} performed", project.characters)
     return made.without(name).with_characters(new.with_changes(id=called)), called
@@ -111,6 +111,7 @@ def _height(vertices: Float) -> float:
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 
 
-def _moves(project: Project, shape: GraphShape) -> bool:
-    """Whether a mesh plays anything."""
-    return any(project.length_of(one) > 0.0 for one in shape.playing)
+def _is_plain(project: Project, one: RigBase) -> bool:
+    """Whether a character is a mesh that nothing moves: as it was opened, sketched or scanned."""
+    plain = isinstance(one, GraphShape) or (isinstance(one, Puppet) and len(one.poses) < 2)
+    return plain and not any(project.length_of(layer) > 0.0 for layer in one.playing)

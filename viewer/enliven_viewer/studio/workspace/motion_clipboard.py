@@ -7,10 +7,11 @@ from functools import partial
 
 from enliven.document import GraphShape, Project, RigBase, Shape
 from enliven.errors import InputError
-from enliven.modeling.edits import give_performance, performance_in
+from enliven.modeling.edits import give_performance, move_character, performance_in
 from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace.puppet_commands import aside
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and joints of it, from the root to the end."""
@@ -99,8 +100,11 @@ class MotionClipboard:
             self.editor.toasts.complain(InputError(f"{source} is not there any more", where=name, mend=mend))
             return
 
+        beside = aside(self.editor, [target])
+
         def work() -> _Solved:
-            return *give_performance(project, source, name, time=time, notes=notes), notes
+            made, moved = give_performance(project, source, name, time=time, notes=notes)
+            return made if moved == name else move_character(made, moved, beside), moved, notes
 
         self._begin(f"The performers of {source} step into {name}", work, f"give {source} to {name}", target)
 
