@@ -32,7 +32,7 @@ def main() -> None:
     drawn: list[np.ndarray] = []
 
     def move(angle: float) -> None:
-        area, desktop = window.places.viewport, window._desktop
+        area, desktop = window.places.viewport, window.desktop
         x = area.x + area.width / 2 + RADIUS * math.cos(angle)
         y = area.y + area.height / 2 + RADIUS * math.sin(angle)
         desktop._kept[0](desktop._window, x, y)

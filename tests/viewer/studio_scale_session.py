@@ -60,11 +60,11 @@ def main() -> None:
         if window.pictures == 4:
             said["window"] = list(glfw.get_window_size(own))
             said["usual"] = [io.display_size.x, io.display_size.y]
-            said["scale"] = window._desktop.scale
+            said["scale"] = window.desktop.scale
             left, top, right, bottom = workspace.widget("tool carry")
             place = (left + right) / 2, (top + bottom) / 2
             said["aimed"] = list(place)
-            warp(place[0] * window._desktop.scale, place[1] * window._desktop.scale)
+            warp(place[0] * window.desktop.scale, place[1] * window.desktop.scale)
         elif window.pictures == 20:
             said["pointer"] = [io.mouse_pos.x, io.mouse_pos.y]
             pixels = window.pixels()

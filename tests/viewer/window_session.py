@@ -65,7 +65,7 @@ def main() -> None:
 
     def after(window: StudioWindow) -> None:
         said["frames"] += 1
-        if window._viewport.renderer.ctx.error != "GL_NO_ERROR":
+        if window.gl_error != "GL_NO_ERROR":
             said["errors"].append(said["frames"])
         if said["frames"] == 12:
             said["spread"], said["notice"] = float(window.pixels().std()), live.notice

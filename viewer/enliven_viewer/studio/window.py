@@ -3,52 +3,33 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven_viewer.render import Scene
-from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
+from enliven_viewer.studio.layout import draw_panels, places_of
 from enliven_viewer.studio.panels import (
     apply_style,
-    draw_curves,
     draw_dialogs,
-    draw_menu,
-    draw_overlay,
-    draw_side,
-    draw_source,
-    draw_timeline,
-    draw_toolbar,
     load_fonts,
-    split_side,
 )
-from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
-from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.stage import (
     draw_inset,
     draw_live,
-    draw_perform,
-    draw_rooms,
-    draw_scan,
     draw_scan_over,
     draw_side_view,
-    place_of_side_view,
 )
 from enliven_viewer.studio.perform import PerformerInset
-from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
-from enliven_viewer.studio.picture import GlancePictures, Viewport
-from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools import MapTool, PaintTool
-from enliven_viewer.studio.viewport import StandingCharacter
+from enliven_viewer.studio.pictures import WindowPictures, hides_live
+from enliven_viewer.studio.places import Area, Places
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
@@ -59,13 +40,6 @@ _SAMPLES = 0
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
 
 
-_WITHOUT: dict[str, tuple[str, ...]] = {
-    "Perform": ("tools",),
-    "Animate": (),
-    "Model": ("timeline",),
-    "Play": ("tools", "side"),
-}
-"""The panels that each workspace puts out of reach."""
 _USUAL = WindowStart()
 """With panels, in a window, which asks before it throws work away."""
 _MINIMISED_PAUSE = 0.05
@@ -88,14 +62,9 @@ class StudioWindow:
         self.pace = 0.0  # pictures a second of late
         self._windowed: Place | None = None
         self.pictures = 0
-        self._viewport: Viewport | None = None
-        self._source: Viewport | None = None
-        self._performer: PerformerPicture | None = None
-        self._thumbnails: Thumbnails | None = None
-        self._desktop: Desktop | None = None
+        self._pictures: WindowPictures | None = None
+        self.desktop: Desktop | None = None
         self._inset = PerformerInset()
-        self._glances: GlancePictures | None = None
-        self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
 
@@ -156,7 +125,7 @@ class StudioWindow:
                 after(self)
 
         calls.pre_new_frame, calls.before_swap = first, last
-        calls.post_new_frame = lambda: self._desktop.lay_out() if self._desktop else None
+        calls.post_new_frame = lambda: self.desktop.lay_out() if self.desktop else None
         try:
             hello_imgui.run(runner)
         except RuntimeError as error:
@@ -184,22 +153,19 @@ class StudioWindow:
 
     def pixels(self) -> UInt8:
         """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
-        assert self._viewport is not None
-        width, height = self._framebuffer_size()
-        raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
-        _ = self._viewport.renderer.ctx.error  # moderngl asks a window for buffers that it lacks
-        return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
+        assert self._pictures is not None
+        return self._pictures.pixels()
+
+    @property
+    def gl_error(self) -> str:
+        """What OpenGL says of the calls since it was asked last; "GL_NO_ERROR" where nothing is wrong."""
+        assert self._pictures is not None
+        return str(self._pictures.viewport.renderer.ctx.error)
 
     @property
     def places(self) -> Places:
         """The layout of the panels at the window's size."""
-        size = imgui.get_io().display_size
-        room = self.workspace.perform.room
-        without = ("menu", "tools", "side", "timeline") if self.opening.bare else _WITHOUT[room]
-        if room == "Play" and self.workspace.perform.live is not None:
-            without = (*without, "timeline")  # the live one is drawn over the picture
-        how = {"puppet": self._edits_puppet, "curves": self.workspace.curves.on}
-        return places_in(size.x, size.y, without=without, **how)
+        return places_of(self.workspace, bare=self.opening.bare)
 
     @property
     def _idle(self) -> bool:
@@ -208,183 +174,53 @@ class StudioWindow:
         still = perform.live is None or perform.live.quiet
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
-    @property
-    def _edits_puppet(self) -> bool:
-        """Whether a puppet is edited; its performer and its key poses are shown then."""
-        return (
-            self.workspace.puppets.puppet is not None
-            and self.workspace.perform.room in ("Animate", "Model")
-            and not isinstance(self.workspace.input.tool, (MapTool, PaintTool))
-            and not self.workspace.editor.selection.several
-        )
-
-    @property
-    def _hides_live(self) -> bool:
-        """Whether what is live is hidden by its eye, which holds outside performing."""
-        return self.workspace.outliner.live_hidden and self.workspace.perform.room in ("Animate", "Model")
-
     def _start(self) -> None:
         # Keys are the tools': Space must not press the button that was clicked last.
         imgui.get_io().config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
-        settings = self.workspace.editor.settings
-        context = window_context()
-        self._screen = context.detect_framebuffer()  # now, while the window's own is bound
-        self._viewport = Viewport(context, (64, 64), settings.render)
-        self._viewport.renderer.textures.beside = self.step is None  # films wait for every picture
-        self._source = Viewport(context, (64, 64), settings.render)
-        self._performer = PerformerPicture(self._source.renderer)
-        self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
-        self._desktop = Desktop(self.workspace)
-        self._glances = GlancePictures(context)
-
-    def _framebuffer_size(self) -> tuple[int, int]:
-        io = imgui.get_io()
-        scale = io.display_framebuffer_scale
-        return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)
+        self._pictures = WindowPictures(self.workspace, films=self.step is not None)
+        self.desktop = Desktop(self.workspace)
 
     def _picture(self) -> None:
-        """Draw the 3-D picture in the middle of the window."""
-        assert self._viewport is not None
+        """Let time go on, and draw the 3-D picture in the middle of the window."""
         now = time.monotonic()
         elapsed = min(now - self._last, _LONGEST_STEP) if self.step is None else self.step
         self._last = now
-        editor, area = self.workspace.editor, self.places.viewport
+        workspace, area = self.workspace, self.places.viewport
+        editor = workspace.editor
         editor.size = (area.width, area.height)
         if not self._framed:
             self._framed = True
             editor.frame_all(at_once=True)
         self.pace += (1 / max(elapsed, 1e-3) - self.pace) * min(elapsed * 2, 1.0)
         editor.advance(elapsed)
-        perform = self.workspace.perform
-        perform.advance(elapsed)
-        self.workspace.sound.follow()
-        scan = self.workspace.scan
-        scan.advance()
-        self._draw_source()
-        scale = imgui.get_io().display_framebuffer_scale.y
-        size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
-        renderer = self._viewport.renderer
-        renderer.look = editor.look
-        renderer.resize(size)
-        stage = [one for one in editor.seen if one.id not in perform.hidden and not scan.active]
-        live = None if self._hides_live else scan.beside(perform.scene)
-        self._draw_side(stage, live)
-        self._viewport.draw(
-            stage,
-            editor.lens,
-            editor.selection,
-            self.workspace.input.tool.overlay(),
-            over=self.workspace.input.tool.picture(),
-            ghosts=self.workspace.ghosts.picture(),
-            meshes=editor.show_meshes,
-            bones=editor.show_bones and perform.room in ("Animate", "Model"),
-            live=live,
-            growing=scan.surface,
-        )
-        bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
-        renderer.present(self._screen, (round(area.x * scale), bottom))
-        self._screen.viewport = (0, 0, *self._framebuffer_size())
-
-    def _draw_source(self) -> None:
-        """Draw the take while motion is mapped, or the performer while a puppet is edited."""
-        tool = self.workspace.input.tool
-        if self._edits_puppet:
-            self._draw_performer()
-            return
-        posed = tool.source.posed() if isinstance(tool, MapTool) else None
-        if not isinstance(tool, MapTool) or posed is None or self._source is None:
-            return
-        scale = imgui.get_io().display_framebuffer_scale.y
-        wide, high = tool.source.size
-        self._source.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
-        self._source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
-
-    def _draw_side(self, stage: Sequence[StandingCharacter], live: Scene | None) -> None:
-        """Draw the limb that is about to be held from the side; performing needs no picture of a take."""
-        place = place_of_side_view(self.workspace, self.places.viewport)
-        lens = self.workspace.perform.close_up.lens(place.width, place.height)
-        if lens is None or self._source is None:
-            return
-        scale = imgui.get_io().display_framebuffer_scale.y
-        self._source.renderer.look = self.workspace.editor.look
-        self._source.renderer.resize(
-            (max(round(place.width * scale), 1), max(round(place.height * scale), 1))
-        )
-        selection = self.workspace.editor.selection
-        self._source.draw(stage, lens, selection, self.workspace.input.tool.overlay(), bones=False, live=live)
-
-    def _draw_performer(self) -> None:
-        view = self.workspace.performer
-        view.follow()
-        if self._thumbnails is not None:
-            self._thumbnails.work()
-        figure = view.figure()
-        if figure is not None and self._performer is not None:
-            scale = imgui.get_io().display_framebuffer_scale.y
-            wide, high = view.size
-            self._performer.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
-            self._performer.draw(figure, view.lens, view.paired(), view.hovered)
+        workspace.perform.advance(elapsed)
+        workspace.sound.follow()
+        workspace.scan.advance()
+        assert self._pictures is not None
+        self._pictures.draw(area)
 
     def _gui(self) -> None:
         """Draw the panels, and pass the input beside them to the viewport."""
-        places = self.places
+        places, pictures = self.places, self._pictures
+        assert pictures is not None
         if not self.opening.bare:
-            self._panels(places)
-            if not self._hides_live and self._glances is not None:
-                draw_inset(self.workspace, places.viewport, self._inset, self._glances)
-            if self.workspace.perform.close_up.box is not None and self._source is not None:
-                draw_side_view(self.workspace, places.viewport, self._source.renderer.picture.texture.glo)
+            draw_panels(self.workspace, places, pictures)
+            if not hides_live(self.workspace):
+                draw_inset(self.workspace, places.viewport, self._inset, pictures.glances)
+            if self.workspace.perform.close_up.box is not None:
+                texture = pictures.source.renderer.picture.texture.glo
+                draw_side_view(self.workspace, places.viewport, texture)
             draw_live(self.workspace, places.viewport, self.pace)
             draw_scan_over(self.workspace, places.viewport)
         asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
         draw_dialogs(self.workspace)
         self._listen(places.viewport, keys=not asking)
         self.workspace.store.autosave()
-        if self._desktop is not None:
-            self._desktop.follow()
+        if self.desktop is not None:
+            self.desktop.follow()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()
-
-    def _panels(self, places: Places) -> None:
-        """Draw the menu and the panels of the workspace."""
-        room = self.workspace.perform.room
-        draw_menu(self.workspace)
-        draw_rooms(self.workspace)
-        if places.tools.width:
-            draw_toolbar(self.workspace, places.tools)
-        if room == "Perform" and self.workspace.scan.shown:
-            draw_scan(self.workspace, places.side)
-        elif room == "Perform":
-            draw_perform(self.workspace, places.side)
-        elif places.side.width:
-            self._side(places)
-        if places.timeline.height:
-            draw_timeline(self.workspace, places.timeline)
-        if places.curves is not None:
-            draw_curves(self.workspace, places.curves)
-        draw_overlay(self.workspace, places.viewport, tool=room in ("Animate", "Model"))
-
-    def _side(self, places: Places) -> None:
-        """Draw the outliner, and below it what is chosen."""
-        tool, column = self.workspace.input.tool, places.side
-        if isinstance(tool, MapTool) and self._source is not None:
-            column, below = split_side(column)
-            texture = self._source.renderer.picture.texture.glo
-            draw_source(self.workspace, tool, below, places.viewport, texture)
-        above, below = split_outliner(column, self.workspace.outliner.share)
-        chosen = self.workspace.editor.selection
-        if chosen.character is None or (column is not places.side and chosen.layer is None):
-            above = column  # nothing is chosen, or there is no room for more than the tree and the source
-        elif places.performer is None:
-            draw_side(self.workspace, below)
-        draw_outliner(self.workspace, above, column)
-        if places.performer is not None and self._performer is not None:
-            texture = self._performer.renderer.picture.texture.glo
-            draw_performer(self.workspace, places.performer, texture)
-            draw_examples(self.workspace, below)
-            if places.strip is not None and self._thumbnails is not None:
-                draw_strip(self.workspace, places.strip, self._thumbnails)
 
     def _listen(self, area: Area, *, keys: bool = True) -> None:
         """Passes pointer, buttons, wheel and keys over the viewport on."""
@@ -393,7 +229,7 @@ class StudioWindow:
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
         free = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
         spot = (io.mouse_pos.x, io.mouse_pos.y)
-        for x, y in self._desktop.path.take(spot) if self._desktop is not None else [spot]:
+        for x, y in self.desktop.path.take(spot) if self.desktop is not None else [spot]:
             passed = (x - area.x, y - area.y)
             if passed != user_input.at and (free or user_input.busy):
                 user_input.move(passed, **held)

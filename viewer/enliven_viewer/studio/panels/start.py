@@ -19,8 +19,8 @@ _COLUMN = 250.0
 """Pixels of a column and of its buttons, where there is room."""
 _BETWEEN = 24.0
 """Pixels between the two columns."""
-_LONGEST = max((step.text for step in TOUR), key=len)
-"""The text that every card of the tour has room for, so that they are of one size."""
+_BAR = 4.0
+"""Pixels of the height of the bar of progress."""
 _CARD = 320.0
 """Pixels, width of the tour's card: four lines of text."""
 _EDGE = 14.0
@@ -105,21 +105,16 @@ def _tour(workspace: Workspace, area: Area) -> None:
         return
     corner = ImVec2(area.x + area.width - _EDGE, area.y + area.height - _EDGE)
     imgui.set_next_window_pos(corner, imgui.Cond_.always, ImVec2(1.0, 1.0))
-    imgui.set_next_window_size(ImVec2(min(_CARD, area.width - 2 * _EDGE), 0))
-    imgui.begin("Tour", None, _FLAGS | imgui.WindowFlags_.always_auto_resize)
-    done = tour.ticked > 0.0
+    done, wide = tour.ticked > 0.0, min(_CARD, area.width - 2 * _EDGE)
+    imgui.set_next_window_size(ImVec2(wide, _tall("Done." if done else tour.text, wide)))
+    imgui.begin("Tour", None, _FLAGS)
     with tinted(GOOD if done else ACCENT, imgui.Col_.text):
         imgui.text(f"{chr(0xF00C) if done else tour.number + 1}   {tour.step.title}")
-    imgui.begin_group()
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted("Done." if done else tour.text)
     imgui.pop_text_wrap_pos()
-    imgui.end_group()
-    # A card that changed its size would be cut in the first picture of a step.
-    tall = imgui.calc_text_size(_LONGEST, False, imgui.get_content_region_avail().x).y
-    imgui.dummy(ImVec2(0.0, max(tall - imgui.get_item_rect_size().y, 0.0)))
     with tinted(ACCENT, imgui.Col_.plot_histogram), tinted(RAISED, imgui.Col_.frame_bg):
-        imgui.progress_bar((tour.number + done) / len(TOUR), ImVec2(-1, 4), "")
+        imgui.progress_bar((tour.number + done) / len(TOUR), ImVec2(-1, _BAR), "")
     if imgui.small_button("Skip this step"):
         tour.skip()
     workspace.remember("tour skip")
@@ -128,3 +123,10 @@ def _tour(workspace: Workspace, area: Area) -> None:
         workspace.end_tour()
     workspace.remember("tour end")
     imgui.end()
+
+
+def _tall(text: str, wide: float) -> float:
+    """Pixels of the height of a card of the tour; ImGui's own way knows it one picture late, and cuts it."""
+    style, line = imgui.get_style(), imgui.get_text_line_height()
+    wrapped = imgui.calc_text_size(text, False, wide - 2 * style.window_padding.x).y
+    return float(2 * style.window_padding.y + 2 * line + wrapped + _BAR + 3 * style.item_spacing.y)

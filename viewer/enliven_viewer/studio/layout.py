@@ -1,0 +1,83 @@
+"""Lays out and draws a window's panels."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from enliven_viewer.studio.panels import (
+    draw_curves,
+    draw_menu,
+    draw_overlay,
+    draw_side,
+    draw_source,
+    draw_timeline,
+    draw_toolbar,
+    split_side,
+)
+from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
+from enliven_viewer.studio.panels.stage import draw_perform, draw_rooms, draw_scan
+from enliven_viewer.studio.pictures import WindowPictures, edits_puppet
+from enliven_viewer.studio.places import Places, places_in
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.workspace import Workspace
+
+_WITHOUT: dict[str, tuple[str, ...]] = {
+    "Perform": ("tools",),
+    "Animate": (),
+    "Model": ("timeline",),
+    "Play": ("tools", "side"),
+}
+"""The panels that each workspace puts out of reach."""
+
+
+def places_of(workspace: Workspace, *, bare: bool) -> Places:
+    """Returns the layout of the panels at the window's size; of a bare window, that of the picture alone."""
+    size, room = imgui.get_io().display_size, workspace.perform.room
+    without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
+    if room == "Play" and workspace.perform.live is not None:
+        without = (*without, "timeline")  # the live one is drawn over the picture
+    how = {"puppet": edits_puppet(workspace), "curves": workspace.curves.on}
+    return places_in(size.x, size.y, without=without, **how)
+
+
+def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
+    """Draws the menu and the panels of the workspace."""
+    room = workspace.perform.room
+    draw_menu(workspace)
+    draw_rooms(workspace)
+    if places.tools.width:
+        draw_toolbar(workspace, places.tools)
+    if room == "Perform" and workspace.scan.shown:
+        draw_scan(workspace, places.side)
+    elif room == "Perform":
+        draw_perform(workspace, places.side)
+    elif places.side.width:
+        _side(workspace, places, pictures)
+    if places.timeline.height:
+        draw_timeline(workspace, places.timeline)
+    if places.curves is not None:
+        draw_curves(workspace, places.curves)
+    draw_overlay(workspace, places.viewport, tool=room in ("Animate", "Model"))
+
+
+def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
+    """Draws the outliner, and below it what is chosen."""
+    tool, column = workspace.input.tool, places.side
+    if isinstance(tool, MapTool):
+        column, below = split_side(column)
+        texture = pictures.source.renderer.picture.texture.glo
+        draw_source(workspace, tool, below, places.viewport, texture)
+    above, below = split_outliner(column, workspace.outliner.share)
+    chosen = workspace.editor.selection
+    if chosen.character is None or (column is not places.side and chosen.layer is None):
+        above = column  # nothing is chosen, or there is no room for more than the tree and the source
+    elif places.performer is None:
+        draw_side(workspace, below)
+    draw_outliner(workspace, above, column)
+    if places.performer is not None:
+        texture = pictures.performer.renderer.picture.texture.glo
+        draw_performer(workspace, places.performer, texture)
+        draw_examples(workspace, below)
+        if places.strip is not None:
+            draw_strip(workspace, places.strip, pictures.thumbnails)
