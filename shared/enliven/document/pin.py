@@ -36,6 +36,7 @@ class ContactSettings:
         low=0.0,
         high=1.0,
     )
+    above: bool = setting(False, "Keep the foot above the floor that its shape stands on at rest.")
     drop: float = setting(
         0.1,
         "How far the root may come down so that a foot reaches its place.",

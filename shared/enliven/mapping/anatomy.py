@@ -51,6 +51,8 @@ _ONWARD = 0.5
 """Cosine between a girdle bone and the next below which the limb bends there: 60 degrees."""
 _GIRDLE = 0.6
 """Share of a limb that is girdle at most; more would leave too little limb."""
+_KNEED = 3
+"""Joints that a leg proper has at least: with fewer it could not bend."""
 _THICK = 0.7
 """Share of the limb's second longest bone that the first bone of the limb proper has at least."""
 _FLOOR = 0.15
@@ -240,12 +242,14 @@ def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
     second = np.sort(bones[aside])[-2:][0] if aside.any() else 0.0
     limb = aside & (bones >= _THICK * second) & ~_sideways(at[list(chain)])
     start = int(limb.argmax()) if limb.any() else 0
-    while start and _length(chain[: start + 1], at) > _GIRDLE * length:
-        start -= 1
     floor, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
     end = at[chain[-1]]
     drop = float(at[list(chain), 1].max() - end[1])
     grounded = bool(end[1] < floor + _FLOOR * tall and drop > _DROP * tall)
+    while start and (
+        _length(chain[: start + 1], at) > _GIRDLE * length or (grounded and len(chain) - start < _KNEED)
+    ):
+        start -= 1
     return SkeletonLimb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
 
 

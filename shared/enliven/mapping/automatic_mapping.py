@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.softening import softened
-from enliven.mapping.steps import leg_of, legs_that_step, stepped
+from enliven.mapping.steps import leg_of, legs_that_step, step_sizes, stepped
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
 
@@ -126,21 +126,38 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
 
 
 def with_feet_pinned(
-    project: Project, shape: Shape, stepping: Sequence[SkeletonLimb] = (), level: bool = False
+    project: Project,
+    shape: Shape,
+    steps: Mapping[SkeletonLimb, float] | None = None,
+    level: bool = False,
+    above: bool = False,
 ) -> Project:
     """The project with the last joint but one of every leg, where its foot begins, held while it stands.
 
-    Legs that step reach the floor already: the body does not come down for them. Where the shape is kept on
-    the floor (``level``), feet keep their height and are held in their place along the floor only: an ankle
-    sinks as its foot rolls, and a foot that were held above would be off the floor.
+    Legs that step reach the floor already: the body does not come down for them.
+
+    Args:
+        steps: the legs that step, and metres that tell how large their steps are: a foot counts as lifted,
+            or on its way, in this measure and not in its leg's length. See :func:`step_sizes`.
+        level: the shape is kept on the floor. Feet keep their height and are held in their place along the
+            floor only: an ankle sinks as its foot rolls, and a foot that were held above would be off it.
+        above: feet that would go below the floor are brought up to it.
     """
+    steps, usual = steps or {}, ContactSettings(sink=float(level), above=above)
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair):
         leg = leg_of(limb)
         if len(leg) > 2:
-            drop = 0.0 if limb in stepping else ContactSettings.drop
-            how = ContactSettings(drop=drop, sink=float(level))
+            how = _short_steps(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
             project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
     return project
+
+
+def _short_steps(
+    usual: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
+) -> ContactSettings:
+    """When a foot stands that steps as a leg of ``size`` metres does; the body does not come down for it."""
+    share = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
+    return replace(usual, drop=0.0, height=share * usual.height, speed=share * usual.speed)
 
 
 def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
@@ -191,11 +208,13 @@ def retarget(
     duration = max(layer.end(based.duration) for layer in layers)
     itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
     stepping = legs_that_step(shape, clip, plan)
-    level = plan.floor and stands(shape) and not itself
+    upright = stands(shape) and not itself
+    level = plan.floor and upright
     if level:
         project = stepped(project, shape.id, clip, based, plan)
         project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
     if plan.pin:
-        project = with_feet_pinned(project, shape, stepping, level)
+        steps = step_sizes(shape, clip, based, plan)
+        project = with_feet_pinned(project, shape, steps, level, above=upright and not level)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)

@@ -76,8 +76,7 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
         return project
     times = np.linspace(0.0, duration, int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1)
     turns, joints = Player(project, shape_id).sample(times)
-    scale = plan.stride * travel_scale(shape.with_changes(travel_scale=None), based)
-    performer = _Performer(shape, clip, plan, times, scale)
+    performer = _Performer(shape, clip, plan, times, _scale(shape, based, plan))
     for step in steps:
         _bend(shape.skeleton, step, performer, turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
@@ -92,6 +91,25 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
 def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """The legs of a shape that step as the performer's feet do, and are not swung by their angles."""
     return tuple(step.limb for step in _steps(shape, clip, plan))
+
+
+def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
+    """The legs that step, and metres of a performer's leg in the size of the model's steps.
+
+    A model with long legs that takes short steps lifts its feet by little of their length.
+    """
+    scale = _scale(shape, based, plan)
+    return {step.limb: scale * _length(clip.skeleton, step.by) for step in _steps(shape, clip, plan)}
+
+
+def _scale(shape: Shape, based: Clip, plan: Plan) -> float:
+    """Metres that a foot of a shape goes for one of the performer's."""
+    return plan.stride * travel_scale(shape.with_changes(travel_scale=None), based)
+
+
+def _length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
+    """Metres of a limb without its girdle."""
+    return max(float(skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
 
 def _steps(shape: Shape, clip: Clip, plan: Plan) -> list[_Step]:
@@ -191,19 +209,17 @@ class _Performer:
 
     def walks(self, arm: SkeletonLimb) -> Float:
         """(T,) 1 while the performer walks and an arm hangs, 0 while they stand or raise it, smoothly."""
-        below = (self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]) / self._length(arm)
-        left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)
-        passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1) / self._length(
-            self._legs[0]
+        below = (self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]) / _length(
+            self.skeleton, arm
         )
+        left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)
+        passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
+        passing /= _length(self.skeleton, self._legs[0])
         passing = scipy.ndimage.maximum_filter1d(passing, max(round(_STRIDE / self.step), 1), mode="nearest")
         hangs = np.clip((below - _RAISED) / (_HANGS - _RAISED), 0.0, 1.0)
         share = hangs * np.clip((passing - _SHUFFLE) / (_WALKS - _SHUFFLE), 0.0, 1.0)
         wide = max(round(_SMOOTH / self.step), 1)
         return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
-
-    def _length(self, limb: SkeletonLimb) -> float:
-        return max(float(self.skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
 
 def _bend(skeleton: Skeleton, step: _Step, performer: _Performer, turns: Float, joints: Float) -> None:

@@ -87,6 +87,24 @@ def spider() -> Skeleton:
     return body(*joints)
 
 
+def crawler(random) -> Skeleton:
+    """Two to five pairs of legs of three or four joints, high or wide, with knees above the body or below."""
+    pairs, tall, wide = int(random.integers(2, 6)), random.uniform(0.25, 1.2), random.uniform(0.5, 1.8)
+    tail = (0, tall * random.uniform(0.9, 1.2), -random.uniform(0.5, 1.3))
+    joints = [("body", None, (0, tall, 0)), ("abdomen", "body", tail)]
+    for k in range(pairs):
+        z = 0.25 * (pairs - 1) - 0.5 * k
+        knee, far = tall * random.uniform(0.5, 1.9), z * random.uniform(0.8, 1.7)
+        joints.append((f"Lcoxa {k}", "body", (0.2, tall, z / 3)))
+        joints.append((f"Lknee {k}", f"Lcoxa {k}", (0.2 + 0.4 * wide, knee, 0.6 * far)))
+        above = f"Lknee {k}"
+        if random.random() < 0.4:
+            joints.append((f"Lshank {k}", above, (0.2 + 0.75 * wide, 0.45 * knee, 0.8 * far)))
+            above = f"Lshank {k}"
+        joints.append((f"Lfoot {k}", above, (0.2 + wide, 0.0, far)))
+    return body(*joints, named=bool(random.random() < 0.5))
+
+
 def snake() -> Skeleton:
     joints = [("middle", None, (0, 0.1, 0))]
     joints += [(f"fore {k}", "middle" if k == 1 else f"fore {k - 1}", (0, 0.1, 0.3 * k)) for k in (1, 2, 3)]

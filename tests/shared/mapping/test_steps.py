@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, snake, spider, walk
+from made_bodies import crawler, horse, man, meshed, random_motion, snake, spider, walk
 
 from enliven.document.clip import joint_places
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.ground import floor_of, surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import softened
 from enliven.mapping.steps import legs_that_step
@@ -57,6 +58,23 @@ def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
     assert (pairs[:, 1:] & pairs[:, :-1]).mean() < 0.1, "legs behind one another step in turn"
     np.testing.assert_allclose(np.linalg.norm(at[-1] - at[0], axis=1), gone, rtol=0.01)
     assert quality_of(made.project, model, clip, made.duration).slide < 2.5
+
+
+@settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(st.integers(0, 10_000))
+def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
+    """However long its legs are for its steps: a foot is held where it stands, and not dragged along."""
+    random = np.random.default_rng(seed)
+    shape, clip = meshed("crawler", crawler(random)), walk(random.uniform(0.2, 0.6), random.uniform(-3, 3))
+    pinned, tall = made_of(shape, clip, pin=True), np.ptp(shape.mesh.vertices[:, 1])
+    (joints, free), (_, held) = feet(made_of(shape, clip)), feet(pinned)
+    gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
+    assert len(legs_that_step(shape, clip, automatic(clip, shape))) == free.shape[1]
+    assert np.linalg.norm(held - free, axis=2).max() < 0.12 * gone
+    low = [at[:, 1].min() for at in surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
+    assert min(low) - floor_of(shape) > -0.015 * tall
+    loose = made_of(shape, clip, pin=True, floor=False)
+    assert feet(loose)[1][..., 1].min() > -1e-3 * tall, "without the floor kept, feet that hold keep it"
 
 
 @settings(max_examples=5, deadline=None)

@@ -42,6 +42,8 @@ class HeldPin:
         settings: when it is in contact.
         below: (B,) int32 the foot's joint and all that hangs on it.
         sole: metres that the lowest of these is above the sole of the mesh, at rest.
+        ground: metres, the height of the floor that the shape stands on at rest, in its place.
+        stance: metres that the foot's joint is above that floor, at rest.
     """
 
     chain: Int32
@@ -52,6 +54,8 @@ class HeldPin:
     settings: ContactSettings
     below: Int32
     sole: float
+    ground: float
+    stance: float
 
 
 def pin_feet(
@@ -112,8 +116,9 @@ def held_pins(shape: Shape) -> list[HeldPin]:
         if shape.mesh is not None:
             ground = min(ground, shape.mesh.vertices[:, 1].min())
         sole = float(skeleton.positions[below, 1].min() - ground)
+        stance = float(skeleton.positions[chain[-1], 1] - ground)
         limb = (np.array(chain, np.int32), middle, side, size, kept)
-        made.append(HeldPin(*limb, pin.settings, below, sole))
+        made.append(HeldPin(*limb, pin.settings, below, sole, float(ground + shape.place[1]), stance))
     return made
 
 

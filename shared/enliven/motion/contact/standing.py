@@ -95,7 +95,9 @@ class Standing:
             limb = (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, pin.settings.sink, weights, goals, drops, turns, joints)
         for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
-            _lift(pin, ground, times, tree, turns, joints)
+            _lift(pin, 0.0, _held(pin, ground, times)[0], tree, turns, joints)
+        for pin in (pin for pin, _ in self.pins if pin.settings.above):
+            _lift(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
 
 
 def standing_of(
@@ -124,6 +126,8 @@ def standing_of(
             grounds.append(_while(mode == GROUND, times))
         seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
+        if pin.settings.above:
+            seen.places[:, 1] = np.maximum(seen.places[:, 1], pin.ground + pin.stance)
         made.append((pin, seen))
         drops = np.maximum(drops, _needed(pin, joints, *_held(pin, seen, times), most))
     wide = max((pin.settings.blend for pin in pins), default=0.0)
@@ -145,17 +149,19 @@ def _while(on: Bool, times: Float) -> Contacts:
 
 
 def _lift(
-    pin: HeldPin, ground: Contacts, times: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
+    pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
-    """Brings a foot up that has its sole below the floor; changes turns and joints in place."""
-    weights, _ = _held(pin, ground, times)
-    lift = weights * np.maximum(pin.sole - joints[:, pin.below, 1].min(1), 0.0)
+    """Brings a foot up, as much as ``weights`` (T,) says, that has its sole below a floor, in metres.
+
+    Changes turns (T, N, 4) and joints (T, N, 3) in place.
+    """
+    lift = weights * np.maximum(floor + pin.sole - joints[:, pin.below, 1].min(1), 0.0)
     if not (lift > 0.0).any():
         return
     goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
     limb = (pin.chain, pin.middle, pin.side, pin.kept)
     up = np.asarray(lift > 0.0, np.float64)
-    pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(times)), turns, joints)
+    pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(lift)), turns, joints)
 
 
 def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
