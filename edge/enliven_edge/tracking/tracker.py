@@ -26,7 +26,8 @@ _YOUNG = 1.0
 """Seconds of a room's age up to which people may have been learnt as a part of it."""
 _SURFACE = 0.05
 """Metres from a person's surface within which such a part of the room is the person: the fit's error."""
-
+_BESIDE = 0.12
+"""Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
 _LEGS_WITHOUT_FLOOR = 0.5
 """Confidence of a knee, ankle or foot at the most while the floor is not known: where it is guessed, shins
 end on the guess."""
@@ -173,6 +174,7 @@ class Tracker:
         people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._take_back(room, view)
+        self._give_up(room, view)
         self._mounting.watch(view, agreement, people)
         return self._bodies(frame)
 
@@ -181,6 +183,16 @@ class Tracker:
         people = [p.follower.posture for p in self._people.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
+
+    def _give_up(self, room: RoomModel, view: FrameView) -> None:
+        """Learns as the room what touches a person, lies beside the body and never moves: furniture.
+
+        It was there with the person when the room was first seen.
+        """
+        still = room.still(self._owner >= 0)
+        if still.any():
+            people = [p.follower.posture for p in self._people.people]
+            room.absorb(still & ~lying_on(view, people, self.settings.scene.floor_band, _BESIDE))
 
     def _room_of(self, view: FrameView) -> RoomModel:
         """The room model, a new one where the sensor was moved or exchanged."""

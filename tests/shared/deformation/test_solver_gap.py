@@ -64,6 +64,21 @@ def test_a_frame_on_a_ridge_says_so_and_the_next_is_below_it():
 
 
 @settings(deadline=None, max_examples=6)
+@given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0), st.sampled_from([60, 3]))
+@example(*BUCKLES, 60)
+def test_a_performer_who_stays_gets_the_minimum_though_nobody_asks(seed, nodes, pace, most):
+    """What a frame left, on a ridge or for want of steps, the next ones make up."""
+    problem = random_problem(seed, nodes, 16, pace)
+    solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(iterations=most))
+    peer = PlainGaussNewton(problem.graph, problem.points)
+    for targets in problem.targets:
+        solver.solve(targets)
+    for _ in range(60):
+        solver.solve(targets)
+    assert gap_of(peer, solver, targets) <= GAP
+
+
+@settings(deadline=None, max_examples=6)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6))
 def test_what_a_frame_cannot_do_in_its_steps_is_said_and_made_up_by_the_next(seed, most):
     problem = random_problem(seed, 32, 12, 2.0)

@@ -27,6 +27,8 @@ _WHILE_FOLLOWING = 0.6
 """Share of the search budget while people are followed in a known room: their fits take time too."""
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""
+_ALIKE = 0.75
+"""Share of a newcomer's area from which it is the same group in two frames, without or with furniture."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """The part of a step of a newcomer's middle that moves its body: its height changes with what is seen."""
 
@@ -137,7 +139,9 @@ class PeopleFinder:
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
             return body.shown.pixels
-        if newcomer.seen_ns == view.time_ns:
+        same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
+        if same and newcomer.seen_ns == view.time_ns:
+            # Where furniture came on or off, its middle says nothing of how the body moved.
             follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
         free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
         pixels = segmented(view, free, [follower.posture]).pixels(0)

@@ -41,6 +41,8 @@ _DARK = 2.0
 """Seconds without a measurement after which the room is forgotten at a pixel: depth flickers for less."""
 _MEASURED = 0.5
 """Share of the known room that must be measured meanwhile: with less the lens is covered."""
+_STILL = 0.7
+"""Seconds for which a person's pixel has one depth where it is furniture: a person who stands sways."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -117,6 +119,14 @@ class RoomModel:
         """
         _guard(owner, ids, z, self._guarded, self._guard_z)
 
+    def still(self, where: Bool) -> Bool:
+        """(h, w) the pixels of some, of no known room, that have had one depth for as long as no person does."""
+        return np.asarray(where & (self.z == 0.0) & (self._waited > _STILL))
+
+    def absorb(self, where: Bool) -> None:
+        """Learns the depth at the (h, w) pixels that stayed as the room."""
+        self.z[where], self._waited[where] = self._nearer[where], 0.0
+
     def forget(self, where: Bool) -> None:
         """Learns the room anew at the (h, w) pixels."""
         self.z[where] = 0.0
@@ -183,6 +193,8 @@ def _learn(
         for u in range(width):
             d = z[v, u]
             if person[v, u]:
+                if room[v, u] == 0.0 and d > 0.0:
+                    _stays(nearer, waited, v, u, d, step)
                 continue
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
@@ -230,6 +242,18 @@ def _learn(
                     if waited[v, u] <= 0.0:
                         nearer[v, u], waited[v, u] = d, 0.0
     return compared, count_nearer, count_farther
+
+
+@njit(cache=True, nogil=True)
+def _stays(nearer, waited, v, u, d, step):  # type: ignore[no-untyped-def]
+    """Updates how long a person's pixel has had the same depth, within the noise."""
+    if abs(d - nearer[v, u]) <= 0.01 + 0.004 * d * d:
+        waited[v, u] += step
+        nearer[v, u] += 0.1 * (d - nearer[v, u])
+    else:
+        waited[v, u] -= 2.0 * step
+        if waited[v, u] <= 0.0:
+            nearer[v, u], waited[v, u] = d, 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -41,6 +41,8 @@ _PATIENCE_NS = 800_000_000
 """Nanoseconds for which such a candidate is waited for: time to come out, and to be known again."""
 _BACK_OFF_NS = 150_000_000
 """Nanoseconds to the next try after a first try that found no body; each later wait is twice as long."""
+_CAME_OFF = 0.7
+"""Share of the area that was searched in vain below which the rest is searched at once: it is another group."""
 _LONGEST_NS = 2_000_000_000
 """Nanoseconds between two tries at most: a real person must not wait for longer."""
 
@@ -73,6 +75,7 @@ class Candidate:
         self.shape: BlobShape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
+        self._vain_area = 0.0
         self._asked_ns: int | None = None
 
     def update(
@@ -183,15 +186,22 @@ class Candidate:
         # A person who comes out from behind something is waited for until recognition is possible.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
             return False
-        return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+
+    @property
+    def _otherwise(self) -> bool:
+        """Whether it is another group than what was searched in vain: furniture came off it, or was it."""
+        return self.convincing and self.area < _CAME_OFF * self._vain_area
 
     def settle(self, tried: Candidate) -> None:
-        """Takes over the time of the next try from a copy that was tried."""
+        """Takes over from a copy that was tried when the next try is, and what was tried in vain."""
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
+        self._vain_area = tried._vain_area
 
     def failed(self, time_ns: int) -> None:
         """Puts off the next try, each time for longer, because no body was found."""
         self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
+        self._vain_area = self.area
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
