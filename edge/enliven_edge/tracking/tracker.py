@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int, UInt8
 from enliven.deformation.constraints import ObservedPoints
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
@@ -18,16 +18,17 @@ from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.people import MultiPersonTracker, Person
-from enliven_edge.tracking.scene import Mounting, RoomModel
-from enliven_edge.tracking.segment import lying_on
+from enliven_edge.tracking.scene import UNSEEN, Mounting, RoomModel
+from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
 _YOUNG = 1.0
 """Seconds of a room's age up to which people may have been learnt as a part of it."""
 _SURFACE = 0.05
 """Metres from a person's surface within which such a part of the room is the person: the fit's error."""
-_BESIDE = 0.12
-"""Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
+_GIVES_UP = 5.0
+"""Times a second that furniture is looked for beside people: it stays."""
+
 _LEGS_WITHOUT_FLOOR = 0.5
 """Confidence of a knee, ankle or foot at the most while the floor is not known: where it is guessed, shins
 end on the guess."""
@@ -59,7 +60,7 @@ class Tracker:
         self._room: RoomModel | None = None
         self._owner: Int | None = None
         self._view: FrameView | None = None
-        self._by_depth = True
+        self._by_depth, self._gave_up = True, 0
         self.output = Output(self.settings)
         self.colour = colour
 
@@ -174,7 +175,7 @@ class Tracker:
         people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._take_back(room, view)
-        self._give_up(room, view)
+        self._give_up(room, view, kind)
         self._mounting.watch(view, agreement, people)
         return self._bodies(frame)
 
@@ -184,15 +185,13 @@ class Tracker:
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
-    def _give_up(self, room: RoomModel, view: FrameView) -> None:
-        """Learns as the room what touches a person, lies beside the body and never moves: furniture.
-
-        It was there with the person when the room was first seen.
-        """
-        still = room.still(self._owner >= 0)
-        if still.any():
-            people = [p.follower.posture for p in self._people.people]
-            room.absorb(still & ~lying_on(view, people, self.settings.scene.floor_band, _BESIDE))
+    def _give_up(self, room: RoomModel, view: FrameView, kind: UInt8) -> None:
+        """Learns as the room what touches people and never moves: it was there when they were first seen."""
+        people = [p.follower.posture for p in self._people.people]
+        if people and self._owner is not None and round(room.age * _GIVES_UP) != self._gave_up:
+            self._gave_up = round(room.age * _GIVES_UP)
+            floor = self.settings.scene.floor_band
+            room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
 
     def _room_of(self, view: FrameView) -> RoomModel:
         """The room model, a new one where the sensor was moved or exchanged."""

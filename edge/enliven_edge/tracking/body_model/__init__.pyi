@@ -1,5 +1,10 @@
 from . import joint_limits as joint_limits, model as model
-from .capsules import FAST as FAST, misfits as misfits, nearest_capsules as nearest_capsules
+from .capsules import (
+    FAST as FAST,
+    misfits as misfits,
+    nearest_capsules as nearest_capsules,
+    standing_out as standing_out,
+)
 from .posture import (
     ahead_in_plan as ahead_in_plan,
     chest_axes as chest_axes,

@@ -93,3 +93,24 @@ def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
             total += closest / ends.shape[1]
         out[k] = total + nearest.mean()
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
+    """(M,) metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        best = 1e9
+        for c in range(len(ends)):
+            along, square = 0.0, 1e-12
+            for a in range(3):
+                way = ends[c, 1, a] - ends[c, 0, a]
+                along += (points[i, a] - ends[c, 0, a]) * way
+                square += way * way
+            t = min(1.0, max(0.0, along / square))
+            away = 0.0
+            for a in range(3):
+                away += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
+            best = min(best, np.sqrt(away) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
+        out[i] = best
+    return out

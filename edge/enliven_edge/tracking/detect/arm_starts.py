@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.kernels import njit
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, mirrored, model
+from enliven_edge.tracking.body_model import Posture, mirrored, model, standing_out
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import ImageView, Observation
@@ -146,24 +145,3 @@ def _before_trunk(observation: Observation, posture: Posture) -> Float32:
     for step in _BEHIND:
         met |= standing_out(out + np.float32(step) * away, ends[_TRUNK], radii[_TRUNK]) < 0.0
     return out[met]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
-    """(M,) metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
-    out = np.empty(len(points))
-    for i in range(len(points)):
-        best = 1e9
-        for c in range(len(ends)):
-            along, square = 0.0, 1e-12
-            for a in range(3):
-                way = ends[c, 1, a] - ends[c, 0, a]
-                along += (points[i, a] - ends[c, 0, a]) * way
-                square += way * way
-            t = min(1.0, max(0.0, along / square))
-            away = 0.0
-            for a in range(3):
-                away += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
-            best = min(best, np.sqrt(away) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
-        out[i] = best
-    return out

@@ -11,7 +11,7 @@ from enliven_edge.tracking.people.roster import Roster
 from enliven_edge.tracking.people.search import Search, recognise
 from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
 from enliven_edge.tracking.scene import ROOM, RoomModel
-from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, Segments, segmented
+from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, Segments, lying_on, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget
 
@@ -101,7 +101,7 @@ class PeopleFinder:
             # The first frame measures every group of pixels in the room: the search begins in the next one.
             self._budget.left = 0.0
         for body in self._search.go_on(self._budget):
-            pixels = self._caught_up(body, view, kind, segments)
+            pixels = self._caught_up(body, view, kind, segments, room)
             if pixels is not None:
                 self._welcome(body, pixels, view, segments)
         return hold
@@ -134,7 +134,9 @@ class PeopleFinder:
             others = [n for n in due if n not in sure]
             self._search.start(view, sure, others, alone=not self._roster.people, most=most)
 
-    def _caught_up(self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments) -> Bool | None:
+    def _caught_up(
+        self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel
+    ) -> Bool | None:
         """Fits a found body to this frame and returns its (h, w) pixels; None: it is not seen here."""
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
@@ -144,6 +146,10 @@ class PeopleFinder:
             # Where furniture came on or off, its middle says nothing of how the body moved.
             follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
         free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
+        if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:
+            came = newcomer.pixels & ~lying_on(view, [follower.posture], 0.0, BESIDE)
+            room.absorb(came & (room.z == 0.0))
+            free[came] = ROOM
         pixels = segmented(view, free, [follower.posture]).pixels(0)
         if follower.follow(view, pixels):
             return pixels

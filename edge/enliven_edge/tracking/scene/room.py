@@ -41,8 +41,8 @@ _DARK = 2.0
 """Seconds without a measurement after which the room is forgotten at a pixel: depth flickers for less."""
 _MEASURED = 0.5
 """Share of the known room that must be measured meanwhile: with less the lens is covered."""
-_STILL = 0.7
-"""Seconds for which a person's pixel has one depth where it is furniture: a person who stands sways."""
+_STILL = 0.5
+"""Seconds for which a pixel beside a person has one depth where it is furniture: people who stand sway."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -78,6 +78,7 @@ class RoomModel:
         self._fill_z = np.zeros(shape)
         self._nearer, self._waited, self._away = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._flips = np.zeros(shape)
+        self._still, self._still_z = np.zeros(shape), np.zeros(shape)
         self._guarded, self._guard_z = np.full(shape, -1, np.int64), np.zeros(shape)
         self._learnt_ns: int | None = None
         self._filled_ns: int | None = None
@@ -105,8 +106,8 @@ class RoomModel:
         measured = np.count_nonzero(z > 0.0) > _MEASURED * np.count_nonzero(self.z > 0.0)
         compared, nearer, farther = _learn(
             self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
-            self._guard_z, self._flips, step, self.settings.absorb_after, self.settings.clear_after,
-            seen_for, _DARK if measured else np.inf,
+            self._guard_z, self._flips, self._still, self._still_z, step, self.settings.absorb_after,
+            self.settings.clear_after, seen_for, _DARK if measured else np.inf,
         )  # fmt: skip
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
 
@@ -119,13 +120,14 @@ class RoomModel:
         """
         _guard(owner, ids, z, self._guarded, self._guard_z)
 
-    def still(self, where: Bool) -> Bool:
-        """(h, w) the pixels of some, of no known room, that have had one depth for as long as no person does."""
-        return np.asarray(where & (self.z == 0.0) & (self._waited > _STILL))
+    @property
+    def still(self) -> Bool:
+        """(h, w) the pixels that kept their depth for longer than people do, where no room is known."""
+        return np.asarray((self.z == 0.0) & (self._still > _STILL))
 
     def absorb(self, where: Bool) -> None:
-        """Learns the depth at the (h, w) pixels that stayed as the room."""
-        self.z[where], self._waited[where] = self._nearer[where], 0.0
+        """Learns as the room what the (h, w) pixels show."""
+        self.z[where] = self._still_z[where]
 
     def forget(self, where: Bool) -> None:
         """Learns the room anew at the (h, w) pixels."""
@@ -179,6 +181,8 @@ def _learn(
     guarded,
     guard_z,
     flips,
+    still,
+    still_z,
     step,
     absorb_after,
     clear_after,
@@ -192,9 +196,9 @@ def _learn(
     for v in range(height):
         for u in range(width):
             d = z[v, u]
+            if room[v, u] == 0.0:
+                _stays(still, still_z, v, u, d, step)
             if person[v, u]:
-                if room[v, u] == 0.0 and d > 0.0:
-                    _stays(nearer, waited, v, u, d, step)
                 continue
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
@@ -245,15 +249,15 @@ def _learn(
 
 
 @njit(cache=True, nogil=True)
-def _stays(nearer, waited, v, u, d, step):  # type: ignore[no-untyped-def]
-    """Updates how long a person's pixel has had the same depth, within the noise."""
-    if abs(d - nearer[v, u]) <= 0.01 + 0.004 * d * d:
-        waited[v, u] += step
-        nearer[v, u] += 0.1 * (d - nearer[v, u])
+def _stays(still, still_z, v, u, d, step):  # type: ignore[no-untyped-def]
+    """Updates how long a pixel, a person's or not, has had the same depth within the noise."""
+    if abs(d - still_z[v, u]) <= 0.01 + 0.004 * d * d:
+        still[v, u] += step
+        still_z[v, u] += 0.1 * (d - still_z[v, u])
     else:
-        waited[v, u] -= 2.0 * step
-        if waited[v, u] <= 0.0:
-            nearer[v, u], waited[v, u] = d, 0.0
+        still[v, u] -= 2.0 * step
+        if still[v, u] <= 0.0:
+            still_z[v, u], still[v, u] = d, 0.0
 
 
 @njit(cache=True, nogil=True)

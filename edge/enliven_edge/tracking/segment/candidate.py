@@ -42,7 +42,7 @@ _PATIENCE_NS = 800_000_000
 _BACK_OFF_NS = 150_000_000
 """Nanoseconds to the next try after a first try that found no body; each later wait is twice as long."""
 _CAME_OFF = 0.7
-"""Share of the area that was searched in vain below which the rest is searched at once: it is another group."""
+"""Share of the area that was searched in vain below which what is left is another group, searched at once."""
 _LONGEST_NS = 2_000_000_000
 """Nanoseconds between two tries at most: a real person must not wait for longer."""
 
@@ -190,7 +190,7 @@ class Candidate:
 
     @property
     def _otherwise(self) -> bool:
-        """Whether it is another group than what was searched in vain: furniture came off it, or was it."""
+        """Whether it is another group than what was searched in vain: furniture came off it."""
         return self.convincing and self.area < _CAME_OFF * self._vain_area
 
     def settle(self, tried: Candidate) -> None:

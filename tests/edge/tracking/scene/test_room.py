@@ -118,6 +118,31 @@ def test_what_may_become_somebody_is_not_learnt_at_once():
     assert (room.z[:, 4:] == 2.0).all()
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(1.0, 3.5), st.floats(0.6, 1.2))
+def test_what_keeps_its_depth_on_a_person_where_no_room_is_known_is_furniture(seed, metres, speed):
+    """The left half of a person's pixels stays, but for the noise; the right half comes nearer and goes."""
+    room, random, mine = RoomModel((8, 8)), np.random.default_rng(seed), np.ones((8, 8), bool)
+    for i in range(24):
+        z = metres + random.normal(scale=0.003 * metres, size=(8, 8))
+        z[:, 4:] += speed * abs(i % 20 - 10) * FRAME
+        room.learn(z, mine, round(i * FRAME * 1e9))
+    still = room.still(mine)
+    assert still[:, :4].mean() > 0.9 and not still[:, 4:].any()
+    assert not room.still(~mine).any()
+    room.learn(z, ~mine, round(24 * FRAME * 1e9))  # for one frame they are nobody's
+    np.testing.assert_allclose(room.z[:, :4][still[:, :4]], metres, atol=0.03 * metres)
+    assert (room.z[:, 4:] == 0.0).all()
+
+
+def test_what_is_given_up_is_the_room_as_deep_as_it_is():
+    room, mine, given = RoomModel((8, 8)), np.ones((8, 8), bool), np.zeros((8, 8), bool)
+    given[:, :3] = True
+    room.learn(picture(2.0), mine)
+    room.absorb(given)
+    np.testing.assert_allclose(room.z, np.where(given, 2.0, 0.0))
+
+
 HALL = (6, 60)
 """Pixels of a hall too deep for the sensor: nothing is measured in it but what stands there."""
 

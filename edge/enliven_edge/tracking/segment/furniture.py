@@ -1,0 +1,59 @@
+"""Furniture that touches people: it lies beside their bodies, before nothing of them, and never moves.
+
+Where people stand from the first frame on, no room is known around them, and a table at a hip is taken for
+an arm as soon as the real one is folded. A limb that is fitted badly lies beside the model too, but mostly
+before the trunk or a leg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Bool, Float32, Int
+from enliven_edge.tracking.body_model import Posture, model, standing_out
+from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.segment.segmentation import lying_on
+
+BESIDE = 0.12
+"""Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
+_DEPTHS = np.arange(-0.3, 0.61, 0.06)
+"""Metres before and behind a pixel along its ray at which a body is looked for: limbs reach as far."""
+_CLOSE = 0.06
+"""Metres by which a ray may miss a body: an arm beside the hip is as near."""
+_BODY = np.flatnonzero(
+    ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
+)
+"""The capsules of trunk, head and legs: an arm may be the one that is taken for furniture."""
+
+
+def furniture_beside(
+    view: FrameView, still: Bool, owner: Int, people: Sequence[Posture], floor: float
+) -> Bool:
+    """Returns the (h, w) pixels that are furniture, of those that never moved.
+
+    Args:
+        still: (h, w) the pixels that never moved.
+        owner: (h, w) the person of each pixel, or -1.
+        people: at least one.
+        floor: metres above the floor from which a pixel is none of it.
+    """
+    made = still & (view.z > 0.0) & (view.points[..., 1] > floor)
+    if made.any():
+        made &= (owner < 0) | ~lying_on(view, people, floor, BESIDE)
+    if made.any():
+        made[made] = ~_before(np.ascontiguousarray(view.points[made], np.float32), view, people)
+    return made
+
+
+def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
+    """Returns which of (N, 3) points lie before or behind a trunk, a head or a leg, seen from the sensor."""
+    away = points - view.eye.astype(np.float32)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    met = np.zeros(len(points), bool)
+    for posture in people:
+        ends, radii = posture.capsules()
+        for deep in _DEPTHS.astype(np.float32):
+            met |= standing_out(points + deep * away, ends[_BODY], radii[_BODY]) < _CLOSE
+    return met
