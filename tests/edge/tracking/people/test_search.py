@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -183,3 +184,17 @@ def test_the_network_is_asked_where_its_answer_tells(scene):
     assert not panel.needs_recognition(0)
     panel.recognised = True
     assert not panel.convincing
+
+
+@pytest.mark.parametrize(("share", "due"), [(0.6, True), (0.8, False)])
+def test_what_furniture_came_off_is_searched_at_once_though_the_whole_was_in_vain(scene, share, due):
+    view, pixels = scene
+    found = newcomer(view, pixels)
+    found.recognised = True
+    tried = copy.copy(found)
+    tried.failed(0)
+    found.settle(tried)
+    now = 33_000_000
+    assert not found.due(now, 0.1, alone=False, missing=False)
+    found.update(pixels, found.centre, found.shape, share * found.area, (0.0, 1.0), now)
+    assert found.due(now, 0.1, alone=False, missing=False) == due
