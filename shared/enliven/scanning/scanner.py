@@ -251,9 +251,11 @@ class Scanner:
             if self._judged(found) is ScanState.SCANNING:
                 return found
         found = self.tracker.align(view, predicted, up)
-        if self._judged(found) is ScanState.LOST:
+        if self._judged(found) is not ScanState.SCANNING:
             others = (self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose))
-            found = max((found, *others), key=_fit)
+            found = max(
+                (found, *others), key=lambda one: (self._judged(one) is ScanState.SCANNING, _fit(one))
+            )
         return found
 
     def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
