@@ -22,7 +22,7 @@ _OPEN = 1e-6
 _SHARE = 0.5
 """Least share of the normal matrix, along each direction, that counts as no noise: where noise makes steps
 of Gauss and Newton too short they become longer, at most twice, for longer ones may swing."""
-_FLUCTUATION = 1.0
+_FLUCTUATION = 0.25
 """Standard deviations of what noise adds to the products of slopes and normals that are taken off."""
 _UPPER = np.triu_indices(6)
 """Where the 21 sums of the upper half stand in a normal matrix."""

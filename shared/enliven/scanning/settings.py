@@ -75,7 +75,7 @@ class TrackingSettings:
     )
     overlap: float = setting(0.25, "Share of points that must lie in known space.", low=0, high=1)
     unsure: float = setting(
-        0.05,
+        0.1,
         "Standard deviation of the camera's place beyond which it is not known.",
         unit="m",
         low=1e-3,
@@ -117,9 +117,9 @@ class LoopSettings:
     metres: float = setting(0.003, "What no alignment is surer than.", unit="m", low=1e-5, high=0.1)
     radians: float = setting(0.002, "What no alignment is surer than.", unit="rad", low=1e-5, high=0.1)
     tracked_metres: float = setting(
-        0.006, "Standard deviation of the tracking from piece to piece.", unit="m", low=1e-4, high=1
+        0.0015, "Standard deviation of the tracking from piece to piece.", unit="m", low=1e-4, high=1
     )
-    tracked_radians: float = setting(0.004, "Standard deviation of it.", unit="rad", low=1e-4, high=1)
+    tracked_radians: float = setting(0.001, "Standard deviation of it.", unit="rad", low=1e-4, high=1)
     level: float = setting(0.01, "Standard deviation of the felt way up.", unit="rad", low=1e-4, high=1)
     doubt: float = setting(50.0, "Squared deviations at which a loop is half doubted.", low=1, high=1e6)
     opened: float = setting(

@@ -183,7 +183,7 @@ def test_the_noise_of_slopes_is_left_out_as_a_slow_sum_says():
             weights.append(w)
     told = camera_tracker._told(scanner.tracker._normal_equations(view, pose, 0), tracking.independent)
     count = np.sum(weights) ** 2 / np.square(weights).sum()
-    noise = 1.0 / np.sqrt(tracking.independent * count)
+    noise = 0.25 / np.sqrt(tracking.independent * count)
     np.testing.assert_allclose(told, true - noise * (matrix - true), rtol=1e-5, atol=1e-5 * true.max())
     assert np.trace(true) < np.trace(matrix), "noise adds"
 
