@@ -32,6 +32,8 @@ _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
 _FRAME = 1.0 / 30.0
 """Seconds between two images at least, where a recording's times stand still."""
+_SURER = 0.5
+"""Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05
 """Metres that a camera may be found off at any time: twice what noise and a hand's tremor do."""
 _WORSE = 0.02
@@ -251,12 +253,14 @@ class Scanner:
             if self._judged(found) is ScanState.SCANNING:
                 return found
         found = self.tracker.align(view, predicted, up)
-        if self._judged(found) is not ScanState.SCANNING:
-            others = (self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose))
-            found = max(
-                (found, *others), key=lambda one: (self._judged(one) is ScanState.SCANNING, _fit(one))
-            )
-        return found
+        if self._judged(found) is ScanState.SCANNING:
+            return found
+        others = [self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose)]
+        if self._judged(found) is ScanState.UNSURE:
+            close = (self.tracker.align_closely(view, one.world_from_camera, up) for one in (found, *others))
+            sure = [one for one in close if one.deviation < _SURER * self.settings.tracking.unsure]
+            return max(sure, key=_fit, default=found)
+        return max((found, *others), key=_fit)
 
     def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
         """Looks for a lost camera where it was before."""

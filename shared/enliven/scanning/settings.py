@@ -61,7 +61,10 @@ class TrackingSettings:
     """How a depth image is laid onto the surface."""
 
     coarse_steps: int = setting(6, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
-    fine_steps: int = setting(15, "Steps of it in the finest one at most.", low=1, high=100)
+    fine_steps: int = setting(5, "Steps of it in the finest one.", low=1, high=100)
+    close_steps: int = setting(
+        15, "Steps at most where an image that leaves it open is looked at closely.", low=1, high=100
+    )
     coarse_stride: int = setting(4, "Half-size pixels between the points of a coarse step.", low=1, high=32)
     fine_stride: int = setting(2, "Half-size pixels between the points of a fine step.", low=1, high=32)
     soft: float = setting(2.0, "Distance at which a point counts a quarter.", unit="voxels", low=0.1, high=16)
@@ -75,7 +78,7 @@ class TrackingSettings:
     )
     overlap: float = setting(0.25, "Share of points that must lie in known space.", low=0, high=1)
     unsure: float = setting(
-        0.1,
+        0.05,
         "Standard deviation of the camera's place beyond which it is not known.",
         unit="m",
         low=1e-3,
