@@ -87,11 +87,11 @@ class CameraTracker:
         return self.judged(view, pose)
 
     def align_closely(self, view: DepthView, start: Float, up: Float | None = None) -> Alignment:
-        """Returns the pose near ``start`` at which the image fits best, where noise hides it from :meth:`align`.
+        """Returns the pose near ``start`` (4, 4) at which the image fits best, where noise hides it.
 
         On a floor with a small thing on it the noise of the slopes outweighs what the thing tells: steps
         are too short, and what is told seems to be nothing. Products of the surface's slopes and the image's
-        normals, whose noise is another one, are free of it (instrumental variables: Fuller, Measurement Error
+        normals, of which the noise is another, are free of it (instrumental variables: Fuller, Measurement Error
         Models, 1987, section 1.4). It takes more steps, and each a little longer.
         """
         pose = start.copy()
