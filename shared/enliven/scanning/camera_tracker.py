@@ -91,8 +91,8 @@ class CameraTracker:
 
         On a floor with a small thing on it the noise of the slopes outweighs what the thing tells: steps
         are too short, and what is told seems to be nothing. Products of the surface's slopes and the image's
-        normals, of which the noise is another, are free of it (instrumental variables: Fuller, Measurement Error
-        Models, 1987, section 1.4). It takes more steps, and each a little longer.
+        normals, of which the noise is another, are free of it (instrumental variables: Fuller, Measurement
+        Error Models, 1987, section 1.4). It takes more steps, and each a little longer.
         """
         pose = start.copy()
         for _ in range(self.settings.close_steps):

@@ -10,12 +10,12 @@ from enliven.meshes import Mesh
 from enliven.modeling.mesh import triangulated
 from enliven.scanning.settings import CutOutSettings
 
-_DOWN = 0.5
-"""Cosine, 60 degrees, between the way down and the way out of a rim within which it looks down."""
-_BESIDE = 0.03
+_DOWN = 0.0
+"""Cosine between the way down and the way out of a rim from which it looks down: a rim is jagged."""
+_BESIDE = 0.02
 """Metres in plan about a rim within which nothing of the mesh may lie below it."""
-_BELOW = 0.01
-"""Metres that something must be lower to lie below it."""
+_BELOW = 0.03
+"""Metres that something must be lower to lie below it: more than the teeth of a jagged rim."""
 
 
 def lowest_rims(mesh: Mesh, low: float) -> Bool:
