@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.camera import rays
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
@@ -18,6 +17,7 @@ from enliven.person import PARENTS, Body, Joint
 from enliven.possession import standing_figure
 from enliven.scanning import (
     Ground,
+    LeftAside,
     Scanner,
     ScanSettings,
     ScanState,
@@ -26,6 +26,7 @@ from enliven.scanning import (
     levelled,
     parts_about,
 )
+from enliven_edge.scanning.feet import LOW, feet_pixels
 from enliven_edge.tracking import Tracker
 
 FARTHEST = 3.5
@@ -46,12 +47,6 @@ _OFTEN = 0.2
 """Share of the images in which it must be."""
 _FEWEST = 5
 """Images that tell where a joint is."""
-_FOOT = 0.16
-"""Metres in plan about ankles and toes in which what lies low is a foot: half its length."""
-_LOW = 0.12
-"""Metres above the floor up to which it may be, for the tracker leaves out what is so near the floor."""
-_SOLE = 0.02
-"""Metres above the floor that count as the floor: its noise at two to three metres."""
 _RIM = 0.04
 """Metres above the floor at which feet are cut: what is lower is seen in some images only."""
 _CROWN = 0.6
@@ -128,13 +123,7 @@ class PersonScanner(Scanner):
         self._joints: list[tuple[Float, Float]] = []
         self.absent = self.lost = 0
 
-    def add(
-        self,
-        frame: DepthFrame,
-        up: Float | None = None,
-        without: Bool | None = None,
-        doubtful: Bool | None = None,
-    ) -> ScanStep:
+    def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
         """Find the person in a frame, and fuse what shows them; see :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
         body = self._meant(bodies)
@@ -143,7 +132,7 @@ class PersonScanner(Scanner):
             return ScanStep(ScanState.EMPTY, self._pose)
         pose = self._people.world_from_camera
         depth = np.where(own, frame.depth, 0).astype(frame.depth.dtype)
-        step = super().add(replace(frame, depth=depth, world_from_camera=pose), up, without, doubtful)
+        step = super().add(replace(frame, depth=depth, world_from_camera=pose), up, aside)
         self.lost += step.state in (ScanState.LOST, ScanState.UNSURE)
         if step.state is ScanState.SCANNING and pose is not None:
             self._note(body, step.world_from_camera @ np.linalg.inv(pose))
@@ -173,8 +162,9 @@ class PersonScanner(Scanner):
             mend = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # They are cut off above the rims of their soles, and what the cut took is given back to them.
-        cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN)
+        # They are cut off above the rims of their soles, and what the cut took is given back to them; so is
+        # what is not seen of feet from before, or where the image ends.
+        cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN, drawn=LOW)
         # Where no floor is seen they stand on the lowest of what is.
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
@@ -261,7 +251,7 @@ class PersonScanner(Scanner):
         rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
         columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
         own: Bool = (owner == index)[rows[:, None], columns]
-        return own | _feet(frame, body, pose) if self.on_floor else own
+        return own | feet_pixels(frame, body, pose) if self.on_floor else own
 
     def _note(self, body: Body, object_from_room: Float) -> None:
         """Keeps where the joints are on the body, while it faces about as at first."""
@@ -278,20 +268,3 @@ class PersonScanner(Scanner):
             if len(places) >= _FEWEST:
                 joints[joint] = np.median(places, axis=0)
         return joints
-
-
-def _feet(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:
-    """Returns (H, W) the pixels just above the floor about the ankles and toes that are seen."""
-    ray, z = rays(frame.intrinsics), frame.depth[..., None] * 1e-3
-    rows = np.flatnonzero((frame.depth > 0).any(1))
-    turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]
-    points = np.concatenate([ray[rows] * z[rows], z[rows]], -1) @ turn.T + place
-    low = (points[..., 1] > _SOLE) & (points[..., 1] < _LOW)
-    near = np.zeros(low.shape, bool)
-    for joint in (Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT):
-        if body.confidence[joint] >= _SEEN:
-            away = points[..., [0, 2]] - body.joints[joint, [0, 2]]
-            near |= np.square(away).sum(-1) < _FOOT**2
-    feet: Bool = np.zeros(frame.depth.shape, bool)
-    feet[rows] = low & near
-    return feet

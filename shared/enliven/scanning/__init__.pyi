@@ -29,7 +29,7 @@ from .preview import (
     piece_sums as piece_sums,
 )
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
-from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
+from .scanner import LeftAside as LeftAside, Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
 from .settings import (
     CutOutSettings as CutOutSettings,
     LoopSettings as LoopSettings,

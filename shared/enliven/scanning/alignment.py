@@ -11,7 +11,10 @@ MOMENTS = 32
 """The first of the sums that tell the noise of the slopes."""
 BINS = 16
 """Bins of the angles between the image's normals and the surface's; their edges grow as the square."""
-SUMS = MOMENTS + 9 + BINS
+SQUARES = MOMENTS + 9 + BINS
+"""The sum of the weights' squares; after it the 21 of the upper half of the products of the surface's slopes
+and the image's normals, row by row. They are added up where they are asked for."""
+SUMS = SQUARES + 22
 """Numbers of a sum: 21 of the upper half of the normal matrix, row by row, and 6 of the gradient; then the
 weighted squares, the weights, what agrees, what was looked for, and what could be compared. From MOMENTS on
 the weighted places about the camera (3), their products (6, the upper half, row by row), and the weights of
@@ -71,7 +74,7 @@ def look_up(field, x, y, z, found, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def residuals(points, stride, span, pose, soft, field, sums, first, last):  # type: ignore[no-untyped-def]
+def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):  # type: ignore[no-untyped-def]
     """Adds up the normal equations of the points in some rows of a half-size image.
 
     A point's residual is the volume's distance there; it falls by the slope along a move of the camera.
@@ -82,11 +85,12 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
         span: (2,) metres of depth, points between which are looked at.
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
+        closely: whether the products of slopes and normals are added up, too.
         soft: metres at which a residual counts a quarter (Geman-McClure).
         sums: (R, SUMS) a row for each row of points that is looked at, where the sums are written; the six
             unknowns are a move (m) and a turn (rad) about the camera's place, world frame.
     """
-    found, cache, j = np.empty(4), np.empty(4, np.int64), np.empty(6)
+    found, cache, j, m = np.empty(4), np.empty(4, np.int64), np.empty(6), np.empty(6)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for r in range(first, last):
         sums[r, :] = 0.0
@@ -138,3 +142,12 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
             sums[r, MOMENTS + 8] += w * qz * qz
             chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / WIDEST
             sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w
+            if closely:
+                m[0], m[1], m[2] = slope * mx, slope * my, slope * mz
+                m[3], m[4], m[5] = qy * m[2] - qz * m[1], qz * m[0] - qx * m[2], qx * m[1] - qy * m[0]
+                sums[r, SQUARES] += w * w
+                at = SQUARES + 1
+                for a in range(6):
+                    for b in range(a, 6):
+                        sums[r, at] += 0.5 * w * (j[a] * m[b] + m[a] * j[b])
+                        at += 1

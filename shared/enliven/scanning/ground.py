@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven import rotation
-from enliven.arrays import Bool, Float, Int, Int32
+from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh, shells, submesh
-from enliven.modeling.mesh import triangulated
+from enliven.scanning.rims import close_holes, lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
 _GUESSES = 100
@@ -140,6 +140,8 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     # What the cut took off its feet is given back to them.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
+    feet |= lowest_rims(replace(thing, vertices=vertices), s.drawn)
+    vertices[feet, 1] = 0.0
     return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
@@ -225,55 +227,3 @@ def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     faces = np.concatenate(corner).astype(np.int32)
     whole = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
     return submesh(whole, np.ones(len(faces), bool))
-
-
-def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with short rims closed, and those of which all vertices are ``feet`` (V,)."""
-    rims = rims_of(mesh.faces)
-    soles = [rim for rim in rims if feet[rim].all()]
-    vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
-    if soles:
-        flat = mesh.vertices[:, [0, 2]]
-        # Seen from below, x is to the right and z is up.
-        made = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
-        faces.append(_facing_down(made, mesh.vertices))
-    count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]
-    for rim in rims:
-        length = np.linalg.norm(np.roll(mesh.vertices[rim], -1, 0) - mesh.vertices[rim], axis=1).sum()
-        if feet[rim].all() or length > s.hole:
-            continue
-        vertices.append(mesh.vertices[rim].mean(0, keepdims=True))
-        faces.append(np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], 1))
-        if mesh.colours is not None:
-            colours.append(np.rint(mesh.colours[rim].mean(0, keepdims=True)).astype(np.uint8))
-        count += 1
-    joined: Int32 = np.concatenate(faces).astype(np.int32)
-    return Mesh(np.concatenate(vertices), joined, mesh.name, np.concatenate(colours) if colours else None)
-
-
-def _facing_down(faces: Int, vertices: Float) -> Int:
-    """Returns the faces with the corners of those that look up in the other order."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    up = np.cross(b - a, c - a)[:, 1] > 0
-    faces[up] = faces[up, ::-1]
-    return faces
-
-
-def rims_of(faces: Int32) -> list[Int]:
-    """Returns the loops of vertices round the holes of a mesh, along the sides of its faces."""
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
-    after: dict[int, list[int]] = {}
-    for a, b in sides[~np.isin(key, back)].tolist():
-        after.setdefault(a, []).append(b)
-    rims = []
-    for start in list(after):
-        while after.get(start):
-            rim = [start]
-            while rim[-1] != start or len(rim) == 1:
-                if not after.get(rim[-1]):
-                    break
-                rim.append(after[rim[-1]].pop())
-            if rim[-1] == start and len(rim) > 3:
-                rims.append(np.array(rim[:-1]))
-    return rims

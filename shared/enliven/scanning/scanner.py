@@ -32,6 +32,8 @@ _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
 _FRAME = 1.0 / 30.0
 """Seconds between two images at least, where a recording's times stand still."""
+_SURER = 0.5
+"""Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05
 """Metres that a camera may be found off at any time: twice what noise and a hand's tremor do."""
 _WORSE = 0.02
@@ -71,6 +73,20 @@ class ScanStep:
     room: bool = True
 
 
+@dataclass(frozen=True)
+class LeftAside:
+    """Half-size pixels (h, w) without which a camera is found.
+
+    Attributes:
+        moving: they show what moves by itself: nothing of them is fused; or None.
+        doubtful: they show what may begin to move: they are left aside where the others tell the camera's
+            place surely, and fused as long as they are not ``moving``; or None.
+    """
+
+    moving: Bool | None = None
+    doubtful: Bool | None = None
+
+
 def empty_volumes(settings: VolumeSettings) -> list[DistanceVolume]:
     """Returns volumes without a surface, from the finest to the coarsest, as a camera is tracked in."""
     sizes = [settings.voxel * _COARSER**level for level in range(_LEVELS)]
@@ -101,6 +117,7 @@ class Scanner:
         self._ups: list[Float | None] = []
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
         self.view: DepthView | None = None
+        self._prepared: tuple[DepthFrame, DepthView] | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
         self.full = False
@@ -120,26 +137,17 @@ class Scanner:
         """(4, 4) where the camera is in the next image, if it goes on as it went."""
         return np.asarray(self._pose @ np.linalg.inv(self._before) @ self._pose)
 
-    def add(
-        self,
-        frame: DepthFrame,
-        up: Float | None = None,
-        without: Bool | None = None,
-        doubtful: Bool | None = None,
-    ) -> ScanStep:
+    def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
         """Find the camera of a frame, and fuse the image where that is sure.
 
         Args:
             up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
-            without: (h, w) half-size pixels that show what moves by itself: the camera is found without them,
-                and nothing of them is fused; or None.
-            doubtful: (h, w) half-size pixels that show what may begin to move: the camera is found without
-                them where the others tell it surely, and they are fused as long as they are not ``without``;
-                or None.
+            aside: pixels without which the camera is found, or None.
         """
-        view = self.view = self.prepared(frame)
-        if without is not None:
-            view, frame = only(view, ~without), _without(frame, without)
+        view, aside = self.prepared(frame), aside or LeftAside()
+        self.view = view
+        if aside.moving is not None:
+            view, frame = only(view, ~aside.moving), _without(frame, aside.moving)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -150,7 +158,7 @@ class Scanner:
             return self._fuse(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._sought(view, up)
-        found = self._tracked(view, up, doubtful)
+        found = self._tracked(view, up, aside.doubtful)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is ScanState.UNSURE:
             # What is known of the way is gone along, or a camera that moves on would not be found after it.
@@ -224,14 +232,18 @@ class Scanner:
         return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
 
     def prepared(self, frame: DepthFrame) -> DepthView:
-        """Returns the view of a frame."""
+        """Returns the view of a frame; of the same one again, the view that was made."""
+        if self._prepared is not None and self._prepared[0] is frame:
+            return self._prepared[1]
         if self._camera is None:
             v = self.settings.volume
             self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
         if frame.intrinsics != self._camera[0]:
             what = "the camera of this frame is not that of the first"
             raise InputError(what, where=frame.sensor, mend="Scan with one camera, of one image size.")
-        return self._camera[1].prepare(frame.depth, frame.colour if self.settings.volume.colour else None)
+        colour = frame.colour if self.settings.volume.colour else None
+        self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
+        return self._prepared[1]
 
     def _tracked(self, view: DepthView, up: Float | None, doubtful: Bool | None = None) -> Alignment:
         """Returns the pose of an image that follows the last one; from farther away where it must be."""
@@ -241,10 +253,14 @@ class Scanner:
             if self._judged(found) is ScanState.SCANNING:
                 return found
         found = self.tracker.align(view, predicted, up)
-        if self._judged(found) is ScanState.LOST:
-            others = (self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose))
-            found = max((found, *others), key=_fit)
-        return found
+        if self._judged(found) is ScanState.SCANNING:
+            return found
+        others = [self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose)]
+        if self._judged(found) is ScanState.UNSURE:
+            close = (self.tracker.align_closely(view, one.world_from_camera, up) for one in (found, *others))
+            sure = [one for one in close if one.deviation < _SURER * self.settings.tracking.unsure]
+            return max(sure, key=_fit, default=found)
+        return max((found, *others), key=_fit)
 
     def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
         """Looks for a lost camera where it was before."""

@@ -62,6 +62,9 @@ class TrackingSettings:
 
     coarse_steps: int = setting(6, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
     fine_steps: int = setting(5, "Steps of it in the finest one.", low=1, high=100)
+    close_steps: int = setting(
+        15, "Steps at most where an image that leaves it open is looked at closely.", low=1, high=100
+    )
     coarse_stride: int = setting(4, "Half-size pixels between the points of a coarse step.", low=1, high=32)
     fine_stride: int = setting(2, "Half-size pixels between the points of a fine step.", low=1, high=32)
     soft: float = setting(2.0, "Distance at which a point counts a quarter.", unit="voxels", low=0.1, high=16)
@@ -117,13 +120,13 @@ class LoopSettings:
     metres: float = setting(0.003, "What no alignment is surer than.", unit="m", low=1e-5, high=0.1)
     radians: float = setting(0.002, "What no alignment is surer than.", unit="rad", low=1e-5, high=0.1)
     tracked_metres: float = setting(
-        0.006, "Standard deviation of the tracking from piece to piece.", unit="m", low=1e-4, high=1
+        0.0015, "Standard deviation of the tracking from piece to piece.", unit="m", low=1e-4, high=1
     )
-    tracked_radians: float = setting(0.004, "Standard deviation of it.", unit="rad", low=1e-4, high=1)
+    tracked_radians: float = setting(0.001, "Standard deviation of it.", unit="rad", low=1e-4, high=1)
     level: float = setting(0.01, "Standard deviation of the felt way up.", unit="rad", low=1e-4, high=1)
     doubt: float = setting(50.0, "Squared deviations at which a loop is half doubted.", low=1, high=1e6)
     opened: float = setting(
-        3.0, "Standard deviations of a loop beyond which it stands open.", low=0, high=100
+        1.0, "Standard deviations of a loop beyond which it stands open.", low=0, high=100
     )
     middle: float = setting(
         1.2, "Depth at which it is said how far images moved.", unit="m", low=0.1, high=10
@@ -148,6 +151,9 @@ class CutOutSettings:
         1, "Which of the things on the floor is meant: 1 is the one that was looked at most.", low=1, high=100
     )
     hole: float = setting(0.15, "Longest rim of a hole that is closed.", unit="m", low=0, high=10)
+    drawn: float = setting(
+        0.0, "Height up to which the lowest rims are drawn down to the floor.", unit="m", low=0, high=1
+    )
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from chair_on_turntable import ROOM, STILL, THING, WAY
+from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
 
 from enliven.scanning.objects import MovedScanner, ObjectState, following
 from enliven.scanning.rigid import apart, inverse
 from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven_edge.scanning import said_of_things
-from enliven_synthesis.sensor import HandledScan, TurntableWay, load_profile
+from enliven_synthesis.sensor import HandledScan, InHandsWay, TurntableWay, load_profile
 
 IMAGES, TURNING = 85, 70
 """Images at 30 a second, and from which on it turns at full speed and is known to."""
@@ -32,6 +32,21 @@ def test_it_is_followed_where_it_is_while_the_room_stands():
     # What may begin to move is left out where the camera is sought, so the camera does not go with it.
     assert max(room) < 0.015, "the room does not turn with it"
     assert not any("things stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
+
+
+def test_what_two_hands_take_up_is_followed():
+    """It stands for a second and a half, and is taken up in the next one; then it turns."""
+    take = HandledScan(THING, InHandsWay(), load_profile("kinect1"), HELD, room=ROOM, width=320)
+    scanner, off = MovedScanner(following(ScanSettings())), list[float]()
+    for index in range(0, 130, 2):
+        frame = take.frame(index)
+        step = scanner.add(frame if index else replace(frame, world_from_camera=take.pose(0)))
+        if index >= 80:
+            assert step.state is ObjectState.FOLLOWED
+            true = inverse(take.thing_pose(index)) @ take.pose(index)
+            off.append(apart(step.object_from_camera, true)[0])
+    assert np.median(off) < 0.03 and max(off) < 0.06
+    assert scanner.followed >= len(off)
 
 
 def test_where_nothing_moved_it_is_said_how_it_would_be_seen():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,23 @@ def test_who_stands_in_it_has_the_back_in_its_back(known):
     assert np.linalg.norm(apart) < 0.04
     across = joints[Joint.SHOULDER_LEFT] - joints[Joint.SHOULDER_RIGHT]
     assert across[0] > 0.95 * np.linalg.norm(across[[0, 2]])
+
+
+def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
+    """Each is given as the middle of some vertices, so it is theirs wherever the mesh then stands."""
+    turned = t_woman()
+    vertices = turned.mesh.vertices @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
+    joints = turned.joints @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
+    groups = [np.argsort(np.linalg.norm(vertices - joint, axis=1))[:30] for joint in joints]
+    middles = np.array([vertices[group].mean(0) for group in groups])
+    settings = ActorSettings(how="mapped", stand="fitted")
+    actor = cast_mesh(replace(turned.mesh, vertices=vertices), "me", 32, settings, joints=middles)
+    moved = actor.character.vertices[: len(vertices)].astype(float)
+    there = np.array([moved[group].mean(0) for group in groups])
+    assert np.ptp(moved[:, 1]) == pytest.approx(1.75, abs=0.01) and np.abs(there - middles).max() > 1.0
+    np.testing.assert_allclose(np.array(actor.settings.joints), there, atol=1e-4)
+    across = there[Joint.SHOULDER_LEFT] - there[Joint.SHOULDER_RIGHT]
+    assert across[0] > 0.95 * np.linalg.norm(across[[0, 2]]), "it faces +Z"
 
 
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])

@@ -10,7 +10,7 @@ from enliven import rotation
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import CutOutSettings, cut_out, find_ground, focus_of
-from enliven.scanning.ground import rims_of
+from enliven.scanning.rims import rims_of
 
 
 def grid(x0, x1, z0, z1, y, step=0.02):

@@ -27,7 +27,7 @@ from enliven.scanning import (
     upright_frame,
 )
 from enliven.scanning.cutting import compared
-from enliven.scanning.ground import rims_of
+from enliven.scanning.rims import rims_of
 
 FLOOR = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
 LEVEL = np.eye(4)

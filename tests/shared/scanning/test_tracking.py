@@ -162,8 +162,8 @@ def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
     near, pose = room_depth(carried(0.5)), carried(0.5)
     near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # what is farther is looked up in coarser voxels
     view = scanner.prepared(frame_of(noisy(near, 1)))
-    sums = scanner.tracker._normal_equations(view, pose, 0)
-    matrix, field = np.zeros((6, 6)), scanner.volumes[0].field
+    sums = scanner.tracker._normal_equations(view, pose, 0, closely=True)
+    matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
     extra, angles, weights = np.zeros((6, 6)), [], []
     found, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
     stride, soft = scanner.settings.tracking.fine_stride, scanner.settings.tracking.soft * field.band.voxel
@@ -179,6 +179,8 @@ def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
             w = view.worth[row, column] * (soft**2 / (soft**2 + found[0] ** 2)) ** 2
             a = np.vstack([np.eye(3), cross_matrix(q)])
             matrix, extra = matrix + w * np.outer(a @ g, a @ g), extra + w * a @ a.T
+            both = np.outer(a @ g, a @ normal * np.linalg.norm(g))
+            true += w * (both + both.T) / 2
             angles.append(np.arccos(min(cosine, 1.0))), weights.append(w)
     order = np.argsort(angles)
     share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
@@ -187,6 +189,11 @@ def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
     told = camera_tracker._told(sums)
     # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
     assert np.abs(told - expected).max() < 0.3 * np.abs(matrix - expected).max()
+    # Looked at closely: products of slopes and normals, and a part of the rest for so many points.
+    independent = scanner.settings.tracking.independent
+    count = np.sum(weights) ** 2 / np.square(weights).sum()
+    close, less = camera_tracker._told_closely(sums, independent), 1.0 / np.sqrt(independent * count)
+    np.testing.assert_allclose(close, true - less * (matrix - true), rtol=1e-5, atol=1e-5 * true.max())
 
 
 def test_an_image_without_depth_does_nothing():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
@@ -19,7 +19,7 @@ from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.registration import Scanned, registered
 from enliven.scanning.objects.rest import ObjectRest, known_of
 from enliven.scanning.rigid import inverse
-from enliven.scanning.scanner import Scanner, ScanState, ScanStep
+from enliven.scanning.scanner import LeftAside, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
 _AGAIN = 1.6
@@ -92,7 +92,7 @@ class MovedScanner:
             if followed is not None:
                 return followed
         if rest is not None:
-            step = rest.scanner.add(frame, up, doubtful=self._doubtful(rest, frame))
+            step = rest.scanner.add(frame, up, self._doubtful(rest, frame))
             if step.state is not ScanState.LOST:
                 if not rest.moved(step):
                     self._trial = None
@@ -104,11 +104,11 @@ class MovedScanner:
                     return self._step(step, ObjectState.LOST, None)
         return self._try(frame, up)
 
-    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> Bool | None:
-        """Returns (h, w) which pixels show what may begin to move: a camera must not go with it."""
+    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> LeftAside | None:
+        """Returns the pixels that show what may begin to move: a camera must not go with it."""
         if not self.settings.moved.followed or rest.ground is None:
             return None
-        return rest.held(rest.scanner.prepared(frame), rest.scanner.predicted)
+        return LeftAside(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
 
     def _begin(self, rest: ObjectRest, step: ScanStep) -> bool:
         """Begins to follow the object from where it stood; returns whether that is known."""
@@ -127,7 +127,7 @@ class MovedScanner:
         assert follower is not None and room is not None
         view = room.scanner.prepared(frame)
         found = follower.find(view, room.scanner.predicted)
-        step = room.scanner.add(frame, up, found.own)
+        step = room.scanner.add(frame, up, LeftAside(found.own))
         follower.take(frame, view, found, step.world_from_camera)
         if follower.missed > self.settings.moved.missed:
             self._follower = None

@@ -1,0 +1,101 @@
+"""The rims of a cut-out mesh: short ones are closed, soles too; the lowest are drawn down to the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.meshes import Mesh
+from enliven.modeling.mesh import triangulated
+from enliven.scanning.settings import CutOutSettings
+
+_DOWN = 0.0
+"""Cosine between the way down and the way out of a rim from which it looks down: a rim is jagged."""
+_BESIDE = 0.02
+"""Metres in plan about a rim within which nothing of the mesh may lie below it."""
+_BELOW = 0.03
+"""Metres that something must be lower to lie below it: more than the teeth of a jagged rim."""
+
+
+def lowest_rims(mesh: Mesh, low: float) -> Bool:
+    """Returns (V,) which vertices are of a rim that looks down, below which nothing of the mesh lies.
+
+    Args:
+        mesh: upright, on y = 0.
+        low: metres above the floor up to which rims count.
+    """
+    vertices, faces = mesh.vertices, mesh.faces.astype(np.int64)
+    lowest = np.zeros(len(vertices), bool)
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    third = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
+    rim = ~np.isin(key, back) & (vertices[sides, 1] < low).all(1)
+    if not rim.any():
+        return lowest
+    one, two, inside = sides[rim, 0], sides[rim, 1], third[rim]
+    along, out = vertices[two] - vertices[one], vertices[one] - vertices[inside]
+    length = np.maximum(np.square(along).sum(1), 1e-18)
+    out = out - along * ((out * along).sum(1) / length)[:, None]
+    down = -out[:, 1] > _DOWN * np.linalg.norm(out, axis=1)
+    found = np.unique(np.concatenate([one[down], two[down]]))
+    under = np.flatnonzero(vertices[:, 1] < low)
+    near = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[found][:, [0, 2]], _BESIDE)
+    free = [
+        vertices[under[beside], 1].min() > vertices[v, 1] - _BELOW
+        for v, beside in zip(found, near, strict=True)
+    ]
+    lowest[found[free]] = True
+    return lowest
+
+
+def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
+    """Returns the mesh with short rims closed, and those of which all vertices are ``feet`` (V,)."""
+    rims = rims_of(mesh.faces)
+    soles = [rim for rim in rims if feet[rim].all()]
+    vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
+    if soles:
+        flat = mesh.vertices[:, [0, 2]]
+        # Seen from below, x is to the right and z is up.
+        made = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
+        faces.append(_facing_down(made, mesh.vertices))
+    count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]
+    for rim in rims:
+        length = np.linalg.norm(np.roll(mesh.vertices[rim], -1, 0) - mesh.vertices[rim], axis=1).sum()
+        if feet[rim].all() or length > s.hole:
+            continue
+        vertices.append(mesh.vertices[rim].mean(0, keepdims=True))
+        faces.append(np.stack([np.roll(rim, -1), rim, np.full(len(rim), count)], 1))
+        if mesh.colours is not None:
+            colours.append(np.rint(mesh.colours[rim].mean(0, keepdims=True)).astype(np.uint8))
+        count += 1
+    joined: Int32 = np.concatenate(faces).astype(np.int32)
+    return Mesh(np.concatenate(vertices), joined, mesh.name, np.concatenate(colours) if colours else None)
+
+
+def _facing_down(faces: Int, vertices: Float) -> Int:
+    """Returns the faces with the corners of those that look up in the other order."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    up = np.cross(b - a, c - a)[:, 1] > 0
+    faces[up] = faces[up, ::-1]
+    return faces
+
+
+def rims_of(faces: Int32) -> list[Int]:
+    """Returns the loops of vertices round the holes of a mesh, along the sides of its faces."""
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
+    after: dict[int, list[int]] = {}
+    for a, b in sides[~np.isin(key, back)].tolist():
+        after.setdefault(a, []).append(b)
+    rims = []
+    for start in list(after):
+        while after.get(start):
+            rim = [start]
+            while rim[-1] != start or len(rim) == 1:
+                if not after.get(rim[-1]):
+                    break
+                rim.append(after[rim[-1]].pop())
+            if rim[-1] == start and len(rim) > 3:
+                rims.append(np.array(rim[:-1]))
+    return rims

@@ -1,0 +1,29 @@
+"""A stool seen from above: the floor's noise hides where the camera is, until it is looked at closely."""
+
+from scanned_things import THINGS
+
+from enliven.scanning import Scanner
+from enliven.scanning.rigid import apart
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+
+PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
+BEFORE, IMAGES = range(282, 297, 3), (297, 300, 303)
+"""Images that are fused where they were taken, and those that are looked for from the last of them."""
+ELSEWHERE = 225
+"""An image of another side of it, 2 m away on the path, that is looked for from there, too."""
+
+
+def test_what_the_noise_of_a_floor_hides_is_found_where_it_is():
+    take, scanner = HandheldScan(THINGS["stool"](), load_profile("kinect1"), PATH), Scanner()
+    for index in BEFORE:
+        scanner.place(take.frame(index), take.pose(index))
+    tracker, unsure = scanner.tracker, scanner.settings.tracking.unsure
+    for index in IMAGES:
+        view = scanner.prepared(take.frame(index))
+        first = tracker.align(view, take.pose(BEFORE[-1]))
+        close = tracker.align_closely(view, first.world_from_camera)
+        off = [apart(found.world_from_camera, take.pose(index))[0] for found in (first, close)]
+        assert first.deviation > unsure, "what the thing tells is taken for noise"
+        assert off[1] < 0.006 < off[0] and close.deviation < unsure
+    wrong = tracker.align_closely(scanner.prepared(take.frame(ELSEWHERE)), take.pose(BEFORE[-1]))
+    assert wrong.deviation > 1.0, "what is not found is not said to be"
