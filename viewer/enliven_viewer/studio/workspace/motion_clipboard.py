@@ -65,9 +65,8 @@ class MotionClipboard:
         """What copying motion lacks."""
         if self._chosen_performed() is not None or chosen_chain(self.editor):
             return ""
-        return (
-            "Choose a mesh that was performed; or a chain: click where it begins, then Shift-click its end."
-        )
+        said = "Nothing that moves is chosen. Click a mesh that was performed; or a chain: click its begin, "
+        return said + "then Shift-click its end."
 
     def lacks_paste(self) -> str:
         """What pasting motion lacks."""
