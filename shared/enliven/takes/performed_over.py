@@ -22,9 +22,7 @@ from enliven.document import (
     Project,
     unused,
 )
-from enliven.modeling.edits import root_motion
-from enliven.modeling.possessed import between, even_times, graph_pose, over_base
-from enliven.rotation import to_matrix
+from enliven.modeling.possessed import between, even_times, over_base
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punching import Punch
 from enliven.takes.shared_motion import shared_motion
@@ -85,18 +83,23 @@ class LiveOver:
     """Plays a possessed mesh of a project with a live pose on top: what a recording of it will look like."""
 
     def __init__(self, project: Project, shape_id: str, character: Character) -> None:
-        self._project, self._shape = project, project.graph(shape_id)
-        self._within = OverNodes(self._shape, character)
+        self._within = OverNodes(project.graph(shape_id), character)
+        self._last: tuple[Pose, Float, Float] | None = None
 
-    def pose(self, live: Pose, seconds: float) -> Pose:
-        """Returns the pose of the project's mesh at a time of the project, metres in the world."""
-        each = (np.asarray(one, np.float64)[None] for one in (live.linear, live.positions))
-        maps, apart = self._within(*each)
-        base = graph_pose(self._project, self._shape, seconds)
-        linear, positions = over_base(base, maps[0], apart[0])
-        whole = root_motion(self._project, self._shape, seconds)
-        linear, positions = to_matrix(whole.turn) @ linear, whole(positions)
-        return Pose(self._shape.id, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
+    def pose(self, live: Pose, base: Pose) -> Pose:
+        """Returns the pose of the project's mesh, metres in the world.
+
+        Args:
+            live: of the mesh on the stage; pictures come faster, so the last one's motion is kept.
+            base: how the project's mesh plays at the moment.
+        """
+        if self._last is None or self._last[0] is not live:
+            each = (np.asarray(one, np.float64)[None] for one in (live.linear, live.positions))
+            maps, apart = self._within(*each)
+            self._last = live, maps[0], apart[0]
+        plays = base.linear.astype(np.float64), base.positions.astype(np.float64)
+        linear, positions = over_base(plays, *self._last[1:])
+        return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
 
 def with_layer_over(

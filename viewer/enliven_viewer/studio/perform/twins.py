@@ -96,8 +96,8 @@ class Twins:
         if known is None or known[0] is not self.editor.project or known[1] is not actor.character:
             made = LiveOver(self.editor.project, one.id, actor.character)
             known = self._overs[one.id] = self.editor.project, actor.character, made
-        pose = known[2].pose(actor.pose, self.editor.time)
-        drawn = self.editor.posed(one.id).drawn
+        posed = self.editor.posed(one.id)
+        pose, drawn = known[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
         # Cues name nodes of the mesh on the stage, which are others.
         return replace(actor, character=drawn, pose=pose, cues=None)
