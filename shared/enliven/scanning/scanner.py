@@ -32,6 +32,9 @@ _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
 _FRAME = 1.0 / 30.0
 """Seconds between two images at least, where a recording's times stand still."""
+_MANY = 200
+"""Images from twice as many of which on not all are fused again: the noise of one is hidden by fewer, and a
+stage waits for them."""
 _SURER = 0.5
 """Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05
@@ -201,10 +204,17 @@ class Scanner:
         return replace(found, taken=True)
 
     def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
-        """Returns the volumes and keyframes of all images that are still there, at other poses."""
+        """Returns the volumes and keyframes of the images that are still there, at other poses.
+
+        Of very many only every second one, or fewer, are fused: each counts for those between.
+        """
         volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
-        for count, (number, frame) in enumerate(self.history.frames()):
+        numbers = self.history.numbers
+        every = max(len(numbers) // _MANY, 1)
+        for count, (number, frame) in enumerate(self.history.frames(list(numbers)[::every])):
             view = self.prepared(frame)
+            if every > 1:
+                view = replace(view, weights=view.weights * np.float32(every))
             for volume in volumes:
                 volume.integrate(view, poses[number])
                 if count % _CLEANED == _CLEANED - 1:
