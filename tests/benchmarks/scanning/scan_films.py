@@ -104,7 +104,7 @@ class Film:
 
 def chair() -> Film:
     """The shipped chair, carried round by a hand, with a Kinect's noise; a recorded person takes it."""
-    path = HandheldPath(target=(0.0, 0.85, 0.0), radius=1.9, height=(0.6, 1.9), turns=1.1, seconds=12.0)
+    path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
     return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), _sat_in)
