@@ -95,7 +95,9 @@ def cast_mesh(
     with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
-        found = _no_person if none_there else None if person is None else person.result
+        found = None if person is None else person.result
+        if none_there:
+            found = lambda: None  # noqa: E731
         actor = EmbeddedActor(character, graph_of(character), settings, made.size, made.height or None, found)
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
@@ -107,10 +109,6 @@ def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
     """Returns the person that an actor of the mesh finds in it, which has its vertices as they are sent."""
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
-
-
-def _no_person() -> None:
-    """Returns that no person is in the mesh."""
 
 
 def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:

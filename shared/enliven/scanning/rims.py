@@ -50,7 +50,7 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with short rims closed, and those of which all vertices are ``feet`` (V,)."""
+    """Returns the mesh with short rims closed, and the rims that lie wholly on ``feet`` (V,)."""
     rims = rims_of(mesh.faces)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]

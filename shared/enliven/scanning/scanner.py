@@ -33,8 +33,8 @@ _CLEANED = 90
 _FRAME = 1.0 / 30.0
 """Seconds between two images at least, where a recording's times stand still."""
 _MANY = 200
-"""Images from twice as many of which on not all are fused again: the noise of one is hidden by fewer, and a
-stage waits for them."""
+"""Images that are fused again at least. Of twice as many every second one is left out: so many average the
+noise out, and the stage waits for them."""
 _SURER = 0.5
 """Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05

@@ -124,6 +124,16 @@ def test_what_cannot_be_given_is_said():
         give_performance(project.with_characters(shape), SOURCE, "stool", nodes=NODES)
 
 
+def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
+    project = with_stool(2.0)
+    stool = project.graph("stool")
+    ends = stool.mesh.vertices[[0, 40, 80, 120, 160]]
+    project = project.with_characters(stool.with_changes(ends=ends))
+    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    there = made.graph(name)
+    np.testing.assert_allclose(there.ends, there.mesh.vertices[[0, 40, 80, 120, 160]], atol=1e-9)
+
+
 def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
     """They are places on that mesh."""
     take = take_of(20)

@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
+import numpy as np
+
 from enliven.arrays import Float
 from enliven.document import BodyTake, Possession, Project
 from enliven.meshes import Mesh
@@ -28,8 +30,8 @@ def possess_another(
 ) -> tuple[Project, str]:
     """Returns a project with a mesh that performers move as they moved the one of a possession, and its id.
 
-    The mesh comes to its performers as it would on a stage; what was said about places on the first mesh, its
-    ends, joints and stiff spots, is not taken over.
+    The mesh comes to its performers as it would on a stage, and keeps its own ends and joints. What was said
+    about places on the first mesh, its ends, joints and stiff spots, is not taken over.
 
     Args:
         fit: whether it is first brought to a person's size; else it is as modelled.
@@ -48,4 +50,6 @@ def possess_another(
         height=made.height,
         size=made.size,
     )
-    return possess_mesh(project, made.mesh, take, how, nodes=nodes, progress=progress, notes=notes)
+    project, name = possess_mesh(project, made.mesh, take, how, nodes=nodes, progress=progress, notes=notes)
+    known = {key: np.reshape(getattr(made.settings, key), (-1, 3)) for key in ("ends", "joints")}
+    return project.with_characters(project.graph(name).with_changes(**known)), name

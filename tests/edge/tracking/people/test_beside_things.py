@@ -54,7 +54,7 @@ def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, h
 
 
 def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(stagecraft):
-    """Somebody waves with its edge at their hip: for the first second it is taken for a part of them."""
+    """The table's edge is at the hip of a person who waves: in the first second it is taken for an arm."""
     s = stagecraft
     low, high = (0.05, 0.6, -2.6), (0.6, 0.75, -2.3)
     playground = s.Playground(s.Player(s.still(-0.2, -2.4), "wave"), boxes=lambda time: (s.Box(low, high),))
