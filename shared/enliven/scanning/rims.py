@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Int, Int32
+from enliven.kernels import njit
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import triangulated
 from enliven.scanning.settings import CutOutSettings
@@ -25,25 +26,24 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
         mesh: upright, on y = 0.
         low: metres above the floor up to which rims count.
     """
-    vertices, faces = mesh.vertices, mesh.faces.astype(np.int64)
+    vertices, faces = mesh.vertices, mesh.faces
     lowest = np.zeros(len(vertices), bool)
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    third = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
-    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
-    rim = ~np.isin(key, back) & (vertices[sides, 1] < low).all(1)
-    if not rim.any():
+    face, corner = np.nonzero(open_sides(faces, len(vertices)))
+    one, two, inside = (faces[face, (corner + k) % 3] for k in range(3))
+    near = (vertices[one, 1] < low) & (vertices[two, 1] < low)
+    if not near.any():
         return lowest
-    one, two, inside = sides[rim, 0], sides[rim, 1], third[rim]
+    one, two, inside = one[near], two[near], inside[near]
     along, out = vertices[two] - vertices[one], vertices[one] - vertices[inside]
     length = np.maximum(np.square(along).sum(1), 1e-18)
     out = out - along * ((out * along).sum(1) / length)[:, None]
     down = -out[:, 1] > _DOWN * np.linalg.norm(out, axis=1)
     found = np.unique(np.concatenate([one[down], two[down]]))
     under = np.flatnonzero(vertices[:, 1] < low)
-    near = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[found][:, [0, 2]], _BESIDE)
+    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[found][:, [0, 2]], _BESIDE)
     free = [
         vertices[under[beside], 1].min() > vertices[v, 1] - _BELOW
-        for v, beside in zip(found, near, strict=True)
+        for v, beside in zip(found, close, strict=True)
     ]
     lowest[found[free]] = True
     return lowest
@@ -51,7 +51,7 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
     """Returns the mesh with short rims closed, and the rims that lie wholly on ``feet`` (V,)."""
-    rims = rims_of(mesh.faces)
+    rims = rims_of(mesh)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
     if soles:
@@ -81,12 +81,12 @@ def _facing_down(faces: Int, vertices: Float) -> Int:
     return faces
 
 
-def rims_of(faces: Int32) -> list[Int]:
+def rims_of(mesh: Mesh) -> list[Int]:
     """Returns the loops of vertices round the holes of a mesh, along the sides of its faces."""
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
+    faces = mesh.faces
+    face, corner = np.nonzero(open_sides(faces, len(mesh.vertices)))
     after: dict[int, list[int]] = {}
-    for a, b in sides[~np.isin(key, back)].tolist():
+    for a, b in zip(faces[face, corner].tolist(), faces[face, (corner + 1) % 3].tolist(), strict=True):
         after.setdefault(a, []).append(b)
     rims = []
     for start in list(after):
@@ -99,3 +99,39 @@ def rims_of(faces: Int32) -> list[Int]:
             if rim[-1] == start and len(rim) > 3:
                 rims.append(np.array(rim[:-1]))
     return rims
+
+
+def open_sides(faces: Int32, count: int) -> Bool:
+    """Returns (F, 3) whether no face has the side from each corner to the next the other way round.
+
+    Args:
+        count: of vertices.
+    """
+    first = np.zeros(count + 1, np.int64)
+    np.cumsum(np.bincount(faces.reshape(-1), minlength=count), out=first[1:])
+    return np.asarray(_open_sides(faces, first, np.empty(faces.size, np.int32), first[:-1].copy()))
+
+
+@njit(cache=True, nogil=True)
+def _open_sides(faces, first, ends, free):  # type: ignore[no-untyped-def]
+    """Returns the same by the ends of the sides that leave each vertex.
+
+    Args:
+        first: (V + 1,) where the ends of each vertex's sides begin.
+        ends: (3 F,) the ends; written.
+        free: (V,) where the next one of each vertex goes; begins as ``first``, written.
+    """
+    for f in range(len(faces)):
+        for k in range(3):
+            a = faces[f, k]
+            ends[free[a]] = faces[f, (k + 1) % 3]
+            free[a] += 1
+    found = np.ones((len(faces), 3), np.bool_)
+    for f in range(len(faces)):
+        for k in range(3):
+            a, b = faces[f, k], faces[f, (k + 1) % 3]
+            for i in range(first[b], first[b + 1]):
+                if ends[i] == a:
+                    found[f, k] = False
+                    break
+    return found

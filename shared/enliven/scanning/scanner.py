@@ -20,6 +20,7 @@ from enliven.scanning.keyframes import Keyframes
 from enliven.scanning.loops import ClosedWay, FrameHistory, closed_way
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.settings import ScanSettings, VolumeSettings
+from enliven.scanning.threads import made_ahead
 from enliven.scanning.volume import DistanceVolume
 
 _COARSER = 4.0
@@ -32,9 +33,11 @@ _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
 _FRAME = 1.0 / 30.0
 """Seconds between two images at least, where a recording's times stand still."""
-_MANY = 200
+_MANY = 120
 """Images that are fused again at least. Of twice as many every second one is left out: so many average the
 noise out, and the stage waits for them."""
+_STAYED = 0.5
+"""Voxels that a closed way's images may move without being fused again: no surface is doubled by that."""
 _SURER = 0.5
 """Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05
@@ -192,7 +195,7 @@ class Scanner:
             return None
         s, poses = self.settings, [pose for _, pose in self.poses]
         found = closed_way(self.history, poses, self._ups, self._camera[1], s)
-        if not found.gap:
+        if found.moved < _STAYED * s.volume.voxel:
             return found
         volumes, keyframes = self._fused_again(found.poses)
         tracker = CameraTracker(volumes, s.tracking)
@@ -211,8 +214,9 @@ class Scanner:
         volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
         numbers = self.history.numbers
         every = max(len(numbers) // _MANY, 1)
-        for count, (number, frame) in enumerate(self.history.frames(list(numbers)[::every])):
-            view = self.prepared(frame)
+        frames = self.history.frames(list(numbers)[::every])
+        views = made_ahead((number, self.prepared(frame)) for number, frame in frames)
+        for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
             for volume in volumes:

@@ -8,10 +8,13 @@ when it has nothing else to do; a piece writes to its own places only, so that t
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar, cast
+
+T = TypeVar("T")
+S = TypeVar("S")
 
 
 @cache
@@ -38,3 +41,38 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
     work(pieces.popleft)
     if not other.cancel():
         other.result()
+
+
+def made_ahead(items: Iterator[T]) -> Iterator[T]:
+    """Yields items, of which the second thread makes the next one meanwhile; then it helps again."""
+    end = object()
+    coming = _second().submit(next, items, end)
+    while (item := coming.result()) is not end:
+        coming = _second().submit(next, items, end)
+        yield cast("T", item)
+
+
+def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Callable[[], T]) -> None:
+    """Calls ``do(tool, item)`` for all items, in no order; each of the two threads makes a tool of its own.
+
+    Kernels that are shared as :func:`in_pieces` does may be called in it: the second thread has no time for
+    them, so that each of the two does its own alone.
+    """
+    left = deque(items)
+
+    def work() -> None:
+        mine = tool()
+        while True:
+            try:
+                item = left.popleft()
+            except IndexError:
+                return
+            do(mine, item)
+
+    other = _second().submit(work)
+    try:
+        work()
+    finally:
+        left.clear()
+        if not other.cancel():
+            other.result()

@@ -157,6 +157,13 @@ class DistanceVolume:
             self._limits,
         )
 
+    def clear(self) -> None:
+        """Forget all images; the memory is kept for the next ones."""
+        for array in (self.distance, self.weight, self.solid, self.hue):
+            array[: self.blocks.count] = 0
+        self.blocks.keep(np.empty(0, np.int64))
+        self._images = 0
+
     def clean(self) -> int:
         """Give back the blocks that hold no surface; returns how many they were."""
         count = self.blocks.count

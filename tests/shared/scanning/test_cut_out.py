@@ -10,7 +10,7 @@ from enliven import rotation
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import CutOutSettings, cut_out, find_ground, focus_of
-from enliven.scanning.rims import rims_of
+from enliven.scanning.rims import open_sides, rims_of
 
 
 def grid(x0, x1, z0, z1, y, step=0.02):
@@ -76,7 +76,7 @@ def test_the_thing_is_upright_on_the_floor_however_the_scan_lay(lean, turn, high
 def test_the_thing_is_closed_where_it_stood():
     mesh = scene(noise=0.001)
     thing = cut_out(mesh, find_ground(mesh), np.array([0.0, 0.3, 0.0]))
-    assert not rims_of(thing.faces)
+    assert not rims_of(thing)
     volume = trimesh.Trimesh(thing.vertices, thing.faces, process=False).volume
     assert volume == pytest.approx(0.3 * 0.6 * 0.3, rel=0.03)
 
@@ -88,9 +88,9 @@ def test_a_small_hole_is_closed_and_a_large_one_stays_open():
     high = np.flatnonzero(front & (middles[:, 1] > 0.3))
     small = faces[np.arange(len(faces)) != high[0]]
     whole = Mesh(vertices, small)
-    assert not rims_of(cut_out(whole, find_ground(whole), np.array([0.0, 0.3, 0.0])).faces)
+    assert not rims_of(cut_out(whole, find_ground(whole), np.array([0.0, 0.3, 0.0])))
     torn = Mesh(vertices, faces[~(front & (middles[:, 1] > 0.2))])
-    left = rims_of(cut_out(torn, find_ground(torn), np.array([0.0, 0.3, 0.0])).faces)
+    left = rims_of(cut_out(torn, find_ground(torn), np.array([0.0, 0.3, 0.0])))
     assert len(left) == 1 and len(left[0]) > 8
 
 
@@ -120,3 +120,13 @@ def test_nothing_to_cut_out_is_refused_in_words():
         find_ground(wall)
     with pytest.raises(InputError, match="no floor"):
         find_ground(Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)))
+
+
+@settings(max_examples=30)
+@given(st.integers(3, 12), st.lists(st.tuples(*[st.integers(0, 11)] * 3), min_size=1, max_size=40))
+def test_a_side_is_open_where_no_face_goes_back_along_it(count, corners):
+    """The kernel finds what a set of all sides tells, for any faces."""
+    faces = np.array(corners, np.int32) % count
+    there = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}
+    slow = [[(face[(k + 1) % 3], face[k]) not in there for k in range(3)] for face in faces.tolist()]
+    np.testing.assert_array_equal(open_sides(faces, count), slow)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -54,6 +54,8 @@ def parts_of(mesh):
 )
 def test_what_is_in_a_box_is_kept_and_nothing_else(low, high, tall, lean, turn):
     """The kept surface is that of the clipped box, whose area is known, however the scan lies."""
+    # A side of the thing that lies in a side of the box may count as in it, or not.
+    assume(all(abs(abs(side) - 0.15) > 1e-6 for side in (*low, *high)))
     whole = Mesh(*standing((0.0, 0.0)))
     move = rotation.to_matrix(rotation.from_rotation_vector([lean, 0.0, 0.0]))
     move = move @ rotation.to_matrix(rotation.from_rotation_vector([0.0, turn, 0.0]))
@@ -82,7 +84,7 @@ def test_a_box_takes_several_things_without_the_floor_and_is_closed_below():
     mesh = scene()
     found = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
     assert found.parts == 2 and parts_of(found.mesh) == 2
-    assert not rims_of(found.mesh.faces), "both have soles"
+    assert not rims_of(found.mesh), "both have soles"
     assert (found.mesh.colours == (200, 120, 40)).all()
     # From 2 cm under the floor on, the floor is meant, too.
     floor = cut_by_box(mesh, box((-0.4, -0.03, -0.4), (1.0, 0.9, 0.9)))
@@ -91,9 +93,9 @@ def test_a_box_takes_several_things_without_the_floor_and_is_closed_below():
 
 def test_half_a_thing_is_closed_where_the_box_cut_it_off_below_only():
     found = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
-    assert not rims_of(found.mesh.faces) and found.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
+    assert not rims_of(found.mesh) and found.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
     half = cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.0, 0.9, 0.4)))
-    (rim,) = rims_of(half.mesh.faces)
+    (rim,) = rims_of(half.mesh)
     assert (half.mesh.vertices[rim][:, 0] > 0.074).mean() > 0.3, "it stays open at its upright side"
 
 
@@ -149,7 +151,7 @@ def test_what_is_new_is_the_thing_wherever_it_stands(at, tall, seed):
     vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
     vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)
     found = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
-    assert found.parts == 1 and not rims_of(found.mesh.faces)
+    assert found.parts == 1 and not rims_of(found.mesh)
     np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.25, tall, 0.2], atol=0.012)
     sides = 2 * (0.25 + 0.2) * (tall - 0.012) + 0.25 * 0.2
     assert found.area == pytest.approx(sides, rel=0.06)
@@ -162,7 +164,7 @@ def test_on_a_table_it_stands_on_the_table():
     vertices, faces = joined(table, (thing[0] + at, thing[1]))
     found = cut_what_is_new(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
     np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.25, 0.2], atol=0.005)
-    assert not rims_of(found.mesh.faces)
+    assert not rims_of(found.mesh)
 
 
 def test_a_thing_that_was_moved_is_kept_where_it_stands_now():

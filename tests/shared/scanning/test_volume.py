@@ -156,6 +156,23 @@ def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
     )
 
 
+def test_a_volume_that_forgot_is_as_a_new_one():
+    poses = [looking(0.2 * k) for k in range(4)]
+    views = [prepared(sphere_depth((0, 0, 0), 0.3, pose)) for pose in poses]
+    again, new = DistanceVolume(SETTINGS), DistanceVolume(SETTINGS)
+    for view, pose in zip(views[:2], poses[:2], strict=True):
+        again.integrate(view, pose)
+    again.clear()
+    assert not len(surface_of(again).faces) and not again.blocks.count
+    for view, pose in zip(views[2:], poses[2:], strict=True):
+        again.integrate(view, pose)
+        new.integrate(view, pose)
+    count = new.blocks.count
+    assert again.blocks.count == count and (again.blocks.find(new.blocks.places[:count]) >= 0).all()
+    np.testing.assert_array_equal(again.distance[:count], new.distance[:count])
+    np.testing.assert_array_equal(again.weight[:count], new.weight[:count])
+
+
 def test_memory_follows_the_surface_and_keeps_to_its_limit():
     fine = fused_sphere(settings=replace(SETTINGS, voxel=0.01)).blocks.count
     finer = fused_sphere(settings=replace(SETTINGS, voxel=0.005)).blocks.count

@@ -14,9 +14,10 @@ from enliven.scanning.depth_view import DepthPreparation, DepthView
 from enliven.scanning.keyframes import unlikeness
 from enliven.scanning.loops.history import FrameHistory
 from enliven.scanning.loops.pose_graph import PoseLink, settled
-from enliven.scanning.loops.submaps import PlacedPiece, SubMap, split_way
+from enliven.scanning.loops.submaps import PlacedPiece, SubMap, piece_tracker, split_way
 from enliven.scanning.rigid import apart, between, inverse
 from enliven.scanning.settings import LoopSettings, ScanSettings
+from enliven.scanning.threads import each_in_two_threads
 
 _NEXT = 2
 """Pieces after each that the tracking laid onto it already: no loops."""
@@ -104,28 +105,44 @@ def _made(
     history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
 ) -> PlacedPiece:
     """Returns a piece with its images."""
-    images = [(frame, poses[number]) for number, frame in history.frames(list(piece.numbers))]
-    return PlacedPiece(images, len(piece.numbers) // 2, preparation)
+    images = {
+        number: (frame, poses[number]) for number, frame in history.frames([piece.anchor, *piece.looks])
+    }
+    return PlacedPiece(piece, images, preparation)
 
 
 def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
     """Returns the links of each piece to the next, as it was tracked, and the loops that hold both ways."""
     wanted = _candidates(pieces, settings.loops)
-    found: dict[tuple[int, int], Alignment] = {}
-    for n, piece in enumerate(pieces):
-        onto = [m for m in range(len(pieces)) if (min(n, m), max(n, m)) in wanted and m != n]
-        if not onto:
-            continue
-        tracker = piece.tracker(settings)
-        for m in onto:
-            laid = _laid(tracker, pieces[m], piece, settings)
-            if laid is not None:
-                found[n, m] = laid
+    found = _found(pieces, wanted, settings)
     links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
     for (n, m), laid in found.items():
         if (m, n) in found and _agree(pieces, n, m, laid, found[m, n], settings.loops):
             links.append(_link(pieces, n, m, laid, settings.loops))
     return links
+
+
+def _found(
+    pieces: list[PlacedPiece], wanted: set[tuple[int, int]], settings: ScanSettings
+) -> dict[tuple[int, int], Alignment]:
+    """Returns how pieces m lie on pieces n, by (n, m), for the wanted pairs in which they do, both ways."""
+    found: dict[tuple[int, int], Alignment] = {}
+    beside: list[list[int]] = [[] for _ in pieces]
+    for n, m in wanted:
+        beside[n].append(m)
+        beside[m].append(n)
+
+    def lay(tracker: CameraTracker, n: int) -> None:
+        pieces[n].fuse_into(tracker.volumes)
+        for m in beside[n]:
+            laid = _laid(tracker, pieces[m], pieces[n], settings)
+            if laid is not None:
+                found[n, m] = laid
+
+    each_in_two_threads(
+        lay, [n for n, others in enumerate(beside) if others], lambda: piece_tracker(settings)
+    )
+    return dict(sorted(found.items()))
 
 
 def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ _COARSER = (2.0, 8.0)
 """Voxels of a piece's volumes, of the scan's: bands of 3 and 13 cm at 4 mm, at a tenth of the time."""
 _STRIDE = 4
 """Half-size pixels between the points that are laid onto a piece: a quarter of the tracking's."""
-_LOOKS = 4
+_LOOKS = 3
 """Images of a piece that are fused at most: each next one brings less."""
 
 
@@ -38,6 +38,12 @@ class SubMap:
     def anchor(self) -> int:
         """The number of the image in its middle, which stands for the piece."""
         return self.numbers[len(self.numbers) // 2]
+
+    @property
+    def looks(self) -> list[int]:
+        """The numbers of the images that are fused where others are laid onto the piece."""
+        keep = np.unique(np.linspace(0, len(self.numbers) - 1, min(_LOOKS, len(self.numbers))).astype(int))
+        return [self.numbers[n] for n in keep]
 
 
 def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float) -> list[SubMap]:
@@ -60,30 +66,43 @@ def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, rad
 
 
 class PlacedPiece:
-    """A piece with its images: its anchor's view, and volumes that are fused when they are asked for."""
+    """A piece with its images.
+
+    Attributes:
+        view: its anchor's image; without the planes of the full image, which are for the fusion, and large.
+        small: the same, reduced as a keyframe is.
+        pose: (4, 4) its anchor's pose.
+
+    Args:
+        images: of its anchor and its looks at least, with their poses, by number.
+    """
 
     def __init__(
-        self, images: Sequence[tuple[DepthFrame, Float]], anchor: int, preparation: DepthPreparation
+        self, piece: SubMap, images: Mapping[int, tuple[DepthFrame, Float]], preparation: DepthPreparation
     ) -> None:
-        keep = np.unique(np.linspace(0, len(images) - 1, min(_LOOKS, len(images))).astype(int))
-        self._images, self._preparation = [images[n] for n in keep], preparation
-        view = preparation.prepare(images[anchor][0].depth)
-        # The planes of the full image are for the fusion, and large.
-        empty = np.empty((0, 0), np.float32)
+        self._images, self._preparation = [images[n] for n in piece.looks], preparation
+        frame, self.pose = images[piece.anchor]
+        view, empty = preparation.prepare(frame.depth), np.empty((0, 0), np.float32)
         self.view: DepthView = replace(view, planes=empty, weights=empty)
         self.small: Float32 = reduced(view)
-        self.pose: Float = images[anchor][1]
 
-    def tracker(self, settings: ScanSettings) -> CameraTracker:
-        """Returns what lays images onto this piece; its volumes go when it goes."""
-        sizes = [settings.volume.voxel * factor for factor in _COARSER]
-        plain = replace(settings.volume, colour=False)
-        volumes = [DistanceVolume(plain, size, settings.volume.far) for size in sizes]
+    def fuse_into(self, volumes: Sequence[DistanceVolume]) -> None:
+        """Fuse the piece's looks, and nothing else, into volumes."""
+        for volume in volumes:
+            volume.clear()
         for frame, pose in self._images:
             view = self._preparation.prepare(frame.depth)
             for volume in volumes:
                 volume.integrate(view, pose)
-        t = settings.tracking
-        # Fewer points tell as much: their neighbours' noise is not new.
-        told = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
-        return CameraTracker(volumes, replace(t, fine_stride=_STRIDE, independent=told))
+
+
+def piece_tracker(settings: ScanSettings) -> CameraTracker:
+    """Returns what lays images onto the piece that was fused into its volumes last."""
+    plain, t = replace(settings.volume, colour=False), settings.tracking
+    reaches = (plain.reach, plain.far)
+    # Fewer points tell as much: their neighbours' noise is not new.
+    told = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
+    return CameraTracker(
+        [DistanceVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
+        replace(t, fine_stride=_STRIDE, independent=told),
+    )

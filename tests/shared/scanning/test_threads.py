@@ -1,0 +1,51 @@
+"""Work that two threads share: each item is done once, and what fails is said."""
+
+import threading
+
+import pytest
+
+from enliven.scanning.threads import each_in_two_threads, in_pieces, made_ahead
+
+
+def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
+    done, tools = [], []
+
+    def tool():
+        tools.append(threading.get_ident())
+        return tools[-1]
+
+    def do(mine, item):
+        assert mine == threading.get_ident()
+        pieces = []
+        # What shares its pieces may be called in it.
+        in_pieces(lambda first, last: pieces.extend(range(first, last)), 10, 3)
+        assert sorted(pieces) == list(range(10))
+        done.append(item)
+
+    each_in_two_threads(do, list(range(50)), tool)
+    assert sorted(done) == list(range(50)) and len(tools) == len(set(tools))
+
+
+@pytest.mark.parametrize("failing", [0, 7, 19])
+def test_what_fails_in_either_thread_is_raised_and_the_next_call_works(failing):
+    def do(_, item):
+        if item == failing:
+            raise ValueError(str(item))
+
+    with pytest.raises(ValueError, match=str(failing)):
+        each_in_two_threads(do, list(range(20)), lambda: None)
+    each_in_two_threads(lambda tool, item: None, [1, 2, 3], lambda: None)
+
+
+def test_items_that_are_made_ahead_keep_their_order_and_their_errors():
+    assert list(made_ahead(iter(range(20)))) == list(range(20))
+    assert list(made_ahead(iter([]))) == []
+
+    def broken():
+        yield 1
+        raise ValueError("the second")
+
+    items = made_ahead(broken())
+    assert next(items) == 1
+    with pytest.raises(ValueError, match="the second"):
+        next(items)
