@@ -95,7 +95,10 @@ class DepthPreparation:
         # All that follows knows pinholes only: an image of a lens is made one.
         self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
         self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
-        self._ray = rays(self.intrinsics).astype(np.float32)
+        ray = rays(self.intrinsics).astype(np.float32)
+        # Without distortion a column's rays share their x, and a row's their y.
+        self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
+        self._half = _pair_means(self._across), _pair_means(self._down)
         self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
 
     def prepare(self, depth: UInt16 | Float32, colour: UInt8 | None = None) -> DepthView:
@@ -117,9 +120,9 @@ class DepthPreparation:
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
         worth = np.zeros(half, np.float32)
         in_pieces(_halve, half[0], _ROWS, depth, self._limits, inverse)
-        in_pieces(_fit, half[0], _ROWS, inverse, self._ray, self._limits, points, normals, worth)
+        in_pieces(_fit, half[0], _ROWS, inverse, *self._half, self._limits, points, normals, worth)
         in_pieces(
-            _through, half[0], _ROWS, depth, self._ray, self._limits, points, normals, worth, planes, weights
+            _through, half[0], _ROWS, depth, self._across, self._down, points, normals, worth, planes, weights
         )
         tiles = np.empty((-(-height // TILE), -(-width // TILE), 3), np.float32)
         in_pieces(_bound, len(tiles), _ROWS, depth, self._limits, tiles)
@@ -134,33 +137,50 @@ def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
     return seen[..., 1].clip(0, intrinsics.height - 1), seen[..., 0].clip(0, intrinsics.width - 1)
 
 
+def _pair_means(values: Float32) -> Float32:
+    """Returns the means of (N,) values by twos; the last one stands alone where N is odd."""
+    other = np.minimum(np.arange(1, len(values) + 1, 2), len(values) - 1)
+    return (0.5 * (values[::2] + values[other])).astype(np.float32)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _halve(depth, limits, inverse, first, last):  # type: ignore[no-untyped-def]
     """Fills rows of (h, w) inverse depth, 1/m, of 2 x 2 pixels: the mean of those that lie at the nearest."""
     height, width = depth.shape
     for v in range(first, last):
-        for u in range(inverse.shape[1]):
-            largest = np.float32(0.0)
-            for j in range(2 * v, min(2 * v + 2, height)):
-                for i in range(2 * u, min(2 * u + 2, width)):
-                    z = np.float32(depth[j, i]) * np.float32(1e-3)
-                    if limits[0] <= z <= limits[1]:
-                        largest = max(largest, np.float32(1.0) / z)
-            total, count = np.float32(0.0), 0
-            for j in range(2 * v, min(2 * v + 2, height)):
-                for i in range(2 * u, min(2 * u + 2, width)):
-                    z = np.float32(depth[j, i]) * np.float32(1e-3)
-                    if (
-                        limits[0] <= z <= limits[1]
-                        and np.float32(1.0) / z > np.float32(1.0 - _GATE) * largest
-                    ):
-                        total += np.float32(1.0) / z
-                        count += 1
-            inverse[v, u] = total / np.float32(count) if count > 0 else np.float32(0.0)
+        upper, lower = depth[2 * v], depth[min(2 * v + 1, height - 1)]
+        for u in range(width // 2):
+            inverse[v, u] = _mean_inverse(
+                upper[2 * u], upper[2 * u + 1], lower[2 * u], lower[2 * u + 1], limits
+            )
+        if width % 2:
+            a, b = upper[width - 1], lower[width - 1]
+            inverse[v, width // 2] = _mean_inverse(a, a, b, b, limits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _mean_inverse(a, b, c, d, limits):  # type: ignore[no-untyped-def]
+    """Returns the mean inverse, 1/m, of those of four depths (mm) that lie at the nearest; 0 for none."""
+    za, zb, zc, zd = _metres(a, limits), _metres(b, limits), _metres(c, limits), _metres(d, limits)
+    ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
+    last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _GATE))
+    zero, one = np.float32(0.0), np.float32(1.0)
+    # What is not known is infinitely far, and infinity is not less than itself.
+    ia, ib = (one if za < last else zero), (one if zb < last else zero)
+    ic, id_ = (one if zc < last else zero), (one if zd < last else zero)
+    count = ia + ib + ic + id_
+    return (ia / za + ib / zb + ic / zc + id_ / zd) / (count if count > one else one)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _metres(depth, limits):  # type: ignore[no-untyped-def]
+    """Returns a depth (mm) in metres, infinity where it is none, or nearer or farther than what counts."""
+    z = np.float32(depth) * np.float32(1e-3)
+    return z if (z > np.float32(0.0)) & (z >= limits[0]) & (z <= limits[1]) else np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(inverse, ray, limits, points, normals, worth, first, last):  # type: ignore[no-untyped-def]
+def _fit(inverse, across, down, limits, points, normals, worth, first, last):  # type: ignore[no-untyped-def]
     """Fits a plane round each half-size pixel of some rows.
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
@@ -172,15 +192,14 @@ def _fit(inverse, ray, limits, points, normals, worth, first, last):  # type: ig
             here = inverse[v, u]
             if here == 0.0:
                 continue
-            x0, y0 = _middle(ray, v, u)
+            x0, y0 = across[u], down[v]
             sx, sy, sz, sxx, sxy, syy, sxz, syz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             count = 0
             for j in range(v - _STEP, v + _STEP + 1, _STEP):
                 for i in range(u - _STEP, u + _STEP + 1, _STEP):
                     inside = j >= 0 and i >= 0 and j < height and i < width
                     if inside and abs(inverse[j, i] - here) < _GATE * here:
-                        xr, yr = _middle(ray, j, i)
-                        x, y, z = xr - x0, yr - y0, inverse[j, i] - here
+                        x, y, z = across[i] - x0, down[j] - y0, inverse[j, i] - here
                         sx, sy, sz = sx + x, sy + y, sz + z
                         sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
                         sxz, syz = sxz + x * z, syz + y * z
@@ -207,15 +226,6 @@ def _fit(inverse, ray, limits, points, normals, worth, first, last):  # type: ig
             worth[v, u] = facing * share * share * certainty(limits, z)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def _middle(ray, v, u):  # type: ignore[no-untyped-def]
-    """Returns (x, y) of the ray through the middle of a half-size pixel."""
-    below, right = min(2 * v + 1, ray.shape[0] - 1), min(2 * u + 1, ray.shape[1] - 1)
-    return 0.5 * (ray[2 * v, 2 * u, 0] + ray[below, right, 0]), 0.5 * (
-        ray[2 * v, 2 * u, 1] + ray[below, right, 1]
-    )
-
-
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def certainty(limits, z):  # type: ignore[no-untyped-def]
     """Returns the variance of the best depth over that of a depth z, at most 1."""
@@ -225,7 +235,7 @@ def certainty(limits, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _through(depth, ray, limits, points, normals, worth, planes, weights, first, last):  # type: ignore[no-untyped-def]
+def _through(depth, across, down, points, normals, worth, planes, weights, first, last):  # type: ignore[no-untyped-def]
     """Puts the plane of its half-size pixel through each pixel of some rows."""
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
@@ -239,7 +249,7 @@ def _through(depth, ray, limits, points, normals, worth, planes, weights, first,
                 continue
             nx, ny, nz = normals[j, i, 0], normals[j, i, 1], normals[j, i, 2]
             planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = nx, ny, nz
-            planes[v, u, 3] = (nx * ray[v, u, 0] + ny * ray[v, u, 1] + nz) * z
+            planes[v, u, 3] = (nx * across[u] + ny * down[v] + nz) * z
             weights[v, u] = worth[j, i]
 
 
@@ -247,15 +257,25 @@ def _through(depth, ray, limits, points, normals, worth, planes, weights, first,
 def _bound(depth, limits, tiles, first, last):  # type: ignore[no-untyped-def]
     """Fills the nearest and farthest depth of some rows of tiles."""
     height, width = depth.shape
+    zero, one = np.float32(0.0), np.float32(1.0)
+    near, far, known = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
     for r in range(first, last):
+        near[:], far[:], known[:] = np.float32(np.inf), zero, zero
+        low, high = r * TILE, min(r * TILE + TILE, height)
+        for v in range(low, high):
+            for u in range(width):
+                z = _metres(depth[v, u], limits)
+                there = z < np.float32(np.inf)
+                near[u] = z if z < near[u] else near[u]
+                far[u] = z if there & (z > far[u]) else far[u]
+                known[u] += one if there else zero
         for c in range(tiles.shape[1]):
-            nearest, farthest, holes = np.float32(np.inf), np.float32(0.0), 0
-            for v in range(r * TILE, min(r * TILE + TILE, height)):
-                for u in range(c * TILE, min(c * TILE + TILE, width)):
-                    z = np.float32(depth[v, u]) * np.float32(1e-3)
-                    if limits[0] <= z <= limits[1]:
-                        nearest, farthest = min(nearest, z), max(farthest, z)
-                    else:
-                        holes += 1
+            nearest, farthest, count = np.float32(np.inf), zero, zero
+            right = min(c * TILE + TILE, width)
+            for u in range(c * TILE, right):
+                nearest, farthest = min(nearest, near[u]), max(farthest, far[u])
+                count += known[u]
             tiles[r, c, 0], tiles[r, c, 1] = nearest, farthest
-            tiles[r, c, 2] = np.float32(holes) / np.float32(TILE * TILE)
+            # At the image's edge what the tile lacks is no hole.
+            holes = np.float32((high - low) * (right - c * TILE)) - count
+            tiles[r, c, 2] = holes / np.float32(TILE * TILE)

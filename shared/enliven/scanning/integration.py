@@ -130,7 +130,8 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):  #
             voxels.solid[b] = _carve(voxels.distance[b], voxels.weight[b], sizes[0], sizes[2]) > 0
         else:
             _project(places, b, band, camera, image.shape, local, pixel, shown)
-            _look(pixel, local, image.planes, image.weights, before, along, worth)
+            if not _look(pixel, local, image.planes, image.weights, sizes[1], before, along, worth):
+                continue
             if len(image.colours) > 0 and len(voxels.hue) > 0:
                 near = np.float32(band.voxel * _PAINTED)
                 _paint(pixel, shown, before, worth, near, image.colours, voxels.weight[b], voxels.hue[b])
@@ -203,12 +204,17 @@ def _project(places, b, band, camera, shape, local, pixel, shown):  # type: igno
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(pixel, local, planes, weights, before, along, worth):  # type: ignore[no-untyped-def]
+def _look(pixel, local, planes, weights, behind, before, along, worth):  # type: ignore[no-untyped-def]
     """Fills (512,) metres before the plane of each voxel's pixel, normal . voxel, and the plane's weight.
 
     Args:
         planes: (4, H W), weights: (H W,) as of a view.
+        behind: metres behind a surface up to which it is told.
+
+    Returns:
+        How many voxels are told anything; of the others the image shows what hides them.
     """
+    told = np.int32(0)
     for i in range(VOXELS):
         k = np.uint32(pixel[i])
         at = np.uint32(4) * k
@@ -219,6 +225,8 @@ def _look(pixel, local, planes, weights, before, along, worth):  # type: ignore[
         )
         along[i], before[i] = a, a - planes[at + np.uint32(3)]
         worth[i] = weights[k]
+        told += np.int32(1) if before[i] > -behind else np.int32(0)
+    return told
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,80 @@
+"""A depth image is prepared: half-size points, planes and tiles, against a slow twin of plain loops."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.camera import Intrinsics
+from enliven.scanning import DepthNoiseModel, DepthPreparation
+from enliven.scanning.depth_view import TILE
+
+NEAR, FAR, GATE = 0.3, 5.0, 0.04
+
+
+def slow_half(depth):
+    """(h, w) depth of 2 x 2 pixels: of those within the gate of the nearest the harmonic mean; 0 for none."""
+    height, width = depth.shape
+    out = np.zeros(((height + 1) // 2, (width + 1) // 2))
+    for v, u in np.ndindex(out.shape):
+        some = depth[2 * v : 2 * v + 2, 2 * u : 2 * u + 2].ravel() * 1e-3
+        some = some[(some >= NEAR) & (some <= FAR)]
+        if len(some):
+            inverse = 1.0 / some[some < some.min() / (1 - GATE)]
+            out[v, u] = 1.0 / inverse.mean()
+    return out
+
+
+def slow_tile(depth):
+    """Nearest and farthest depth of a tile, and the share of a whole tile's pixels that have none."""
+    known = (depth >= 1e3 * NEAR) & (depth <= 1e3 * FAR)
+    some = depth[known] * 1e-3
+    return min(some, default=np.inf), max(some, default=0.0), (~known).sum() / TILE**2
+
+
+@settings(max_examples=20)
+@given(
+    height=st.integers(9, 40),
+    width=st.integers(9, 40),
+    step=st.integers(0, 3000),
+    seed=st.integers(0, 2**16),
+    whole=st.booleans(),
+)
+def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, seed, whole):
+    random = np.random.default_rng(seed)
+    depth = (
+        800.0
+        + 6.0 * np.arange(width)
+        + 3.0 * np.arange(height)[:, None]
+        + random.normal(0, 2, (height, width))
+    )
+    depth[:, random.integers(0, width) :] += step
+    depth[random.random(depth.shape) < 0.1] = 0
+    depth[random.random(depth.shape) < 0.05] = 65535
+    depth = np.rint(depth).astype(np.uint16) if whole else depth.astype(np.float32)
+    camera = Intrinsics(width, height, 60.0, 62.0, width / 2, height / 2)
+    view = DepthPreparation(camera, DepthNoiseModel(), NEAR, FAR).prepare(depth)
+    half, there = slow_half(depth.astype(float)), view.worth > 0
+    assert view.points.shape[:2] == half.shape and there.any()
+    # float32 inverse depths.
+    np.testing.assert_allclose(view.points[there][:, 2], half[there], rtol=1e-5)
+    # Each point lies on the ray through the middle of its pixels, of which the last may stand alone.
+    columns = (2 * np.arange(half.shape[1]) + np.minimum(2 * np.arange(half.shape[1]) + 1, width - 1)) / 2
+    across = np.broadcast_to((columns - camera.cx) / camera.fx, half.shape)
+    np.testing.assert_allclose(
+        (view.points[..., 0] / np.where(there, view.points[..., 2], 1))[there], across[there], atol=1e-6
+    )
+    np.testing.assert_allclose(np.linalg.norm(view.normals[there], axis=1), 1.0, rtol=1e-5)
+    for r, c in np.ndindex(view.tiles.shape[:2]):
+        tile = depth[r * TILE : (r + 1) * TILE, c * TILE : (c + 1) * TILE].astype(float)
+        np.testing.assert_allclose(view.tiles[r, c], slow_tile(tile), rtol=1e-6)
+    # A pixel's plane goes through its own point.
+    for v, u in zip(*np.nonzero(view.weights), strict=True):
+        z = float(depth[v, u]) * 1e-3
+        point = np.array([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z])
+        assert abs(view.planes[v, u, :3] @ point - view.planes[v, u, 3]) < 1e-5
+
+
+def test_depth_0_is_nothing_even_where_nothing_is_too_near():
+    camera = Intrinsics(20, 20, 60.0, 60.0, 10.0, 10.0)
+    view = DepthPreparation(camera, DepthNoiseModel(), 0.0, FAR).prepare(np.zeros((20, 20), np.uint16))
+    assert not view.known and (view.tiles[..., 2] > 0).all()
