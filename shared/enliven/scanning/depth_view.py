@@ -98,7 +98,7 @@ class DepthPreparation:
         ray = rays(self.intrinsics).astype(np.float32)
         # Without distortion a column's rays share their x, and a row's their y.
         self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
-        self._half = _pair_means(self._across), _pair_means(self._down)
+        self._half = np.pad(_pair_means(self._across), _STEP), _pair_means(self._down)
         self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
 
     def prepare(self, depth: UInt16 | Float32, colour: UInt8 | None = None) -> DepthView:
@@ -115,7 +115,8 @@ class DepthPreparation:
             depth = depth[self._straight]
             colour = None if colour is None else colour[self._straight]
         half = ((height + 1) // 2, (width + 1) // 2)
-        inverse = np.empty(half, np.float32)
+        # Columns of nothing on either side: no neighbour of a pixel has to be asked whether it is there.
+        inverse = np.zeros((half[0], half[1] + 2 * _STEP), np.float32)
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
         worth = np.zeros(half, np.float32)
@@ -145,17 +146,17 @@ def _pair_means(values: Float32) -> Float32:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _halve(depth, limits, inverse, first, last):  # type: ignore[no-untyped-def]
-    """Fills rows of (h, w) inverse depth, 1/m, of 2 x 2 pixels: the mean of those that lie at the nearest."""
+    """Fills rows of (h, w + 2 _STEP) inverse depth, 1/m, of 2 x 2 pixels: the mean of the nearest ones."""
     height, width = depth.shape
     for v in range(first, last):
         upper, lower = depth[2 * v], depth[min(2 * v + 1, height - 1)]
         for u in range(width // 2):
-            inverse[v, u] = _mean_inverse(
+            inverse[v, u + _STEP] = _mean_inverse(
                 upper[2 * u], upper[2 * u + 1], lower[2 * u], lower[2 * u + 1], limits
             )
         if width % 2:
             a, b = upper[width - 1], lower[width - 1]
-            inverse[v, width // 2] = _mean_inverse(a, a, b, b, limits)
+            inverse[v, width // 2 + _STEP] = _mean_inverse(a, a, b, b, limits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -185,45 +186,71 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):  #
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
     normal. A structured-light camera's noise is even in inverse depth, so least squares there is right.
+
+    Args:
+        inverse: (h, w + 2 _STEP), across: (w + 2 _STEP,) 1/m and x of the rays, with nothing on either side.
+        down: (h,) y of the rays.
     """
-    height, width = inverse.shape
+    width = inverse.shape[1] - 2 * _STEP
+    sums = np.empty((9, width), np.float32)
+    one, least = np.float32(1.0), np.float32(1e-4)
     for v in range(first, last):
+        _add_neighbours(inverse, v, across, down, sums)
         for u in range(width):
-            here = inverse[v, u]
-            if here == 0.0:
+            n = sums[0, u]
+            if n < _FEWEST:
                 continue
-            x0, y0 = across[u], down[v]
-            sx, sy, sz, sxx, sxy, syy, sxz, syz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            count = 0
-            for j in range(v - _STEP, v + _STEP + 1, _STEP):
-                for i in range(u - _STEP, u + _STEP + 1, _STEP):
-                    inside = j >= 0 and i >= 0 and j < height and i < width
-                    if inside and abs(inverse[j, i] - here) < _GATE * here:
-                        x, y, z = across[i] - x0, down[j] - y0, inverse[j, i] - here
-                        sx, sy, sz = sx + x, sy + y, sz + z
-                        sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
-                        sxz, syz = sxz + x * z, syz + y * z
-                        count += 1
-            if count < _FEWEST:
-                continue
-            n = float(count)
-            xx, xy, yy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
-            xz, yz = sxz - sx * sz / n, syz - sy * sz / n
+            here, x0, y0, part = inverse[v, u + _STEP], across[u + _STEP], down[v], one / n
+            sx, sy, sz = sums[1, u], sums[2, u], sums[3, u]
+            xx, xy, yy = sums[4, u] - sx * sx * part, sums[5, u] - sx * sy * part, sums[6, u] - sy * sy * part
+            xz, yz = sums[7, u] - sx * sz * part, sums[8, u] - sy * sz * part
             det = xx * yy - xy * xy
-            if det <= 1e-4 * xx * yy:
+            if det <= least * xx * yy:
                 continue
             a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
-            smooth = here + (sz - a * sx - b * sy) / n
+            smooth = here + (sz - a * sx - b * sy) * part
             c = smooth - a * x0 - b * y0
             # Its own depth: the fitted one lies too deep on all that is round, and the camera would drift.
-            z, length = 1.0 / here, np.sqrt(a * a + b * b + c * c)
-            facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + 1.0))
+            z, length = one / here, np.sqrt(a * a + b * b + c * c)
+            facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + one))
             if not facing > _STEEPEST:
                 continue
             points[v, u, 0], points[v, u, 1], points[v, u, 2] = x0 * z, y0 * z, z
             normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = -a / length, -b / length, -c / length
-            share = n / 9.0
+            share = n / np.float32(9.0)
             worth[v, u] = facing * share * share * certainty(limits, z)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_neighbours(inverse, v, across, down, sums):  # type: ignore[no-untyped-def]
+    """Sums up the nine pixels about each one of a row that are of the same surface, without a branch.
+
+    Args:
+        sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz: from the pixel to these, rays and 1/m; written.
+    """
+    one, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _STEP
+    middle = inverse[v]
+    sums[:, :] = zero
+    for j in range(max(v - _STEP, v % _STEP), min(v + _STEP + 1, len(inverse)), _STEP):
+        row, y = inverse[j], down[j] - down[v]
+        for u in range(sums.shape[1]):
+            here = middle[u + _STEP]
+            gate = np.float32(_GATE) * here
+            left, right = across[u] - across[u + _STEP], across[u + wide] - across[u + _STEP]
+            za, zb, zc = row[u] - here, row[u + _STEP] - here, row[u + wide] - here
+            a = one if abs(za) < gate else zero
+            b = one if abs(zb) < gate else zero
+            c = one if abs(zc) < gate else zero
+            n, x, z = a + b + c, a * left + c * right, a * za + b * zb + c * zc
+            sums[0, u] += n
+            sums[1, u] += x
+            sums[2, u] += n * y
+            sums[3, u] += z
+            sums[4, u] += a * left * left + c * right * right
+            sums[5, u] += x * y
+            sums[6, u] += n * y * y
+            sums[7, u] += a * left * za + c * right * zc
+            sums[8, u] += z * y
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -1,6 +1,9 @@
 """A depth image is prepared: half-size points, planes and tiles, against a slow twin of plain loops."""
 
+import itertools
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -8,7 +11,7 @@ from enliven.camera import Intrinsics
 from enliven.scanning import DepthNoiseModel, DepthPreparation
 from enliven.scanning.depth_view import TILE
 
-NEAR, FAR, GATE = 0.3, 5.0, 0.04
+NEAR, FAR, GATE, NOISE = 0.3, 5.0, 0.04, DepthNoiseModel()
 
 
 def slow_half(depth):
@@ -22,6 +25,30 @@ def slow_half(depth):
             inverse = 1.0 / some[some < some.min() / (1 - GATE)]
             out[v, u] = 1.0 / inverse.mean()
     return out
+
+
+def slow_fit(half, camera, v, u):
+    """The unit normal (3,) and the worth of a pixel's plane by least squares in inverse depth; or None."""
+    here, at = 1.0 / half[v, u], []
+    for j, i in itertools.product((v - 2, v, v + 2), (u - 2, u, u + 2)):
+        there = 0 <= j < half.shape[0] and 0 <= i < half.shape[1] and half[j, i] > 0
+        if there and abs(1.0 / half[j, i] - here) < GATE * here:
+            at.append((*ray(camera, j, i), 1.0 / half[j, i]))
+    x, y, inverse = np.array(at).T
+    if len(at) < 4 or np.linalg.matrix_rank(np.stack([x, y, np.ones_like(x)])) < 3:
+        return None
+    (a, b, c), *_ = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], 1), inverse, rcond=None)
+    normal, own = -np.array([a, b, c]), np.array([*ray(camera, v, u), 1.0])
+    facing = -normal @ own / np.linalg.norm(normal) / np.linalg.norm(own)
+    sure = (NOISE.sigma(NOISE.start) / NOISE.sigma(half[v, u])) ** 2
+    return normal / np.linalg.norm(normal), facing * (len(at) / 9) ** 2 * sure
+
+
+def ray(camera, v, u):
+    """x and y of the ray through the middle of a half-size pixel, of which the last may stand alone."""
+    column = (2 * u + min(2 * u + 1, camera.width - 1)) / 2
+    row = (2 * v + min(2 * v + 1, camera.height - 1)) / 2
+    return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
 
 
 def slow_tile(depth):
@@ -52,17 +79,16 @@ def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, se
     depth[random.random(depth.shape) < 0.05] = 65535
     depth = np.rint(depth).astype(np.uint16) if whole else depth.astype(np.float32)
     camera = Intrinsics(width, height, 60.0, 62.0, width / 2, height / 2)
-    view = DepthPreparation(camera, DepthNoiseModel(), NEAR, FAR).prepare(depth)
+    view = DepthPreparation(camera, NOISE, NEAR, FAR).prepare(depth)
     half, there = slow_half(depth.astype(float)), view.worth > 0
     assert view.points.shape[:2] == half.shape and there.any()
     # float32 inverse depths.
     np.testing.assert_allclose(view.points[there][:, 2], half[there], rtol=1e-5)
-    # Each point lies on the ray through the middle of its pixels, of which the last may stand alone.
-    columns = (2 * np.arange(half.shape[1]) + np.minimum(2 * np.arange(half.shape[1]) + 1, width - 1)) / 2
-    across = np.broadcast_to((columns - camera.cx) / camera.fx, half.shape)
-    np.testing.assert_allclose(
-        (view.points[..., 0] / np.where(there, view.points[..., 2], 1))[there], across[there], atol=1e-6
-    )
+    for v, u in zip(*np.nonzero(there), strict=True):
+        assert view.points[v, u, :2] / view.points[v, u, 2] == pytest.approx(ray(camera, v, u), abs=1e-6)
+        normal, worth = slow_fit(half, camera, v, u)
+        # What two rows of pixels tell hardly is told less exactly in float32.
+        assert view.normals[v, u] @ normal > 1.0 - 1e-4 and view.worth[v, u] == pytest.approx(worth, rel=0.01)
     np.testing.assert_allclose(np.linalg.norm(view.normals[there], axis=1), 1.0, rtol=1e-5)
     for r, c in np.ndindex(view.tiles.shape[:2]):
         tile = depth[r * TILE : (r + 1) * TILE, c * TILE : (c + 1) * TILE].astype(float)
@@ -76,5 +102,5 @@ def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, se
 
 def test_depth_0_is_nothing_even_where_nothing_is_too_near():
     camera = Intrinsics(20, 20, 60.0, 60.0, 10.0, 10.0)
-    view = DepthPreparation(camera, DepthNoiseModel(), 0.0, FAR).prepare(np.zeros((20, 20), np.uint16))
+    view = DepthPreparation(camera, NOISE, 0.0, FAR).prepare(np.zeros((20, 20), np.uint16))
     assert not view.known and (view.tiles[..., 2] > 0).all()
