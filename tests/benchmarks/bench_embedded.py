@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import graph_figures
 import numpy as np
 from creature_problem import measured
-from embedded_problem import DATA, Problem, problem
+from embedded_problem import DATA, Problem, as_live, problem
 from figure import Figure
 from plain_gauss_newton import PlainGaussNewton
 
@@ -108,6 +108,7 @@ def _measure(nodes: int) -> Run:
             states, each, counts, energies = [], [], [], []
             for targets in case.targets:
                 states.append(solver.state())
+                as_live(solver)
                 start = time.perf_counter()
                 solver.solve(targets)
                 each.append(1e3 * (time.perf_counter() - start))

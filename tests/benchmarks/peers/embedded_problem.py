@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.deformation.embedded.solver import EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.formats.motion.expmap import read_expmap
 from enliven.possession.attachment import Attachment, AttachmentSettings, attach
@@ -62,3 +63,14 @@ def problem(nodes: int) -> list[Problem]:
         joints = np.concatenate([standing + share * (joints[0] - standing), joints])
         out.append(Problem(graph, held, np.array([held.targets(j) for j in joints])))
     return out
+
+
+def as_live(solver: EmbeddedSolver) -> None:
+    """Waits as long as a sensor would until the solver's second thread is done with the last frame.
+
+    Thirty times a second it has long been so; one frame right after the other would wait for it, and share
+    the caches with it.
+    """
+    under_way = solver._matrix._under_way
+    if under_way is not None:
+        under_way.result()
