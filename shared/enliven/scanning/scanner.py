@@ -36,6 +36,8 @@ _FRAME = 1.0 / 30.0
 _MANY = 120
 """Images that are fused again at least. Of twice as many every second one is left out: so many average the
 noise out, and the stage waits for them."""
+_ROUGHLY = 3
+"""Images fused again of which one goes into the coarse volumes, too: those only lead a camera near."""
 _STAYED = 0.5
 """Voxels that a closed way's images may move without being fused again: no surface is doubled by that."""
 _SURER = 0.5
@@ -219,9 +221,10 @@ class Scanner:
         for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
-            for volume in volumes:
+            for volume in volumes if count % _ROUGHLY == 0 else volumes[:1]:
                 volume.integrate(view, poses[number])
-                if count % _CLEANED == _CLEANED - 1:
+            if count % _CLEANED == _CLEANED - 1:
+                for volume in volumes:
                     volume.clean()
             keyframes.offer(view, poses[number])
         return volumes, keyframes
