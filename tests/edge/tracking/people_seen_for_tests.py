@@ -14,6 +14,7 @@ from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_a
 from enliven_edge.tracking.detect.detection import estimates_by_facing
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
+from enliven_edge.tracking.work_budget import whole
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson, random_build
@@ -63,4 +64,6 @@ def seen_in(observation: Observation, facing: float | None = None) -> tuple[Esti
     """What the shipped network says of an observation, and what it sees for each way to face."""
     z, mask, _, camera, pose = observation.view
     estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
-    return estimate_at_points(observation, estimate), estimates_by_facing(shipped_estimator(), estimate, pose)
+    return estimate_at_points(observation, estimate), whole(
+        estimates_by_facing(shipped_estimator(), estimate, pose)
+    )

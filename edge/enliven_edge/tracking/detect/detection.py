@@ -62,6 +62,8 @@ _BANKED = 8
 """Hypotheses taken from the bank where there is no network, the most alike first: each costs a coarse fit."""
 _BANKED_BESIDES = 3
 """Hypotheses taken from the bank beside the network's, which are better."""
+_SUPPOSED = 1
+"""Coarse fits: the cost of running the network for one likely facing."""
 _POSED = 1
 """Coarse fits: the cost of turning the network's estimates into postures of one build."""
 _ENDS = 3
@@ -194,12 +196,15 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
 
 def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
-) -> list[Estimate]:
-    """Runs the network on the crop of an estimate, conditioned on each likely facing."""
+) -> Steps[list[Estimate]]:
+    """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
     ways = np.argsort(-estimate.facing)[:_LIKELIEST]
     turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
-    facings = [None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)]
-    return estimator.estimates(estimate.crop, world_from_camera, facings)
+    made: list[Estimate] = []
+    for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):
+        made += estimator.estimates(estimate.crop, world_from_camera, [facing])
+        yield _SUPPOSED
+    return made
 
 
 def _starts(

@@ -24,7 +24,6 @@ from enliven_edge.tracking.frame import FrameView, Observation
 from enliven_edge.tracking.people.confidence import confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
-    SUPPOSING,
     Redetection,
     conditioned_on_facing,
     guided_by,
@@ -132,8 +131,8 @@ class Follower:
             yield LOOK
             if seen.estimate.person_probability < _HARDLY:
                 return None
-            by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, view.world_from_camera)
-            yield SUPPOSING
+            network, pose = shipped_estimator(), view.world_from_camera
+            by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:

@@ -21,10 +21,6 @@ from enliven_edge.tracking.frame import FrameView, Observation, observe
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import BudgetedTask, Steps
 
-SUPPOSING = 5
-"""Coarse fits: the cost of running the network once for each likely facing, see
-:func:`detection.estimates_by_facing`."""
-
 
 @dataclass(frozen=True)
 class Redetection:
@@ -58,10 +54,8 @@ def new_detection(
     """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
     by_facing = None
     if seen is not None:
-        by_facing = estimates_by_facing(
-            shipped_estimator(), seen.estimate, observation.view.world_from_camera
-        )
-        yield SUPPOSING
+        network, pose = shipped_estimator(), observation.view.world_from_camera
+        by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
     steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
     return (yield from steps)
 
