@@ -36,9 +36,8 @@ _WHOLE = 0.12
 """Share of a body, a hand or a foot say, that may be covered or outside the image of a whole body."""
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it: the border must not flicker."""
-_REDETECTION = 0.08
-"""Share of a frame's search budget for detecting followed people again: most of these searches find
-nothing, so one may take twice as many frames as with 0.15."""
+_REDETECTION = 0.15
+"""Share of a frame's search budget for detecting followed people again."""
 
 
 @dataclass

@@ -27,7 +27,7 @@ _WHILE_FOLLOWING = 0.6
 """Share of the search budget while people are followed in a known room: their fits take time too."""
 _FOR_ONE = 0.35
 """Share of the search budget for each group of pixels that is sought, and for each way to join its parts,
-up to all of it: who is alone appears two frames later, and the slowest frames are a third faster."""
+up to all of it: one person alone appears two frames later, and the slowest frames are a quarter faster."""
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""
 _ALIKE = 0.75
