@@ -38,8 +38,9 @@ _MANY = 120
 noise out, and the stage waits for them."""
 _ROUGHLY = 3
 """Images fused again of which one goes into the coarse volumes, too: those only lead a camera near."""
-_STAYED = 0.5
-"""Voxels that a closed way's images may move without being fused again: no surface is doubled by that."""
+_STAYED = 0.25
+"""Voxels by which a closed way must move an image for all to be fused again: 1.3 mm bring leaves, which are
+2 mm thick, a tenth nearer to the truth."""
 _SURER = 0.5
 """Times the deviation that is let pass at most where an image left the camera's place open at first."""
 _SLACK = 0.05
