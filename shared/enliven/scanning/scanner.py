@@ -37,7 +37,8 @@ _MANY = 120
 """Images that are fused again at least. Of twice as many every second one is left out: so many average the
 noise out, and the stage waits for them."""
 _ROUGHLY = 3
-"""Images fused again of which one goes into the coarse volumes, too: those only lead a camera near."""
+"""Of very many images every third of those that are fused again goes into the coarse volumes, which only
+lead a camera near; of few images all do, for each may show what no other does."""
 _STAYED = 0.25
 """Voxels by which a closed way must move an image for all to be fused again: 1.3 mm bring leaves, which are
 2 mm thick, a tenth nearer to the truth."""
@@ -222,7 +223,7 @@ class Scanner:
         for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
-            for volume in volumes if count % _ROUGHLY == 0 else volumes[:1]:
+            for volume in volumes if every == 1 or count % _ROUGHLY == 0 else volumes[:1]:
                 volume.integrate(view, poses[number])
             if count % _CLEANED == _CLEANED - 1:
                 for volume in volumes:

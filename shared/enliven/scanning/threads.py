@@ -44,7 +44,7 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
 
 
 def made_ahead(items: Iterator[T]) -> Iterator[T]:
-    """Yields items, of which the second thread makes the next one meanwhile; then it helps again."""
+    """Yields the items; while the caller uses one, the second thread makes the next."""
     end = object()
     coming = _second().submit(next, items, end)
     while (item := coming.result()) is not end:

@@ -45,7 +45,7 @@ def slow_fit(half, camera, v, u):
 
 
 def ray(camera, v, u):
-    """x and y of the ray through the middle of a half-size pixel, of which the last may stand alone."""
+    """x and y of the ray through the middle of 2 x 2 pixels, or of those that the image has of them."""
     column = (2 * u + min(2 * u + 1, camera.width - 1)) / 2
     row = (2 * v + min(2 * v + 1, camera.height - 1)) / 2
     return (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
