@@ -74,6 +74,13 @@ _RUN_FORE = Wrist(0.06, -0.20, 0.28, (0.4, -0.6, -0.8))
 _RUN_BACK = Wrist(0.15, -0.32, 0.10, (0.4, 0.0, -1.0))
 """Wrists of arms that hang, are folded, akimbo, on the belly, at the chin, in a guard, on an armrest, towards
 the sensor, on the lap, and of a runner."""
+_PALMS, _PALMS_APART = Wrist(0.02, -0.13, 0.30), Wrist(0.20, -0.13, 0.28)
+_BOOK, _WATCH = Wrist(0.11, -0.20, 0.34, (0.6, -0.8, -0.2)), Wrist(-0.06, -0.08, 0.25, (1.0, -0.2, 0.1))
+_SHOULDER = Wrist(-0.15, -0.06, 0.14, (0.2, -0.8, 0.6))
+_FRETS, _STRINGS = Wrist(0.36, -0.16, 0.22, (0.5, -0.9, 0.0)), Wrist(0.03, -0.33, 0.21, (1.0, -0.3, -0.5))
+_EAR, _POCKET = Wrist(0.13, 0.10, 0.06, (0.8, -0.7, 0.2)), Wrist(0.17, -0.52, 0.08, (0.9, 0.0, -0.6))
+"""Wrists of hands that clap and that hold a book, of an arm whose watch is read, of a hand on the other
+shoulder, of a guitarist, at the ear with a telephone, and in a pocket."""
 
 
 def _written() -> dict[str, tuple[Key, ...]]:
@@ -111,6 +118,17 @@ def _written() -> dict[str, tuple[Key, ...]]:
         ),
         "chin": both(_CHIN, spine_pitch=0.12, head_pitch=0.1),
         "chin and belly": both(_CHIN, _BELLY, head_pitch=0.1),
+        "clap": (
+            Key(0.0, _HANG, _HANG), Key(0.7, _PALMS_APART, _PALMS_APART), Key(1.1, _PALMS, _PALMS),
+            Key(1.5, _PALMS_APART, _PALMS_APART), Key(1.9, _PALMS, _PALMS, {"spine_yaw": 0.2}),
+            Key(2.3, _PALMS_APART, _PALMS_APART), Key(2.7, _PALMS, _PALMS, {"spine_yaw": -0.2}),
+            Key(3.6, _PALMS, _PALMS, {"spine_pitch": 0.2}), Key(4.6, _HANG, _HANG),
+        ),
+        "book": both(_BOOK, head_pitch=0.3, spine_pitch=0.1),
+        "watch": both(_WATCH, _POCKET, head_pitch=0.25),
+        "hug": both(_SHOULDER, spine_pitch=0.1),
+        "guitar": both(_FRETS, _STRINGS, head_pitch=0.15),
+        "telephone": both(_EAR, _POCKET, spine_pitch=0.05),
     }  # fmt: skip
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Float32, UInt8
 from enliven.errors import InputError
-from enliven.person import MIRROR
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, MIRRORED, NOBODY, PARTS, ROWS
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
@@ -31,7 +30,7 @@ _ARRAYS = {
     "cell": (np.float32, ()),
 }
 """Each array of the data set, with the type and the shape of one sample."""
-_OTHER_SIDE = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
+OTHER_SIDE = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
 """(256,) the part on the other side of the body for each label."""
 
 
@@ -58,17 +57,13 @@ class Batch:
         """(N,) whether a sample shows a person."""
         return np.isfinite(self.facing)
 
-    def mirrored(self, some: AnyArray) -> Batch:
-        """Returns the batch with left and right exchanged in the samples of a mask (N,)."""
-        image, parts, joints, facing = self.image.copy(), self.parts.copy(), self.joints.copy(), self.facing
-        image[some] = image[some][..., ::-1]
-        parts[some] = _OTHER_SIDE[parts[some]][..., ::-1]
-        joints[some] = joints[some][:, MIRROR] * np.array([-1.0, 1.0, 1.0], np.float32)
-        return Batch(image, parts, joints, np.where(some, -facing, facing), self.cell)
-
 
 class Dataset:
-    """Training samples in a folder, read as they are needed."""
+    """Training samples in a folder, read as they are needed.
+
+    Attributes:
+        arrays: the arrays by name, mapped from disk; what is written into them is not kept.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Opens a data set.
@@ -83,17 +78,17 @@ class Dataset:
                 mend="Remove the folder to have it rendered anew, or name another one.",
             )
         try:
-            self._arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _ARRAYS}
+            self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
             what, mend = f"an array of it is damaged ({error})", "Remove the folder to have it rendered anew."
             raise InputError(what, where=str(folder), mend=mend) from None
 
     def __len__(self) -> int:
-        return len(self._arrays["cell"])
+        return len(self.arrays["cell"])
 
     def batch(self, which: AnyArray) -> Batch:
         """Returns the samples with (N,) numbers, in rising order."""
-        drawn = {name: np.array(array[np.sort(which)]) for name, array in self._arrays.items()}
+        drawn = {name: np.array(array[np.sort(which)]) for name, array in self.arrays.items()}
         image = drawn["image"].astype(np.float32)
         return Batch(image, drawn["parts"], drawn["joints"], drawn["facing"], drawn["cell"])
 

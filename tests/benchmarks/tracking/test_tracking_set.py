@@ -11,13 +11,24 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
 import tracking_set
-from tracking_set import CLOSE, HELD_OUT, SEALED, TUNING, Sequence, sequences
+from tracking_set import CLOSE, HELD_OUT, OPENED, SEALED, TUNING, Sequence, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_synthesis.sensor.profile import load_profile
 
 
-@pytest.mark.parametrize(("seen", "kept"), [(TUNING, HELD_OUT), (CLOSE, SEALED), (TUNING, SEALED)])
+@pytest.mark.parametrize(
+    ("seen", "kept"),
+    [
+        (TUNING, HELD_OUT),
+        (CLOSE, OPENED),
+        (TUNING, OPENED),
+        (TUNING, SEALED),
+        (HELD_OUT, SEALED),
+        (CLOSE, SEALED),
+        (OPENED, SEALED),
+    ],
+)
 def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) -> None:
     names = [s.name for s in sequences()]
     assert len(set(names)) == len(names)

@@ -1,4 +1,4 @@
-"""Lessons: the same by the same dice, the truth where the picture shows it, and mirrored without a trace."""
+"""Lessons: the same by the same dice, and the truth where the picture shows it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.person.joints import Joint
 from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, BodyPart
 from enliven_synthesis.training import dataset
-from enliven_synthesis.training.dataset import Batch, Dataset, render_dataset
+from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, TrainingSample, training_sample
 
@@ -138,37 +138,6 @@ def test_a_batch_is_in_rising_order(folder):
     drawn, whole = every.batch(np.array([7, 2, 5, 2])), every.batch(np.arange(10))
     for some, all_of_them in zip(astuple(drawn), astuple(whole), strict=True):
         np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter faces nowhere: NaN
-
-
-def batch_of(folder) -> Batch:
-    return Dataset(folder).batch(np.arange(10))
-
-
-def test_mirroring_twice_changes_nothing(folder):
-    some = np.arange(10) % 3 > 0
-    twice = batch_of(folder).mirrored(some).mirrored(some)
-    assert same(astuple(twice), astuple(batch_of(folder)))
-
-
-def test_mirroring_swaps_left_and_right_of_those_asked_for(folder):
-    some = np.arange(10) % 2 == 0
-    made, was = batch_of(folder).mirrored(some), batch_of(folder)
-    assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 0], -was.joints[some, Joint.HAND_RIGHT, 0])
-    assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 1:], was.joints[some, Joint.HAND_RIGHT, 1:])
-    assert np.array_equal(made.facing[some], -was.facing[some], equal_nan=True)
-    assert np.array_equal(made.image[some], was.image[some][..., ::-1])
-    hands = (was.parts == BodyPart.HAND_RIGHT)[some][..., ::-1]
-    assert np.array_equal(made.parts[some] == BodyPart.HAND_LEFT, hands)
-    assert same(*([each[~some] for each in astuple(batch)] for batch in (made, was)))
-
-
-def test_a_joint_of_a_mirrored_lesson_lies_on_its_own_part(lessons):
-    image, parts, joints = (np.stack([getattr(m, n) for m in lessons]) for n in ("image", "parts", "joints"))
-    facing, cell = (np.array([getattr(m, n) for m in lessons]) for n in ("facing", "cell"))
-    made = Batch(image, parts, joints, facing, cell).mirrored(np.ones(len(lessons), bool))
-    own, other = shares(zip(made.joints, made.cell, made.parts, strict=True))
-    assert own > 0.7
-    assert other < 0.06
 
 
 def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):

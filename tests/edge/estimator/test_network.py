@@ -16,7 +16,8 @@ from enliven_edge.tracking.estimator.estimator import PoseEstimator
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
 from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
-from enliven_synthesis.training.pose_network.network import JOINTS, PoseNetwork
+from enliven_synthesis.training.pose_network.batches import TensorDataset
+from enliven_synthesis.training.pose_network.network import JOINTS, WIDTHS, PoseNetwork
 from enliven_synthesis.training.pose_network.quantisation import quantise
 from enliven_synthesis.training.pose_network.training import TrainingSettings, export, measure, train
 
@@ -97,13 +98,11 @@ def test_the_exported_network_says_what_it_said_before(tmp_path):
 
 def loss_of(network, album: Dataset) -> float:
     """Of the lessons that are not kept back, the facing told."""
-    batch = album.batch(np.arange(BACK, COUNT))
-    known, facing = batch.is_person, np.nan_to_num(batch.facing)
-    told = np.stack([known * np.cos(facing), known * np.sin(facing), batch.cell], 1).astype(np.float32)
+    batch = TensorDataset(album, torch.device("cpu")).batch(torch.arange(BACK, COUNT))
+    known, facing = batch.is_person, batch.facing.nan_to_num()
+    told = torch.stack([known * facing.cos(), known * facing.sin(), batch.cell], 1)
     with torch.no_grad():
-        return float(
-            training._loss(network.train()(torch.from_numpy(batch.image), torch.from_numpy(told)), batch)
-        )
+        return float(training._loss(network.train()(batch.image, told), batch))
 
 
 def test_a_few_steps_of_training_reduce_the_loss(album, few_kept_back):
@@ -131,8 +130,10 @@ def test_the_same_seed_learns_the_same_and_another_does_not(album, few_kept_back
 
 def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeypatch):
     drawn = []
-    batch = Dataset.batch
-    monkeypatch.setattr(Dataset, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
+    batch = TensorDataset.batch
+    monkeypatch.setattr(
+        TensorDataset, "batch", lambda self, which: drawn.extend(which.tolist()) or batch(self, which)
+    )
     train(album, TrainingSettings(steps=3, batch=64))
     assert min(drawn) >= BACK and max(drawn) < COUNT
 
@@ -165,7 +166,7 @@ def test_in_eight_bits_it_says_nearly_the_same_in_a_third_of_the_size(album, tmp
     assert small.stat().st_size < 0.4 * whole.stat().st_size
 
 
-def test_the_maps_of_the_joints_stay_in_full_precision(album, tmp_path):
+def test_the_first_layer_and_the_maps_of_the_joints_stay_in_full_precision(album, tmp_path):
     import onnx
 
     whole, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"
@@ -174,7 +175,7 @@ def test_the_maps_of_the_joints_stay_in_full_precision(album, tmp_path):
     graph = onnx.load(small).graph
     exact = {w.name: tuple(w.dims) for w in graph.initializer if w.data_type == onnx.TensorProto.FLOAT}
     kept = [exact[n.input[1]] for n in graph.node if n.op_type == "Conv" and n.input[1] in exact]
-    assert [shape[0] for shape in kept] == [3 * JOINTS]
+    assert [shape[:2] for shape in kept] == [(WIDTHS[0], CHANNELS), (3 * JOINTS, 2 * WIDTHS[1])]
 
 
 def test_an_album_that_is_too_small_is_refused(tmp_path):

@@ -1,0 +1,76 @@
+"""The training samples as tensors, on the device that trains: drawn, and mirrored, there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from enliven.person import MIRROR
+from enliven_edge.tracking.estimator import FACINGS
+from enliven_synthesis.training.dataset import OTHER_SIDE, Dataset
+
+
+@dataclass(frozen=True)
+class TensorBatch:
+    """N training samples on one device.
+
+    Attributes:
+        image: (N, 4, 80, 64) float32 channels of the crop.
+        parts: (N, 40, 32) uint8 the part of the body at each label, or the label of the background.
+        joints: (N, 20, 3) metres, crop coordinates.
+        facing: (N,) radians; NaN in samples without a person.
+        cell: (N,) metres of a cell of the crop.
+    """
+
+    image: Tensor
+    parts: Tensor
+    joints: Tensor
+    facing: Tensor
+    cell: Tensor
+
+    @property
+    def is_person(self) -> Tensor:
+        """(N,) whether a sample shows a person."""
+        return self.facing.isfinite()
+
+    @property
+    def ways(self) -> Tensor:
+        """(N,) the way to face, 0 to 7, or 8 without a person."""
+        ways = torch.round(self.facing.nan_to_num() * FACINGS / (2.0 * torch.pi)).long() % FACINGS
+        return torch.where(self.is_person, ways, FACINGS)
+
+    def mirrored(self, some: Tensor) -> TensorBatch:
+        """Returns the batch with left and right exchanged in the samples of a mask (N,)."""
+        device = self.image.device
+        other_side, opposite = torch.from_numpy(OTHER_SIDE).to(device), torch.tensor(MIRROR, device=device)
+        across = torch.tensor([-1.0, 1.0, 1.0], device=device)
+        return TensorBatch(
+            torch.where(some[:, None, None, None], self.image.flip(3), self.image),
+            torch.where(some[:, None, None], other_side[self.parts.flip(2).long()], self.parts),
+            torch.where(some[:, None, None], self.joints[:, opposite] * across, self.joints),
+            torch.where(some, -self.facing, self.facing),
+            self.cell,
+        )
+
+
+class TensorDataset:
+    """A data set as tensors on a device; where its memory is too small, they stay on disk."""
+
+    def __init__(self, dataset: Dataset, device: torch.device) -> None:
+        self._device = device
+        kept = {name: torch.from_numpy(array) for name, array in dataset.arrays.items()}
+        try:
+            self._tensors = {name: tensor.to(device) for name, tensor in kept.items()}
+        except torch.cuda.OutOfMemoryError:
+            self._tensors = kept
+
+    def __len__(self) -> int:
+        return len(self._tensors["cell"])
+
+    def batch(self, which: Tensor) -> TensorBatch:
+        """Returns the samples with (N,) numbers, in rising order: they are read from disk in one sweep."""
+        some = which.sort().values.to(self._tensors["cell"].device)
+        drawn = {name: tensor[some].to(self._device) for name, tensor in self._tensors.items()}
+        return TensorBatch(**(drawn | {"image": drawn["image"].float()}))
