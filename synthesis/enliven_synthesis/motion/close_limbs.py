@@ -79,7 +79,7 @@ _BOOK, _WATCH = Wrist(0.11, -0.20, 0.34, (0.6, -0.8, -0.2)), Wrist(-0.06, -0.08,
 _SHOULDER = Wrist(-0.15, -0.06, 0.14, (0.2, -0.8, 0.6))
 _FRETS, _STRINGS = Wrist(0.36, -0.16, 0.22, (0.5, -0.9, 0.0)), Wrist(0.03, -0.33, 0.21, (1.0, -0.3, -0.5))
 _EAR, _POCKET = Wrist(0.13, 0.10, 0.06, (0.8, -0.7, 0.2)), Wrist(0.17, -0.52, 0.08, (0.9, 0.0, -0.6))
-"""Wrists of hands that clap and that hold a book, of an arm whose watch is read, of a hand on the other
+"""Wrists of hands that clap and that hold a book, of an arm with a watch that is read, of a hand on the other
 shoulder, of a guitarist, at the ear with a telephone, and in a pocket."""
 
 

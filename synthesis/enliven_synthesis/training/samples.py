@@ -1,7 +1,8 @@
 """Training samples: crops of synthetic people with the ground truth.
 
 They have people of all builds in all postures before all sensors, and the faults of a tracker's masks: the
-middle is a little off, a limb is given to another person, a piece of another thing is taken in.
+middle is a little off, a limb is given to another person, a piece of another thing or of the wall is taken
+in.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+from scipy.ndimage import distance_transform_edt
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.person import Limb
@@ -42,6 +44,12 @@ _LOSES = 0.1
 """Share of the samples in which a limb is lost."""
 _TAKES_IN = 0.1
 """Share of the samples in which a piece of another thing is taken for the person."""
+_TAKES_IN_WALL = 0.12
+"""Share of the samples in which the wall beside the person is: close to it there is no step in depth."""
+_BEHIND = (0.0, 0.6)
+"""Metres that such a wall is behind the person's middle, least and most."""
+_WALL_SLOPE = 0.006
+"""Metres a pixel: standard deviation of the slope of such a wall, some 30 degrees."""
 _SHREDS = 0.03
 """Share of the samples in which depth is measured only in small discs."""
 
@@ -77,6 +85,8 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
         return training_sample(renderer, rng, frontal)
     if rng.random() < _TAKES_IN:
         z, mask = _taken_in(z, mask, rng)
+    if rng.random() < _TAKES_IN_WALL:
+        z, mask = _with_wall(z, mask, rng)
     if rng.random() < _SHREDS:
         shreds = _shreds(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
@@ -136,6 +146,23 @@ def _taken_in(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     here = float(z[rows[i], columns[i]]) + rng.normal(0.0, 0.1)
     out[piece] = np.maximum(0.3, here + slope[0] * (down - top) + slope[1] * (right - left))
     return out, taken
+
+
+def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+    """Adds the wall beside the person to the depth and to the person's mask, both (h, w)."""
+    rows, columns = np.nonzero(mask)
+    i = int(rng.integers(len(rows)))
+    v, u = np.indices(mask.shape)
+    down, right = v - rows[i], u - columns[i]
+    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # from the horizontal
+    reach = rng.uniform(0.03, 0.4) * (float(np.ptp(rows)) + 5.0)
+    piece = (right * np.cos(direction) + down * np.sin(direction) > 0) & ~mask
+    piece &= distance_transform_edt(~mask) < reach
+    slope = rng.normal(0.0, _WALL_SLOPE, 2)
+    wall = float(np.median(z[mask])) + rng.uniform(*_BEHIND) + slope[0] * down + slope[1] * right
+    out = z.copy()
+    out[piece] = np.maximum(0.3, wall[piece])
+    return out, mask | piece
 
 
 def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:

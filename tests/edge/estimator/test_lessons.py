@@ -10,7 +10,7 @@ import pytest
 from enliven.errors import InputError
 from enliven.person.joints import Joint
 from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, BodyPart
-from enliven_synthesis.training import dataset
+from enliven_synthesis.training import dataset, samples
 from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, TrainingSample, training_sample
@@ -147,3 +147,20 @@ def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
     with pytest.raises(InputError, match="an array of it is damaged"):
         Dataset(tmp_path)
+
+
+def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth():
+    studio, dice = PersonRenderer(), np.random.default_rng(3)
+    added = 0
+    for _ in range(12):
+        made = studio.render_person(dice, frontal=0.5)
+        mask = made.z > 0
+        if not mask.any():
+            continue
+        z, taken = samples._with_wall(made.z, mask, dice)
+        wall = taken & ~mask
+        assert (taken | ~mask).all()
+        np.testing.assert_array_equal(z[~wall], made.z[~wall])
+        assert (z[wall] >= np.float32(0.3)).all()
+        added += bool(wall.any())
+    assert added > 6

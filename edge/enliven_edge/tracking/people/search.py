@@ -124,7 +124,7 @@ class Search:
             yield LOOK
             if likely < _ONE:
                 continue
-            body = yield from Follower.sought(view, union, expecting, self._fitter)
+            body = yield from Follower.sought(view, union, expecting, self._fitter, entire=True)
             if body is not None and body[1] > _ONE:
                 newcomer.grow(view, union)
                 return body
