@@ -1,9 +1,10 @@
 """The tracker: how right, how steady, how quickly found again, how fast.
 
 Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing was tuned; "tracking.tuning."
-gives the same of those that were, "tracking.close." of films of limbs close before the trunk. Real sequences
-are explained in :mod:`tracking_real`; those of kinect_multitrack are joints without depth, and belong to the
-fusion of sensors.
+gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
+"tracking.sealed." of films that were opened once, on 2026-11-26, after all tuning; there the floor is
+measured, too. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
+without depth, and belong to the fusion of sensors.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from figure import Figure
 from tracking_cache import rendered
 from tracking_evaluation import evaluated, mean_recovery
 from tracking_scores import Scores, joint_label
-from tracking_set import CLOSE, DATA, HELD_OUT, TUNING, sequences
+from tracking_set import CLOSE, DATA, HELD_OUT, SEALED, TUNING, sequences
 
+from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 
@@ -30,6 +32,8 @@ _TAKEN_UP = 20
 _LAPS = 18
 """How often the dancer dances, forward and back, while the memory is watched."""
 _STEP = 33_333_333
+_FLOOR_FRAMES = 60
+"""Frames after which the floor is compared with the true one: two seconds."""
 
 
 def figures() -> Iterator[Figure]:
@@ -39,6 +43,8 @@ def figures() -> Iterator[Figure]:
     yield from _accuracy(HELD_OUT, "tracking")
     yield from _accuracy(TUNING, "tracking.tuning")
     yield from _accuracy(CLOSE, "tracking.close")
+    yield from _accuracy(SEALED, "tracking.sealed")
+    yield from _floor(SEALED, "tracking.sealed")
     yield from _real()
     yield from _memory()
 
@@ -78,6 +84,29 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
     for joint in range(20):
         share = float(total.hits[joint] / max(total.visible[joint], 1))
         yield Figure(f"{prefix}.within_10cm.{joint_label(joint)}", share, "of visible joints")
+
+
+def _floor(split: str, prefix: str) -> Iterator[Figure]:
+    """The floor's tilt, the sensor's height above it, and when it was found: the worst of all films."""
+    tilts, heights, found = [], [], []
+    for sequence in sequences(split):
+        tracker, since = Tracker(), np.inf
+        frames = [frame for frame, _ in rendered(sequence)[:_FLOOR_FRAMES]]
+        for frame in frames:
+            tracker.track(frame)
+            if tracker.state is not None and tracker.state.floor_known:
+                since = min(since, (frame.time_ns - frames[0].time_ns) * 1e-9)
+        true, fitted = (
+            world_from_level_camera(sequence.height, np.radians(sequence.tilt)),
+            tracker.world_from_camera,
+        )
+        assert fitted is not None, sequence.name
+        tilts.append(np.degrees(np.arccos(min(1.0, float(true[1, :3] @ fitted[1, :3])))))
+        heights.append(100.0 * abs(float(true[1, 3] - fitted[1, 3])))
+        found.append(since)
+    yield Figure(f"{prefix}.floor_tilt_max", max(tilts), "degrees, the worst film")
+    yield Figure(f"{prefix}.floor_height_max", max(heights), "cm, the worst film")
+    yield Figure(f"{prefix}.floor_found_max", max(found), "s, the latest film")
 
 
 def _speed() -> Iterator[Figure]:
