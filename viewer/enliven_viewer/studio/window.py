@@ -196,6 +196,7 @@ class StudioWindow:
         workspace.perform.advance(elapsed)
         workspace.sound.follow()
         workspace.scan.advance()
+        workspace.watch_tour(elapsed)
         assert self._pictures is not None
         self._pictures.draw(area)
 

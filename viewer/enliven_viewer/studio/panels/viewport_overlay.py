@@ -31,7 +31,6 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None
     _toasts(workspace, draw, area)
     if tool:
         draw_start(workspace, area)
-    workspace.watch_tour(imgui.get_io().delta_time)
     if workspace.caption:
         _caption(workspace, draw, area)
     draw.pop_clip_rect()
