@@ -2,7 +2,7 @@
 
 Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing was tuned; "tracking.tuning."
 gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
-"tracking.sealed." of films that were opened once, on 2026-11-26, after all tuning; there the floor is
+"tracking.sealed." of films that were opened once, after all tuning (:mod:`tracking_kept`); there the floor is
 measured, too. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
 without depth, and belong to the fusion of sensors.
 """
@@ -20,8 +20,10 @@ import tracking_real
 from figure import Figure
 from tracking_cache import rendered
 from tracking_evaluation import evaluated, mean_recovery
+from tracking_kept import SEALED
+from tracking_scene import DATA
 from tracking_scores import Scores, joint_label
-from tracking_set import CLOSE, DATA, HELD_OUT, SEALED, TUNING, sequences
+from tracking_set import CLOSE, HELD_OUT, TUNING, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.tracker import Tracker

@@ -50,6 +50,13 @@ _BEHIND = (0.0, 0.6)
 """Metres that such a wall is behind the person's middle, least and most."""
 _WALL_SLOPE = 0.006
 """Metres a pixel: standard deviation of the slope of such a wall, some 30 degrees."""
+_LEFT_BESIDE = 0.3
+"""Share of the samples without a person that show what is left of the wall beside one: cut out by a person's
+outline, it has a person's sides and height."""
+_STRAIGHT = 0.6
+"""Share of these that end at a straight edge, such as a door's, on the other side."""
+_FEWEST = 60
+"""Pixels of such a piece of wall at least: a tracker doesn't look at fewer."""
 _SHREDS = 0.03
 """Share of the samples in which depth is measured only in small discs."""
 
@@ -76,16 +83,22 @@ class TrainingSample:
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
     """Renders a random sample; ``frontal`` is the share of the people who face the sensor."""
     clutter = rng.random() < _CLUTTER
-    rendered = renderer.render_clutter(rng) if clutter else renderer.render_person(rng, frontal=frontal)
+    beside = clutter and rng.random() < _LEFT_BESIDE
+    if beside or not clutter:
+        rendered = renderer.render_person(rng, frontal=frontal)
+    else:
+        rendered = renderer.render_clutter(rng)
     mask = rendered.z > 0
     z = np.where(mask, rendered.z, rendered.around)
-    if not clutter and rng.random() < _LOSES:
+    if beside:
+        z, mask = _left_beside(z, mask, rng)
+    elif not clutter and rng.random() < _LOSES:
         mask &= ~_lost_limb(rendered, rng)
-    if not mask.any():
+    if mask.sum() < (_FEWEST if beside else 1):
         return training_sample(renderer, rng, frontal)
     if rng.random() < _TAKES_IN:
         z, mask = _taken_in(z, mask, rng)
-    if rng.random() < _TAKES_IN_WALL:
+    if not beside and rng.random() < _TAKES_IN_WALL:
         z, mask = _with_wall(z, mask, rng)
     if rng.random() < _SHREDS:
         shreds = _shreds(mask, rng)
@@ -96,7 +109,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     shift = rng.normal(0.0, 1.0, 4) * _MISPLACED
     pose = rendered.world_from_camera
     crop = crop_person(z.astype(np.float64), mask, rendered.camera, pose, shift, raised)
-    if rendered.figure is None:
+    if rendered.figure is None or beside:
         nothing = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
         return TrainingSample(crop.image, crop.cell, np.zeros((20, 3), np.float32), np.nan, nothing)
     inverse = np.linalg.inv(pose)
@@ -163,6 +176,19 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     out = z.copy()
     out[piece] = np.maximum(0.3, wall[piece])
     return out, mask | piece
+
+
+def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+    """Adds the wall beside the person to the depth, (h, w); returns it with the pixels of that wall alone."""
+    out, taken = _with_wall(z, mask, rng)
+    piece = taken & ~mask
+    if piece.any() and rng.random() < _STRAIGHT:
+        v, u = np.indices(mask.shape)
+        lean = rng.normal(0.0, 0.05)  # of the edge, columns a row
+        at = u + lean * (v - 0.5 * len(mask))
+        beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
+        piece &= beyond if rng.random() < 0.5 else ~beyond
+    return out, piece
 
 
 def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:

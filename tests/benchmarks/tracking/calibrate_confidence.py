@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 from tracking_cache import Moment, delivered
-from tracking_set import TUNING, Sequence, sequences
+from tracking_scene import Sequence
+from tracking_set import TUNING, sequences
 
 from enliven_edge.tracking.people.confidence import ALONE, GROUP_OF_JOINT, GROUPS, WITH_NETWORK
 from enliven_edge.tracking.people.evidence import NAMES

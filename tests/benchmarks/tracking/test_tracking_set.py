@@ -10,8 +10,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
-import tracking_set
-from tracking_set import CLOSE, HELD_OUT, OPENED, SEALED, TUNING, Sequence, sequences
+import tracking_scene
+from tracking_kept import OPENED, SEALED
+from tracking_scene import Sequence
+from tracking_set import CLOSE, HELD_OUT, TUNING, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_synthesis.sensor.profile import load_profile
@@ -44,7 +46,7 @@ def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) ->
 
 @pytest.mark.parametrize("split", [TUNING, HELD_OUT])
 def test_every_difficulty_is_there_without_recorded_motions(split: str, monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(tracking_set, "DATA", tmp_path)
+    monkeypatch.setattr(tracking_scene, "DATA", tmp_path)
     made = sequences(split)
     words = " ".join(s.name for s in made)
     for needed in (

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from tracking_set import Sequence
+from tracking_scene import Sequence
 
 import enliven_synthesis
 from enliven.frames import BodyFrame, DepthFrame

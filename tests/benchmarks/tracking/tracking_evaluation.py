@@ -27,8 +27,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from tracking_cache import delivered
+from tracking_scene import Sequence
 from tracking_scores import BINS, Scores, Take, joint_label, score
-from tracking_set import HELD_OUT, TUNING, Sequence, sequences
+from tracking_set import HELD_OUT, TUNING, sequences
 
 from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker

@@ -20,7 +20,8 @@ import numpy as np
 import tracking_real
 from PIL import Image
 from tracking_cache import delivered
-from tracking_set import DATA, sequences
+from tracking_scene import DATA
+from tracking_set import sequences
 
 from enliven.film import FilmWriter
 from enliven.frames import DepthFrame

@@ -33,8 +33,8 @@ from PIL import Image
 from scipy import ndimage
 from tracking_cache import Moment
 from tracking_marks import MARKS
+from tracking_scene import DATA
 from tracking_scores import NEAR, Scores, Take, joint_label, score
-from tracking_set import DATA
 
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.frames import DepthFrame

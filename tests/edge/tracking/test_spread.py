@@ -11,6 +11,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, whole
@@ -82,7 +83,9 @@ def counted(frames, settings, monkeypatch):
 
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
-    """Those that look for a new person, and those that look for a person anew."""
+    """Those that look for a new person, and those that look for a person anew, who is doubted all the time."""
+    monkeypatch.setattr(follower, "_DOUBTED", -np.inf)
+    monkeypatch.setattr(follower, "_is_borne_out", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)
     appeared = next(n for n, (_, bodies) in enumerate(spread) if bodies)
     assert max(work for work, _ in spread[:appeared]) <= FITS + PART

@@ -89,19 +89,24 @@ class PoseRecovery:
         report: FitReport,
         confidence: Float,
         seen: EstimateAtPoints | None = None,
+        *,
+        arms: bool = True,
     ) -> tuple[Posture, FitReport]:
         """Returns the posture, or one with a doubtful part elsewhere if that explains the frame better.
 
         Args:
             confidence: (C,) of every capsule, in [0, 1].
             seen: the network's estimate of the frame; None without the network.
+            arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
         elsewhere = seen is not None and seen.estimate.apart_from(posture.joints())
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
-        arm = self._arms.tried(observation, posture, report, doubted, seen, steps=_STEPS)
+        arm = None
+        if arms:
+            arm = self._arms.tried(observation, posture, report, doubted, seen, steps=_STEPS)
         if arm is not None and self._is_better(arm, observation, posture, seen, _BETTER):
             return arm
         if not (badly or doubtful or elsewhere):

@@ -49,8 +49,6 @@ _DOUBTED = 8.5
 """Square centimetres a point: cost of a frame from which the person is detected again."""
 _CLEARLY = 0.8
 """Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
-_EARLY = (4, 14)
-"""Frames after a person was found in which detection runs again: one frame may show a stranger badly."""
 _AGAIN_AFTER = 15
 """Frames between two detections of a doubtful person at first: each takes several frames."""
 _LONGEST = 60
@@ -106,7 +104,7 @@ class Follower:
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
         self.budget = Budget(np.inf)
-        self._since_detected, self._since_found = 0, 0
+        self._since_detected = 0
         self._redetection: Redetection | None = None
         self._wait, self._cost_in_vain = _AGAIN_AFTER, np.inf
 
@@ -183,7 +181,9 @@ class Follower:
             observation = guided_by(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = capsule_confidence(report, observation, posture)
-        posture, report = self._recovery.reconsider(observation, posture, report, certain, seen)
+        # One search at a time: a frame with both would be the longest.
+        reconsider, arms = self._recovery.reconsider, not self.redetecting
+        posture, report = reconsider(observation, posture, report, certain, seen, arms=arms)
         velocity = self._moving(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
         if flipped and seen is not None:
@@ -227,13 +227,10 @@ class Follower:
         """Detects a doubtful person from scratch; returns a fit only if it explains the frame much better.
 
         A detection takes several frames, so there is one at most every half second, fewer of them while
-        they find nothing, and none where the network sees the same posture; and two soon after a person was
-        found, because one frame may show a stranger badly. A posture found in an earlier frame is fitted to
-        this one and has to explain it better too.
+        they find nothing, and none where the network sees the same posture. A posture found in an earlier
+        frame is fitted to this one and has to explain it better too.
         """
         self._since_detected += 1
-        early = self._since_found in _EARLY
-        self._since_found += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
         plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
@@ -241,12 +238,12 @@ class Follower:
             if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER
             doubted = now >= _DOUBTED and self._since_detected >= self._wait
-            if not early and (not doubted or _is_borne_out(posture, report, seen)):
+            if not doubted or _is_borne_out(posture, report, seen):
                 return None
             self._since_detected = 0
             known = posture.lengths if self._fitted > _KNOWN_AFTER else None
             steps = new_detection(self._fitter, plain, seen, eye, height, posture, known)
-            begun = (observation, seen, posture, now, early, known is not None)
+            begun = (observation, seen, posture, now, known is not None)
             self._redetection = Redetection(BudgetedTask(steps), *begun)
         under_way = self._redetection
         if not under_way.task.go_on(self.budget):
@@ -260,7 +257,7 @@ class Follower:
             found = self._brought(found[0], posture.position - under_way.posture.position, plain)
             better = cost(found[1], found[0], seen, eye, height) <= _CLEARLY * now
         if not better:
-            self._wait = self._wait if under_way.early else min(2 * self._wait, _LONGEST)
+            self._wait = min(2 * self._wait, _LONGEST)
             self._cost_in_vain = now
             return None
         self._wait = _AGAIN_AFTER

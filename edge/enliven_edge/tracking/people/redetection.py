@@ -29,7 +29,6 @@ class Redetection:
     Attributes:
         observation, seen: the frame that the detection began in, and the network's estimate of it.
         posture, cost: of the ordinary fit to that frame.
-        early: whether it is one of the two soon after the person was found.
         known: whether the person's build was known.
     """
 
@@ -38,7 +37,6 @@ class Redetection:
     seen: EstimateAtPoints | None
     posture: Posture
     cost: float
-    early: bool
     known: bool
 
 
