@@ -13,7 +13,7 @@ from tracking_scene import SIDE, Move, Person, Sequence, alone, exercise_move
 from enliven_synthesis.body.performer import Proportions
 
 OPENED = "opened"
-"""What was sealed once and is spent: limbs before the trunk until November 24, 2026, the set "x" on the 26th."""
+"""What was sealed until it was opened, in November 2026: limbs before the trunk, the set "x"."""
 SEALED = "sealed"
 """The split that is kept shut: it is measured once, when nothing is tuned any more."""
 _CLOSE: tuple[tuple[str, float], ...] = (

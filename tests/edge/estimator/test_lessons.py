@@ -164,3 +164,18 @@ def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth
         assert (z[wall] >= np.float32(0.3)).all()
         added += bool(wall.any())
     assert added > 6
+
+
+def test_the_wall_that_is_left_beside_a_person_is_none_of_the_person_and_is_labelled_nobody(monkeypatch):
+    studio, dice = PersonRenderer(), np.random.default_rng(5)
+    made = studio.render_person(dice, frontal=0.5)
+    mask = made.z > 0
+    for _ in range(20):
+        z, left = samples._left_beside(made.z, mask, dice)
+        assert not (left & mask).any()
+        np.testing.assert_array_equal(z[mask], made.z[mask])
+    monkeypatch.setattr(samples, "_CLUTTER", 1.0)
+    monkeypatch.setattr(samples, "_LEFT_BESIDE", 1.0)
+    for _ in range(5):
+        lesson = training_sample(studio, dice, 0.5)
+        assert np.isnan(lesson.facing) and (lesson.parts == NOBODY).all()

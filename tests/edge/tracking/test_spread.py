@@ -83,7 +83,7 @@ def counted(frames, settings, monkeypatch):
 
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
-    """Those that look for a new person, and those that look for a person anew, who is doubted all the time."""
+    """Those that look for a new person, and those that look for a person anew; here all are doubted."""
     monkeypatch.setattr(follower, "_DOUBTED", -np.inf)
     monkeypatch.setattr(follower, "_is_borne_out", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)

@@ -155,19 +155,36 @@ def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
     assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
 
 
+def seen_by_network(scene, probabilities) -> Person:
+    """A person of whom the network said so in each frame."""
+    view, mask = scene
+    someone = Person(1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), Looks(), 0)
+    someone.follower.follow = lambda *_: False  # type: ignore[method-assign]
+    someone.follower.confidence = np.ones(20)
+    for probability in probabilities:
+        someone.follower.person_probability = probability
+        someone.follow(view, mask, whole=True)
+    return someone
+
+
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
 def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene):
     """The network may doubt later postures; who it never took for a person is let go."""
-    view, mask = scene
-    follower = Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing()))
-    someone = Person(1, follower, Looks(), 0)
-    someone.follower.follow = lambda *_: False  # type: ignore[method-assign]
-    someone.follower.confidence = np.ones(20)
-    for frame in range(plain_frames + 30):
-        someone.follower.person_probability = 0.95 if frame < plain_frames else 0.1
-        someone.follow(view, mask, whole=True)
+    someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.vague == vague
     assert person._PLAIN_FRAMES == 10
+
+
+@pytest.mark.parametrize(
+    ("plain_frames", "later", "vague"), [(0, 0.1, True), (0, 0.3, False), (10, 0.1, False)]
+)
+def test_what_was_never_plainly_a_person_is_let_go_even_where_it_moves(plain_frames, later, vague, scene):
+    """A fit to the strip of wall beside a person slides along it; what is merely doubted stays."""
+    someone = seen_by_network(scene, [0.95] * plain_frames + [later] * 30)
+    someone.travelled = someone.shapely = True
+    for _ in range(person._BARELY_KNOWN):
+        someone.looks.see(someone.follower.posture.lengths, None)
+    assert someone.vague == vague
 
 
 def test_the_network_is_asked_where_its_answer_tells(scene):
