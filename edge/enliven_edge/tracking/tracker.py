@@ -36,7 +36,8 @@ _AT_FIRST = 0.6
 """Confidence of a joint at the most in the frame in which its person is found: one look at a pattern on a
 wall may fit a body."""
 _EARNED_NS = 300_000_000
-"""Nanoseconds after which that bound is gone: in some ten frames a pattern has lost its body."""
+"""Nanoseconds after which that bound is gone where the network takes it for a person, too: in some ten frames
+a pattern has lost its body."""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 
 
@@ -213,7 +214,8 @@ class Tracker:
         fits = []
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence
-            sure = np.minimum(sure, self._most_sure(frame.time_ns - person.found_ns))
+            age = frame.time_ns - person.found_ns if person.plain else 0
+            sure = np.minimum(sure, self._most_sure(age))
             turns, stature = posture.orientations(), person.looks.stature
             fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
         if self.colour is not None and self.world_from_camera is not None:

@@ -155,11 +155,11 @@ def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
     assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
 
 
-def seen_by_network(scene, probabilities) -> Person:
+def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
     """A person of whom the network said so in each frame."""
     view, mask = scene
     someone = Person(1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), Looks(), 0)
-    someone.follower.follow = lambda *_: False  # type: ignore[method-assign]
+    someone.follower.follow = lambda *_: good  # type: ignore[method-assign]
     someone.follower.confidence = np.ones(20)
     for probability in probabilities:
         someone.follower.person_probability = probability
@@ -176,15 +176,17 @@ def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene)
 
 
 @pytest.mark.parametrize(
-    ("plain_frames", "later", "vague"), [(0, 0.1, True), (0, 0.3, False), (10, 0.1, False)]
+    ("plain_frames", "later", "frames", "vague"),
+    [(0, 0.3, 30, True), (0, 0.3, 10, False), (0, 0.5, 30, False), (10, 0.1, 30, False)],
 )
-def test_what_was_never_plainly_a_person_is_let_go_even_where_it_moves(plain_frames, later, vague, scene):
-    """A fit to the strip of wall beside a person slides along it; what is merely doubted stays."""
-    someone = seen_by_network(scene, [0.95] * plain_frames + [later] * 30)
+def test_what_was_never_plainly_a_person_is_let_go_even_where_it_moves(
+    plain_frames, later, frames, vague, scene
+):
+    """A fit to the strip of wall beside a person slides along it; half a second later it is known for one."""
+    someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.travelled = someone.shapely = True
-    for _ in range(person._BARELY_KNOWN):
-        someone.looks.see(someone.follower.posture.lengths, None)
     assert someone.vague == vague
+    assert someone.plain == (plain_frames >= person._PLAIN_FRAMES)
 
 
 def test_the_network_is_asked_where_its_answer_tells(scene):
