@@ -32,7 +32,7 @@ from enliven_edge.warmup import warm_up_tracking
 _TAKEN_UP = 20
 """Frames before speed is measured: finding people costs more than following them."""
 _SETTLED = 30
-"""Frames, a second, before the time of a frame with one performer is measured: who is found is settled then."""
+"""Frames, a second, before the time of a frame with one performer is measured: who is found is settled."""
 _LAPS = 18
 """How often the dancer dances, forward and back, while the memory is watched."""
 _STEP = 33_333_333

@@ -51,7 +51,7 @@ _CLEARLY = 0.8
 """Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
 _AGAIN_AFTER = 15
 """Frames between two detections of a doubtful person at first: each takes several frames."""
-_LONGEST = 60
+_LONGEST = 120
 """Frames between two detections at most: the wait doubles up to this while nothing better is found."""
 _WORSE = 1.2
 """Times the cost of the last detection in vain from which the wait starts short again."""

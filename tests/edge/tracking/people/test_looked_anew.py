@@ -67,9 +67,9 @@ def test_who_is_explained_well_is_never_looked_for_anew(looks):
 
 
 def test_looks_that_find_nothing_become_rarer(looks):
-    found = looks(260, lambda frame: frame >= KNOWN)
+    found = looks(360, lambda frame: frame >= KNOWN)
     assert found[0] == KNOWN
-    assert np.diff(found).tolist() == [30, 60, 60, 60]
+    assert np.diff(found).tolist() == [30, 60, 120, 120]
 
 
 def test_a_good_frame_brings_the_patience_back(looks):
