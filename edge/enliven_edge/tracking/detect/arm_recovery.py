@@ -87,4 +87,4 @@ class ArmRecovery:
 def _seen_elsewhere(posture: Posture, arm: Arm, seen: EstimateAtPoints | None) -> bool:
     """Whether the network plainly sees a joint of an arm elsewhere."""
     joints: Float = posture.joints()
-    return seen is not None and seen.estimate.apart_from(joints, ARM_JOINTS[arm])
+    return seen is not None and seen.estimate.apart_from(joints, ARM_JOINTS[arm]) > 0

@@ -101,7 +101,7 @@ class PoseRecovery:
         """
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
-        elsewhere = seen is not None and seen.estimate.apart_from(posture.joints())
+        elsewhere = seen is not None and seen.estimate.apart_from(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
         arm = None

@@ -76,9 +76,9 @@ class Estimate:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
-    def apart_from(self, joints: Float, which: list[Joint] | slice = slice(None)) -> bool:
-        """Whether any of (20, 3) joints, or of ``which``, is plainly elsewhere than the network sees it."""
-        return bool(_apart(joints[which], self.joints[which], self.spread[which]))
+    def apart_from(self, joints: Float, which: list[Joint] | slice = slice(None)) -> int:
+        """Returns how many of (20, 3) joints, or of ``which``, are plainly not where the network sees them."""
+        return int(_apart(joints[which], self.joints[which], self.spread[which]))
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
@@ -104,12 +104,12 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
     """See :meth:`Estimate.apart_from`."""
+    count = 0
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
         apart = np.sqrt(x * x + y * y + z * z)
-        if apart > _APART and apart > _SPREADS * spread[j]:
-            return True
-    return False
+        count += apart > _APART and apart > _SPREADS * spread[j]
+    return count
 
 
 @njit(cache=True, nogil=True)
