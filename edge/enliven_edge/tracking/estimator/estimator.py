@@ -77,7 +77,7 @@ class Estimate:
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
     def apart_from(self, joints: Float, which: list[Joint] | slice = slice(None)) -> int:
-        """Returns how many of (20, 3) joints, or of ``which``, are plainly not where the network sees them."""
+        """Returns how many of (20, 3) joints, or of ``which``, are plainly not where the network saw them."""
         return int(_apart(joints[which], self.joints[which], self.spread[which]))
 
     def parts_at(self, rays: Float) -> Float32:
