@@ -15,7 +15,8 @@ from enliven_synthesis.body.performer import Proportions
 OPENED = "opened"
 """What was sealed until it was opened, in November 2026: limbs before the trunk, the set "x"."""
 SEALED = "sealed"
-"""The split that is kept shut: it is measured once, when nothing is tuned any more."""
+"""The split that is kept shut: it is measured once, when nothing is tuned any more. Set "y" was, on November
+26, 2026: before more is tuned, call it opened and write another."""
 _CLOSE: tuple[tuple[str, float], ...] = (
     ("clap", 0.1), ("book", -0.25), ("watch", 0.3), ("hug", 0.0), ("guitar", 0.2), ("telephone", -0.4),
     ("folded", 0.3), ("jog", 0.25), ("guard", -0.2), ("belly", 0.35), ("chin", -0.3), ("lens", 0.2),

@@ -120,10 +120,10 @@ def test_a_landmark_is_weighed_by_its_spread(seed):
 @settings(max_examples=25, deadline=None)
 def test_a_joint_is_elsewhere_beyond_what_it_may_be_off(seed, joint):
     estimate = made_up(seed)
-    assert estimate.apart_from(estimate.joints) == 0
+    assert estimate.count_apart(estimate.joints) == 0
     way = np.random.default_rng(seed).normal(size=3)
     way /= np.linalg.norm(way)
     for metres, elsewhere in ((0.07, False), (1.4 * estimate.spread[joint], False), (1.0, True)):
         moved = estimate.joints.copy()
         moved[joint] += metres * way
-        assert estimate.apart_from(moved) == int(elsewhere)
+        assert estimate.count_apart(moved) == int(elsewhere)

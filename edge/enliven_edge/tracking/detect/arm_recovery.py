@@ -32,7 +32,7 @@ _GLANCES = 4
 _RAREST = 3
 """Frames between two looks at most while no place is hopeful."""
 _GLANCE = 2
-"""Steps of a glance: with three it cost a quarter more and arms were no better, with one they were worse."""
+"""Steps of a glance: with three arms were no better, with one they were worse."""
 _THINNED = 3
 """A glance uses one point of so many: it only compares."""
 _HOPEFUL = 0.97
@@ -96,4 +96,4 @@ class ArmRecovery:
 def _seen_elsewhere(posture: Posture, arm: Arm, seen: EstimateAtPoints | None) -> bool:
     """Whether the network plainly sees a joint of an arm elsewhere."""
     joints: Float = posture.joints()
-    return seen is not None and seen.estimate.apart_from(joints, ARM_JOINTS[arm]) > 0
+    return seen is not None and seen.estimate.count_apart(joints, ARM_JOINTS[arm]) > 0

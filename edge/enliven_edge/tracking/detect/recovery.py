@@ -104,18 +104,18 @@ class PoseRecovery:
         """
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
-        elsewhere = seen is not None and seen.estimate.apart_from(posture.joints()) > 0
+        elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
-        arm = None
-        if arms:
-            arm = self._arms.tried(observation, posture, report, doubted, seen, steps=_STEPS)
+        look = self._arms.tried
+        arm = look(observation, posture, report, doubted, seen, steps=_STEPS) if arms else None
         if arm is not None and self._is_better(arm, observation, posture, seen, _BETTER):
             return arm
         if not (badly or doubtful or elsewhere):
             return posture, report
-        if seen is not None and not (badly or elsewhere):
-            return self._borne_out(observation, posture, report, seen, doubtful)
+        borne_out = seen is not None and not (badly or elsewhere)
+        if borne_out and not self._limbs.is_due(report.energy):
+            return posture, report
         if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
             tried = self._where_seen(observation, posture, seen)
         elif badly and (not doubtful or self._turn % 4 < 2):
@@ -123,24 +123,10 @@ class PoseRecovery:
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
             tried = self._fitter.fit(observation, start, iterations=_STEPS)
-        if not (badly or _same_way(tried[0], posture)):
-            return posture, report
-        return tried if self._is_better(tried, observation, posture, seen, _BETTER) else (posture, report)
-
-    def _borne_out(
-        self,
-        observation: Observation,
-        posture: Posture,
-        report: FitReport,
-        seen: EstimateAtPoints,
-        doubtful: list[tuple[int, ...]],
-    ) -> tuple[Posture, FitReport]:
-        """Returns the posture, or one with a limb elsewhere that explains little, now and then if in vain."""
-        if not self._limbs.is_due(report.energy):
-            return posture, report
-        tried = self._fitter.fit(observation, self._limb_elsewhere(posture, doubtful), iterations=_STEPS)
-        taken = _same_way(tried[0], posture) and self._is_better(tried, observation, posture, seen, _BETTER)
-        self._limbs.tried(report.energy, better=taken)
+        taken = badly or _same_way(tried[0], posture)
+        taken = taken and self._is_better(tried, observation, posture, seen, _BETTER)
+        if borne_out:
+            self._limbs.tried(report.energy, better=taken)
         return tried if taken else (posture, report)
 
     def _whole_body(

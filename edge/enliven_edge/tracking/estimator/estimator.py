@@ -76,8 +76,8 @@ class Estimate:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
-    def apart_from(self, joints: Float, which: list[Joint] | slice = slice(None)) -> int:
-        """Returns how many of (20, 3) joints, or of ``which``, are plainly not where the network saw them."""
+    def count_apart(self, joints: Float, which: list[Joint] | slice = slice(None)) -> int:
+        """Returns how many of (20, 3) joints, or of ``which``, are plainly elsewhere than here."""
         return int(_apart(joints[which], self.joints[which], self.spread[which]))
 
     def parts_at(self, rays: Float) -> Float32:
@@ -103,7 +103,7 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
-    """See :meth:`Estimate.apart_from`."""
+    """See :meth:`Estimate.count_apart`."""
     count = 0
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]

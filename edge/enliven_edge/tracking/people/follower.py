@@ -316,9 +316,9 @@ class Follower:
 def _is_borne_out(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
     """Whether a posture explains most of the frame and the network sees at most a limb plainly elsewhere.
 
-    A limb is tried elsewhere anyway. Of 164 detections begun in such frames of the tuning and close films 11
-    were taken, and joints were off by as much after them as before.
+    A limb is tried elsewhere anyway. Of 227 detections begun in such frames of the tuning and close films 12
+    were taken, six to a better and six to a worse posture, by a few centimetres at most.
     """
     if seen is None or report.explained <= _MOSTLY_EXPLAINED:
         return False
-    return seen.estimate.apart_from(posture.joints()) <= _LIMB
+    return seen.estimate.count_apart(posture.joints()) <= _LIMB
