@@ -19,7 +19,7 @@ from numba import types
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
-_I32, _I64 = ir.IntType(32), ir.IntType(64)
+I32, I64 = ir.IntType(32), ir.IntType(64)
 
 
 class Lanes(types.Type):
@@ -34,14 +34,15 @@ def _element(kind: Lanes) -> ir.Type:
     return ir.DoubleType() if kind.scalar.bitwidth == 64 else ir.FloatType()
 
 
-def _vector(kind: Lanes) -> ir.VectorType:
+def vector_of(kind: Lanes) -> ir.VectorType:
+    """LLVM's type of a vector register."""
     return ir.VectorType(_element(kind), kind.count)
 
 
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Lanes) -> None:
-        super().__init__(manager, kind, _vector(kind))
+        super().__init__(manager, kind, vector_of(kind))
 
 
 FOUR = Lanes(4, types.float64)
@@ -62,25 +63,28 @@ for _operator, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), 
         return getattr(builder, instruction)(*args)
 
 
-def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any, kind: Lanes) -> Any:
+def address_of(context: Any, builder: Any, array_type: Any, array: Any, index: Any, kind: Lanes) -> Any:
     """A pointer to the vector that begins at ``array[index]``."""
     data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _vector(kind).as_pointer())
+    return builder.bitcast(builder.gep(data, [index]), vector_of(kind).as_pointer())
 
 
 def _splat(builder: Any, kind: Lanes, scalar: Any) -> Any:
     """The vector of ``scalar`` in every lane."""
-    vector = _vector(kind)
+    vector = vector_of(kind)
     none = ir.Constant(vector, ir.Undefined)
-    first = builder.insert_element(none, scalar, ir.Constant(_I32, 0))
-    return builder.shuffle_vector(first, none, ir.Constant(ir.VectorType(_I32, kind.count), [0] * kind.count))
+    first = builder.insert_element(none, scalar, ir.Constant(I32, 0))
+    return builder.shuffle_vector(first, none, ir.Constant(ir.VectorType(I32, kind.count), [0] * kind.count))
 
 
 def _make_load(kind: Lanes) -> Any:
     @intrinsic
     def load(typing, array, index):  # type: ignore[no-untyped-def]
+        if array.dtype != kind.scalar:
+            return None
+
         def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            loaded = builder.load(_address(context, builder, sig.args[0], args[0], args[1], kind))
+            loaded = builder.load(address_of(context, builder, sig.args[0], args[0], args[1], kind))
             loaded.align = kind.scalar.bitwidth // 8
             return loaded
 
@@ -92,8 +96,11 @@ def _make_load(kind: Lanes) -> Any:
 def _make_store(kind: Lanes) -> Any:
     @intrinsic
     def store(typing, array, index, value):  # type: ignore[no-untyped-def]
+        if array.dtype != kind.scalar:
+            return None
+
         def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            place = _address(context, builder, sig.args[0], args[0], args[1], kind)
+            place = address_of(context, builder, sig.args[0], args[0], args[1], kind)
             builder.store(args[2], place).align = kind.scalar.bitwidth // 8
             return context.get_dummy_value()
 
@@ -117,14 +124,16 @@ def _make_fma(kind: Lanes) -> Any:
     @intrinsic
     def fma(typing, scalar, times, plus):  # type: ignore[no-untyped-def]
         def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            vector = _vector(kind)
+            vector = vector_of(kind)
             name = f"llvm.fmuladd.v{kind.count}f{kind.scalar.bitwidth}"
             function = builder.module.globals.get(name) or ir.Function(
                 builder.module, ir.FunctionType(vector, [vector] * 3), name
             )
-            return builder.call(function, [_splat(builder, kind, args[0]), args[1], args[2]])
+            first = args[0] if whole else _splat(builder, kind, args[0])
+            return builder.call(function, [first, args[1], args[2]])
 
-        return signature(kind, kind.scalar, kind, kind), generate
+        whole = isinstance(scalar, Lanes)
+        return signature(kind, kind if whole else kind.scalar, kind, kind), generate
 
     return fma
 
@@ -134,64 +143,72 @@ def _make_total(kind: Lanes) -> Any:
     def total(typing, value):  # type: ignore[no-untyped-def]
         def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
             half, count = args[0], kind.count
-            none = ir.Constant(_vector(kind), ir.Undefined)
+            none = ir.Constant(vector_of(kind), ir.Undefined)
             while count > 1:
                 # The upper half onto the lower one, until one number is left.
                 count //= 2
                 lanes = [count + i if i < count else 0 for i in range(kind.count)]
-                upper = builder.shuffle_vector(
-                    half, none, ir.Constant(ir.VectorType(_I32, kind.count), lanes)
-                )
+                upper = builder.shuffle_vector(half, none, ir.Constant(ir.VectorType(I32, kind.count), lanes))
                 half = builder.fadd(half, upper)
-            return builder.extract_element(half, ir.Constant(_I32, 0))
+            return builder.extract_element(half, ir.Constant(I32, 0))
 
         return signature(kind.scalar, kind), generate
 
     return total
 
 
-def _make_transpose(rows: int) -> Any:
-    """Only for blocks of ``rows`` rows of eight, of which the first ``rows`` lanes count, at most eight."""
+@intrinsic
+def widened4(typing, array, index):  # type: ignore[no-untyped-def]
+    """Four float32 of an array as a vector of four float64."""
+    if array.dtype != types.float32:
+        return None
 
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        loaded = builder.load(address_of(context, builder, sig.args[0], args[0], args[1], QUAD))
+        loaded.align = 4
+        return builder.fpext(loaded, vector_of(FOUR))
+
+    return signature(FOUR, array, types.intp), generate
+
+
+@intrinsic
+def turned8(typing, rows, index, value):  # type: ignore[no-untyped-def]
+    """Either half of a vector of eight, three numbers and one that does not count, times a 3x3 matrix in rows
+    of four: the sum of the rows, weighted with the half's numbers."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        vector, total = vector_of(EIGHT), None
+        first = address_of(context, builder, sig.args[0], args[0], args[1], QUAD)
+        for k in range(3):
+            row = builder.load(builder.gep(first, [ir.Constant(I64, k)]))
+            row.align = 4
+            none = ir.Constant(vector_of(QUAD), ir.Undefined)
+            twice = builder.shuffle_vector(
+                row, none, ir.Constant(ir.VectorType(I32, 8), [0, 1, 2, 3, 0, 1, 2, 3])
+            )
+            lanes = ir.Constant(ir.VectorType(I32, 8), [k] * 4 + [4 + k] * 4)
+            weight = builder.shuffle_vector(args[2], ir.Constant(vector, ir.Undefined), lanes)
+            product = builder.fmul(weight, twice)
+            total = product if total is None else builder.fadd(total, product)
+        return total
+
+    return signature(EIGHT, rows, types.intp, EIGHT), generate
+
+
+def _make_reorder(order: list[int]) -> Any:
     @intrinsic
-    def transpose(typing, source, index, target, to):  # type: ignore[no-untyped-def]
+    def reorder(typing, value):  # type: ignore[no-untyped-def]
         def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            vector = _vector(EIGHT)
-            data = [_address(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)]
+            none = ir.Constant(vector_of(EIGHT), ir.Undefined)
+            return builder.shuffle_vector(args[0], none, ir.Constant(ir.VectorType(I32, 8), order))
 
-            def shuffled(a: Any, b: Any, lanes: list[int]) -> Any:
-                return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, 8), lanes))
+        return signature(EIGHT, EIGHT), generate
 
-            loaded = []
-            for r in range(rows):
-                loaded.append(builder.load(builder.gep(data[0], [ir.Constant(_I64, r)])))
-                loaded[-1].align = 4
-            loaded += [ir.Constant(vector, [0.0] * 8)] * (8 - rows)
-            # Two rows interleaved, for the lower and the upper half of the columns.
-            pairs = [
-                [
-                    shuffled(loaded[r], loaded[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
-                    for r in (0, 2, 4, 6)
-                ]
-                for half in (0, 1)
-            ]
-            for c in range(rows):
-                a, b, d, e = pairs[c // 4]
-                at = 2 * (c % 4)
-                low = shuffled(a, b, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
-                high = shuffled(d, e, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
-                whole = shuffled(low, high, [0, 1, 2, 3, 8, 9, 10, 11])
-                place = builder.gep(data[1], [ir.Constant(_I64, c)])
-                builder.store(whole, place).align = 4
-            return context.get_dummy_value()
-
-        return signature(types.void, source, types.intp, target, types.intp), generate
-
-    return transpose
+    return reorder
 
 
-transpose6 = _make_transpose(6)
-"""transpose6(source, index, target, to): a 6x6 block in rows of eight, transposed; the other lanes are 0."""
+together8, apart8 = _make_reorder([0, 1, 2, 4, 5, 6, 3, 7]), _make_reorder([0, 1, 2, 6, 3, 4, 5, 7])
+"""Eight lanes of twice three numbers: with a free one after each three, to both free ones last, and back."""
 load4, store4, splat4, fma4, total4 = (
     make(FOUR) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
@@ -199,4 +216,5 @@ load8, store8, splat8, fma8, total8 = (
     make(EIGHT) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
 loadq, storeq, splatq, fmaq = (make(QUAD) for make in (_make_load, _make_store, _make_splat, _make_fma))
-"""load(array, index), store(array, index, v), splat(scalar), fma(scalar, v, w) = scalar v + w, total(v)."""
+"""load(array, index), store(array, index, v), splat(scalar), fma(a, v, w) = a v + w of a number or vector a,
+total(v)."""

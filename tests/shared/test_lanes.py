@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
+from numba.core.errors import TypingError
 
 from enliven.lanes import (
+    apart8,
     fma4,
     fma8,
     load4,
@@ -15,9 +17,11 @@ from enliven.lanes import (
     splat8,
     store4,
     store8,
+    together8,
     total4,
     total8,
-    transpose6,
+    turned8,
+    widened4,
 )
 
 
@@ -47,8 +51,24 @@ def summed(x):
 
 
 @njit
-def transposed(source, at, target, to):
-    transpose6(source, at, target, to)
+def multiplied8(x, y, out):
+    store8(out, 0, fma8(load8(x, 0), load8(y, 0), load8(x, 8)))
+
+
+@njit
+def reordered(x, out):
+    store8(out, 0, together8(load8(x, 0)))
+    store8(out, 8, apart8(load8(out, 0)))
+
+
+@njit
+def turned(rows, x, out):
+    store8(out, 0, turned8(rows, 2, load8(x, 0)))
+
+
+@njit
+def widened(x, out):
+    store4(out, 0, widened4(x, 3))
 
 
 @pytest.mark.parametrize(
@@ -73,11 +93,40 @@ def test_a_register_lives_through_a_loop(count, seed):
     assert summed(x) == pytest.approx(x.sum())
 
 
-def test_a_block_is_transposed_and_nothing_beside_it_is_touched():
-    source = np.arange(100, dtype=np.float32)
-    target = np.full(100, -1, np.float32)
-    transposed(source, 3, target, 40)
-    block = source[3:51].reshape(6, 8)[:, :6]
-    np.testing.assert_array_equal(target[40:88].reshape(6, 8)[:, :6], block.T)
-    np.testing.assert_array_equal(target[40:88].reshape(6, 8)[:, 6:], 0)
-    assert (target[:40] == -1).all() and (target[88:] == -1).all()
+def test_a_register_times_another_one():
+    rng = np.random.default_rng(0)
+    x, y, out = rng.normal(size=16).astype("f4"), rng.normal(size=8).astype("f4"), np.zeros(8, "f4")
+    multiplied8(x, y, out)
+    np.testing.assert_allclose(out, x[:8] * y + x[8:], atol=1e-6)
+
+
+def test_twice_three_numbers_are_put_together_and_apart_again():
+    x, out = np.arange(8, dtype=np.float32), np.zeros(16, np.float32)
+    reordered(x, out)
+    np.testing.assert_array_equal(out[:6], [0, 1, 2, 4, 5, 6])
+    np.testing.assert_array_equal(out[8:], x)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_both_halves_of_a_register_are_turned(seed):
+    rng = np.random.default_rng(seed)
+    rows, x, out = rng.normal(size=14).astype("f4"), rng.normal(size=8).astype("f4"), np.zeros(8, "f4")
+    turned(rows, x, out)
+    matrix = rows[2:].reshape(3, 4)
+    # Sums of three float32 products of numbers of about 1.
+    np.testing.assert_allclose(out, [*(x[:3] @ matrix), *(x[4:7] @ matrix)], atol=1e-5)
+
+
+def test_single_precision_is_widened():
+    x, out = np.linspace(0.0, 1.0, 8, dtype=np.float32), np.zeros(4)
+    widened(x, out)
+    np.testing.assert_array_equal(out, x[3:7].astype(float))
+
+
+def test_numbers_of_another_kind_are_refused():
+    """Read as the other kind they would be nonsense, or lie beyond the array."""
+    with pytest.raises(TypingError, match="widened4"):
+        widened(np.zeros(8), np.zeros(4))
+    with pytest.raises(TypingError, match="load"):
+        multiplied8(np.zeros(16), np.zeros(8), np.zeros(8))

@@ -40,16 +40,26 @@ def random_system(count, density, seed):
     return pattern, blocks.reshape(-1), dense_of(pattern, blocks.reshape(-1))
 
 
+def factor_of(pattern, blocks):
+    """Whether the blocks could be factorised, and the factor."""
+    count = len(pattern.start) - 1
+    column, inverse = np.zeros(48 * pattern.longest, np.float32), np.zeros(48 * count, np.float32)
+    scales = np.zeros(len(pattern.column), np.float32)
+    rows = np.full(36 * len(pattern.column) + 8, 7, np.int16)
+    which = pattern.start, pattern.product, pattern.by_row
+    return factorise(which, blocks, column, rows, scales, inverse), (rows, scales, inverse)
+
+
 @settings(deadline=None, max_examples=40)
 @given(st.integers(1, 15), st.floats(0, 1), st.integers(0, 2**32 - 1))
 def test_it_solves_what_numpy_solves(count, density, seed):
     pattern, blocks, dense = random_system(count, density, seed)
     right = np.random.default_rng(seed).normal(size=(count, 6))
-    upper = np.zeros_like(blocks)
-    assert factorise(pattern.start, pattern.row, pattern.product, blocks, upper)
+    made, factor = factor_of(pattern, blocks)
+    assert made
     x = np.zeros((count, 8), np.float32)
     x[:, :6] = right
-    substitute(pattern.start, pattern.row, blocks, upper, x.reshape(-1))
+    substitute(pattern.row_start, pattern.column, *factor, x.reshape(-1))
     expected = np.linalg.solve(dense, right.reshape(-1)).reshape(-1, 6)
     np.testing.assert_allclose(x[:, :6], expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())
     assert (x[:, 6:] == 0).all()
@@ -58,7 +68,7 @@ def test_it_solves_what_numpy_solves(count, density, seed):
 def test_a_matrix_that_is_not_positive_definite_is_told():
     pattern = analyse(2, np.array([[1, 0]]))
     blocks = np.zeros(3 * 48, np.float32)
-    assert not factorise(pattern.start, pattern.row, pattern.product, blocks, blocks.copy())
+    assert not factor_of(pattern, blocks)[0]
 
 
 def test_the_order_keeps_the_fill_of_a_grid_low():

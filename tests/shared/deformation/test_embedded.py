@@ -197,7 +197,7 @@ def test_the_energy_is_the_papers(tail, translation):
 def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, translation):
     solver, slow = made_solver(tail, translation, 2)
     x = solver._x.reshape(-1)
-    raw, force = np.zeros_like(x), np.zeros_like(x)
+    raw, force = np.zeros_like(x), np.zeros_like(x, np.float32)
     gradient(x, solver._terms, solver._planes, raw)
     force_in_node_frame(x, raw, force)
     used = np.array([c not in (3, 7, 11, 15) for c in range(16)])
@@ -205,13 +205,16 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
     for n in np.flatnonzero(np.tile(used, len(x) // 16)):
         ends = []
         for s in (1e-5, -1e-5):
-            own = np.zeros_like(x)
+            own = np.zeros_like(x, np.float32)
             own[n] = s
             step_in_node_frame(here, own, 1.0, x)
             value = residuals(flat_of(solver), *slow)
             ends.append(value @ value)
         x[:] = here
-        assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(force[n], rel=1e-4, abs=1e-3)
+        # What float32 makes of 1e-5 is not 1e-5.
+        assert (ends[0] - ends[1]) / (2.0 * np.float64(np.float32(1e-5))) == pytest.approx(
+            force[n], rel=1e-4, abs=1e-3
+        )
     assert (force.reshape(-1, 16)[:, ~used] == 0).all()
 
 
@@ -222,12 +225,12 @@ def test_a_step_turns_without_stretching_and_never_turns_inside_out(seed, angle)
     turn = rotation.to_matrix(rotation.from_rotation_vector(rng.normal(size=3)))
     x, end = np.zeros((1, 4, 4)), np.zeros(16)
     x[0, :3, :3] = turn.T
-    own = np.zeros(16)
+    own = np.zeros(16, np.float32)
     axis = rng.normal(size=3)
     own[:3] = angle * axis / np.linalg.norm(axis)
     step_in_node_frame(x.reshape(-1), own, 1.0, end)
     moved = end.reshape(4, 4)[:3, :3].T
-    expected = rotation.to_matrix(rotation.from_rotation_vector(own[:3])) @ turn
+    expected = rotation.to_matrix(rotation.from_rotation_vector(own[:3].astype(float))) @ turn
     np.testing.assert_allclose(moved, expected, atol=angle**3 / 4 + 1e-12)
     np.testing.assert_allclose(moved.T @ moved, np.eye(3), atol=1e-12)
     own[8:11], own[12:15] = 10.0 * rng.normal(size=(2, 3))
@@ -241,7 +244,7 @@ def jacobian_in_node_frames(solver, slow, order):
     here, columns, size = x.copy(), [], 1e-4
     for n in range(len(solver._x)):
         for c in order:
-            ends, own = [], np.zeros_like(x)
+            ends, own = [], np.zeros_like(x, np.float32)
             for own[16 * n + c] in (size, -size):
                 step_in_node_frame(here, own, 1.0, x)
                 ends.append(residuals(flat_of(solver), *slow))
@@ -282,7 +285,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     expected = np.zeros((count, 16))
     expected[:, order[6:]] = bent.reshape(count, 6)
     expected[:, order[:6]] = (0.5 * np.linalg.solve(whole, turns) + gives @ bent).reshape(count, 6)
-    step = np.zeros((count, 16))
+    step = np.zeros((count, 16), np.float32)
     step[:, order[:6]], step[:, order[6:]] = turns.reshape(count, 6), stretches.reshape(count, 6)
     precondition(solver._system, step.reshape(-1))
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected).max())
@@ -297,6 +300,7 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
     x, still = solver._x.reshape(-1), NO_PLANES
     turn = rotation.to_matrix(rotation.from_rotation_vector(3.0 * rng.normal(size=3)))
     force = rng.normal(size=(len(solver._x), 16)) * [c % 4 < 3 for c in range(16)]
+    force = force.astype(np.float32)
     steps = []
     nothing = np.zeros_like(x)
     refactor(x, solver._terms, still, nothing, solver._system)

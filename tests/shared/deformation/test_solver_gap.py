@@ -18,6 +18,8 @@ INVISIBLE = 1e-6
 """An energy in which shares mean nothing: a point a tenth of a millimetre off has it."""
 BUCKLES = 880092, 19, 1.9291120993690865
 """A creature's seed, its nodes and its pace: a limb buckles in its frame 15."""
+RIDGES = 40, 8, 53, 0
+"""Seeds of creatures of which a frame ended on a ridge."""
 
 
 def gap_of(peer, solver, targets):
@@ -45,22 +47,34 @@ def test_every_frame_ends_near_the_minimum_or_says_that_it_does_not(seed, nodes,
             assert near or not solver.settled, frame
 
 
+def frame_on_a_ridge():
+    """A creature's problem, two solvers that have ended a frame on a ridge, and that frame's targets.
+
+    Which frames end so hangs on rounding, about one in 600: the creatures are those of one processor first.
+    """
+    for seed in (*RIDGES, *range(300)):
+        rng = np.random.default_rng(seed)
+        problem = random_problem(seed, int(rng.integers(12, 49)), 16, round(rng.uniform(0.3, 2.0), 2))
+        solver, unasked = (EmbeddedSolver(problem.graph, problem.points) for _ in range(2))
+        for targets in problem.targets:
+            solver.solve(targets)
+            unasked.solve(targets)
+            np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
+            if not solver.settled:
+                return problem, solver, unasked, targets
+    raise AssertionError("no frame ends on a ridge")
+
+
 def test_a_frame_on_a_ridge_says_so_and_the_next_is_below_it():
     """Where a limb buckles no gradient tells of the lower energy; the next frame is there with it."""
-    seed, nodes, pace = BUCKLES
-    problem = random_problem(seed, nodes, 16, pace)
-    solver, unasked = (EmbeddedSolver(problem.graph, problem.points) for _ in range(2))
-    for targets in problem.targets:
-        solver.solve(targets)
-        unasked.solve(targets)
-    assert gap_of(PlainGaussNewton(problem.graph, problem.points), solver, targets) > 10 * GAP
+    problem, solver, unasked, targets = frame_on_a_ridge()
+    # It was found out without a change.
     np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
     before = solver.energy["total"]
-    assert not solver.settled
-    np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
     solver.solve(targets)
     assert solver.settled
-    assert solver.energy["total"] < (1 - 10 * GAP) * before
+    assert solver.energy["total"] < (1 - 0.5 * GAP) * before
+    assert gap_of(PlainGaussNewton(problem.graph, problem.points), solver, targets) <= GAP
 
 
 @settings(deadline=None, max_examples=6)

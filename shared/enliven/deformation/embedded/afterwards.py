@@ -34,8 +34,6 @@ def lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> 
         system: of the same pattern; not changed.
     """
     work, low = SolverBuffers.empty(len(x) // 16), np.array(x)
-    # A matrix that was never made is made at the first step.
-    work.age[:] = -1, 0, 1
     energies = gradient(low, terms, planes, work.raw)
     before = energies[5]
     record_energies(work, energies)

@@ -54,32 +54,37 @@ def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
     lower[:] = np.float32(0.0)
     s.held[:] = 0.0
     s.first[:] = 0.0
-    room, blocks = np.empty((3, 3, 3)), np.zeros((3, SIZE), np.float32)
     for j in range(start.shape[0] - 1):
         for r in range(6):
             lower[SIZE * start[j] + 9 * r] = ridge
-        add_geometric(x, raw, t.stretch[j], j, lower, SIZE * start[j], room[0], room[1])
+    add_geometric(x, raw, t.stretch, start, lower)
     _add_edges(t, s)
     for m in range(t.rigid.shape[0]):
         _add_rigid(lower, start, frames, t, s.edge_block, m)
     _add_points(t.nodes, t.rows, t.pulls, s)
-    for j in range(start.shape[0] - 1):
-        couple(s.linear, s.held, s.first, j, s.coupling, SIZE * j)
+    couple(s.linear, s.held, s.first, s.coupling)
     if planes.nodes.shape[0] > 0:
         _add_planes(planes, s)
-    for j in range(start.shape[0] - 1):
-        _hold_stretch(s, t.stretch[j], j, room, blocks)
+    _hold_stretches(s, t.stretch)
 
 
 @njit(cache=True, nogil=True)
-def _hold_stretch(s, w, j, room, blocks):  # type: ignore[no-untyped-def]
-    """What holds a node's stretch, and how its turn and shift give way; as much of both as stays definite."""
-    own, at = SIZE * s.start[j], SIZE * j
-    for whole in (1.0, 0.0):
-        stretch_block(s.linear, s.held, 9 * j, w, whole, room, blocks[0])
-        if decouple(s.lower, own, s.coupling, s.compliance, at, blocks[0], blocks[1], blocks[2]):
-            return
-    leave_coupled(s.coupling, s.compliance, at, blocks[0])
+def _hold_stretches(s, w):  # type: ignore[no-untyped-def]
+    """What holds the nodes' stretches, and how their turns and shifts give way; as much of both as stays
+    definite.
+    """
+    # A look into the structure takes as long as a block, and so does handing it on.
+    start, linear, held, lower = s.start, s.linear, s.held, s.lower
+    coupling, coupled, compliance = s.coupling, s.coupled, s.compliance
+    room, block, inverse = np.empty((3, 3, 3)), np.zeros(SIZE, np.float32), np.zeros(SIZE, np.float32)
+    for j in range(start.shape[0] - 1):
+        own, at = SIZE * start[j], SIZE * j
+        stretch_block(linear, held, 9 * j, w[j], 1.0, room, block)
+        if decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
+            continue
+        stretch_block(linear, held, 9 * j, w[j], 0.0, room, block)
+        if not decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
+            leave_coupled(coupling, coupled, compliance, at, block)
 
 
 @njit(cache=True, nogil=True)

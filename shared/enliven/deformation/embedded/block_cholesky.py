@@ -1,9 +1,15 @@
-"""Sparse Cholesky factorisation in 6x6 blocks: the pattern analysed once, the numbers in every frame.
+"""Sparse factorisation A = L D Lᵀ in 6x6 blocks: the pattern analysed once, the numbers when they are needed.
 
 One node of a deformation graph is one block (its turn and its shift), so the index work is a 36th of a scalar
 factorisation's, and everything that depends on the pattern alone (order, fill, where each product goes) is
-done beforehand. Blocks are float32, six rows of eight lanes, so that a row is one vector register
-(:mod:`enliven.lanes`); a product of two blocks takes 10 to 15 ns where plain Numba loops took 60 to 95.
+done beforehand. L has the identity on its diagonal and D is of blocks, so that no node waits for a division
+by another's block. Blocks are float32, six rows of eight lanes while they are made, so that a row is one
+vector register (:mod:`enliven.lane_blocks`); a product of two takes 10 to 15 ns where plain Numba loops took
+60 to 95.
+
+Solving waits for the memory: a matrix of 1,024 nodes is larger than a core's cache. So L stands row by row of
+the matrix, in int16 with a scale a block (1.5e-5 of the block's greatest number, and any L keeps the whole
+positive definite); either pass reads all of it once, the second one backward from where the first one ended.
 """
 
 from __future__ import annotations
@@ -16,10 +22,13 @@ from scipy.sparse.linalg import splu
 
 from enliven.arrays import Int, Int32
 from enliven.kernels import njit
-from enliven.lanes import fma8, load8, splat8, store8, transpose6
+from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6, transpose6
+from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers of a stored block: six rows of eight, the last two of each row 0."""
+"""Numbers of a block to calculate with: six rows of eight, the last two of each row 0."""
+CLOSE = 36
+"""Numbers of a block to solve with: six rows of six int16 and a scale, since solving waits for the memory."""
 
 
 @dataclass(frozen=True)
@@ -31,16 +40,27 @@ class BlockPattern:
         row: (B,) int32 the row of each block.
         product: (P,) int32 for each column in turn, for each of its lower blocks j, for each i >= j: the
             block (i, j) that takes their product.
+        row_start: (N + 1,) int32 where each row starts among the blocks below the diagonal, row by row.
+        column: (B - N,) int32 the column of each of these, ascending in a row.
+        by_row: (B,) int32 the place of each block among these; -1 for one on the diagonal.
     """
 
     start: Int32
     row: Int32
     product: Int32
+    row_start: Int32
+    column: Int32
+    by_row: Int32
 
     @property
     def blocks(self) -> int:
         """How many 6x6 blocks the factor has."""
         return len(self.row)
+
+    @property
+    def longest(self) -> int:
+        """The most blocks that a column has."""
+        return int(np.diff(self.start).max())
 
     def block_of(self, pairs: Int) -> Int32:
         """(M,) the block at (row, column) of each of ``pairs`` (M, 2), row >= column."""
@@ -85,7 +105,15 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
     rows = [np.array([node, *sorted(below[node])]) for node in range(count)]
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
     row = np.concatenate(rows).astype(np.int32)
-    pattern = BlockPattern(start.astype(np.int32), row, np.empty(0, np.int32))
+    column = np.repeat(np.arange(count, dtype=np.int32), np.diff(start))
+    # Stable: the columns of a row ascend as they do in the whole.
+    beside = np.flatnonzero(row != column)
+    beside = beside[np.argsort(row[beside], kind="stable")]
+    by_row = np.full(len(row), -1, np.int32)
+    by_row[beside] = np.arange(len(beside))
+    row_start = np.searchsorted(row[beside], np.arange(count + 1)).astype(np.int32)
+    none = np.empty(0, np.int32)
+    pattern = BlockPattern(start.astype(np.int32), row, none, row_start, column[beside], by_row)
     products = []
     for lower in rows:
         j, i = np.triu_indices(len(lower) - 1)
@@ -94,130 +122,109 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
 
 @njit(cache=True, nogil=True)
-def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def]
-    """Kernel: A = L Lᵀ. ``lower`` (48 B,) holds A's lower blocks, then those of L, with the inverse of each
-    diagonal block of L in its place; ``upper`` takes the transposed blocks. Returns whether A was positive
-    definite.
+def factorise(pattern, lower, column, rows, scales, inverse):  # type: ignore[no-untyped-def]
+    """Kernel: A = L D Lᵀ; returns whether A was positive definite.
+
+    Args:
+        pattern: start, product and by_row of a :class:`BlockPattern`.
+        lower: (48 B,) A's lower blocks, column by column; of one on the diagonal only the lower half is read.
+            They are used up.
+        column: (48 C,) room for the blocks of the longest column.
+        rows, scales: (36 (B - N) + 8,) int16, (B - N,) take the blocks of L below the diagonal, row by row.
+        inverse: (48 N,) takes the inverses of the blocks of D.
     """
-    p = np.int64(0)
-    for column in range(start.shape[0] - 1):
-        first, last = start[column], start[column + 1]
-        if not invert_factor(lower[SIZE * first : SIZE * first + SIZE]):
+    start, product, by_row = pattern
+    p, made = np.int64(0), np.zeros(SIZE, np.float32)
+    for k in range(start.shape[0] - 1):
+        first, last, own = start[k], start[k + 1], SIZE * k
+        mirror6(lower, SIZE * first, inverse, own, 1.0)
+        if not invert6(inverse, own, 1.0):
             return False
-        transpose6(lower, SIZE * first, upper, SIZE * first)
         for b in range(first + 1, last):
-            times(lower, SIZE * b, upper, SIZE * first)
-            transpose6(lower, SIZE * b, upper, SIZE * b)
-        for d in range(first + 1, last):
-            p = _take_products(lower, upper, product, p, d, last)
+            times(lower, SIZE * b, inverse, own, made, 0)
+            transpose6(made, 0, column, SIZE * (b - first))
+            place = CLOSE * by_row[b]
+            # Two numbers too many are written: those of the next block, which may be made already.
+            one, two = rows[place + CLOSE], rows[place + CLOSE + 1]
+            scales[by_row[b]] = shorten6(made, 0, rows, place)
+            rows[place + CLOSE], rows[place + CLOSE + 1] = one, two
+        p = _take_products(lower, column, product, p, first, last)
     return True
 
 
 @njit(cache=True, nogil=True)
-def _take_products(lower, upper, product, p, first, last):  # type: ignore[no-untyped-def]
-    """Take b firstᵀ off the block of each pair, for the blocks b from ``first`` on to the end of its column;
-    the six rows of the transposed ``first`` stay in registers. Returns the next of ``product``.
+def _take_products(lower, column, product, p, first, last):  # type: ignore[no-untyped-def]
+    """Take b Lᵀ off the block of each pair of a column's blocks, b of A and L of the factor, which stands
+    transposed in ``column``; the rows of Lᵀ stay in registers. Returns the next of ``product``.
     """
-    at = SIZE * first
-    a, b, c = load8(upper, at), load8(upper, at + 8), load8(upper, at + 16)
-    d, e, f = load8(upper, at + 24), load8(upper, at + 32), load8(upper, at + 40)
-    for block in range(SIZE * first, SIZE * last, SIZE):
-        target = SIZE * product[p]
-        p += 1
-        for r in range(0, SIZE, 8):
-            left = block + r
-            s = fma8(-lower[left], a, load8(lower, target + r))
-            s = fma8(-lower[left + 1], b, s)
-            s = fma8(-lower[left + 2], c, s)
-            s = fma8(-lower[left + 3], d, s)
-            s = fma8(-lower[left + 4], e, s)
-            s = fma8(-lower[left + 5], f, s)
-            store8(lower, target + r, s)
+    for at in range(SIZE, SIZE * (last - first), SIZE):
+        a, b, c = load8(column, at), load8(column, at + 8), load8(column, at + 16)
+        d, e, f = load8(column, at + 24), load8(column, at + 32), load8(column, at + 40)
+        for block in range(SIZE * first + at, SIZE * last, SIZE):
+            target = SIZE * product[p]
+            p += 1
+            for r in range(0, SIZE, 8):
+                left = block + r
+                s = fma8(-lower[left], a, load8(lower, target + r))
+                s = fma8(-lower[left + 1], b, s)
+                s = fma8(-lower[left + 2], c, s)
+                s = fma8(-lower[left + 3], d, s)
+                s = fma8(-lower[left + 4], e, s)
+                s = fma8(-lower[left + 5], f, s)
+                store8(lower, target + r, s)
     return p
 
 
 @njit(cache=True, nogil=True)
-def times(lower, target, upper, right):  # type: ignore[no-untyped-def]
-    """target = target right, where the rows of ``right`` stand in ``upper``."""
-    a, b, c = load8(upper, right), load8(upper, right + 8), load8(upper, right + 16)
-    d, e, f = load8(upper, right + 24), load8(upper, right + 32), load8(upper, right + 40)
+def times(left, at, right, there, out, to):  # type: ignore[no-untyped-def]
+    """``out`` takes at ``to`` the product of the blocks at ``at`` of ``left`` and ``there`` of ``right``."""
+    a, b, c = load8(right, there), load8(right, there + 8), load8(right, there + 16)
+    d, e, f = load8(right, there + 24), load8(right, there + 32), load8(right, there + 40)
     for r in range(0, SIZE, 8):
-        s = fma8(lower[target + r + 1], b, splat8(lower[target + r]) * a)
-        s = fma8(lower[target + r + 3], d, fma8(lower[target + r + 2], c, s))
-        s = fma8(lower[target + r + 5], f, fma8(lower[target + r + 4], e, s))
-        store8(lower, target + r, s)
+        s = fma8(left[at + r + 1], b, splat8(left[at + r]) * a)
+        s = fma8(left[at + r + 3], d, fma8(left[at + r + 2], c, s))
+        s = fma8(left[at + r + 5], f, fma8(left[at + r + 4], e, s))
+        store8(out, to + r, s)
 
 
 @njit(cache=True, nogil=True)
-def invert_factor(a):  # type: ignore[no-untyped-def]
-    """Replace the symmetric block ``a`` (48,) by the inverse of its lower Cholesky factor.
+def substitute(row_start, column, rows, scales, inverse, y):  # type: ignore[no-untyped-def]
+    """Kernel: solve L D Lᵀ y = b in place, ``y`` (8 N,): six numbers a node, and two 0.
 
-    Only the lower half of ``a`` is read.
+    A row of six that is read as eight has the next two numbers in its last lanes: they meet the two 0 of a
+    node on the way down, and on the way up they end in lanes that are set to 0 before a node is read.
     """
-    one = np.float32(1.0)
-    for j in range(6):
-        total = a[9 * j]
-        for m in range(j):
-            total -= a[8 * j + m] * a[8 * j + m]
-        if not total > 0.0:
-            return False
-        # One division a column: the rest are products with the inverse of the root.
-        inverse = one / np.sqrt(total)
-        a[9 * j] = inverse
-        for i in range(j + 1, 6):
-            total = a[8 * i + j]
-            for m in range(j):
-                total -= a[8 * i + m] * a[8 * j + m]
-            a[8 * i + j] = total * inverse
-    for j in range(6):
-        for i in range(j + 1, 6):
-            total = np.float32(0.0)
-            for m in range(j, i):
-                total -= a[8 * i + m] * a[8 * m + j]
-            a[8 * i + j] = total * a[9 * i]
-        for i in range(j):
-            a[8 * i + j] = 0.0
-    return True
-
-
-@njit(cache=True, nogil=True)
-def substitute(start, row, lower, upper, y):  # type: ignore[no-untyped-def]
-    """Kernel: solve L Lᵀ y = b in place, ``y`` (8 N,): six numbers a node, and two 0."""
-    count = start.shape[0] - 1
+    count = row_start.shape[0] - 1
     zero = splat8(np.float32(0.0))
-    for k in range(count):
-        store8(y, 8 * k, _weighted(upper, SIZE * start[k], y, 8 * k, zero, zero))
-        a, b, c = -y[8 * k], -y[8 * k + 1], -y[8 * k + 2]
-        d, e, f = -y[8 * k + 3], -y[8 * k + 4], -y[8 * k + 5]
-        for block in range(SIZE * (start[k] + 1), SIZE * start[k + 1], SIZE):
-            at = 8 * row[block // SIZE]
-            even = fma8(a, load8(upper, block), load8(y, at))
-            odd = splat8(b) * load8(upper, block + 8)
-            even = fma8(c, load8(upper, block + 16), even)
-            odd = fma8(d, load8(upper, block + 24), odd)
-            even = fma8(e, load8(upper, block + 32), even)
-            odd = fma8(f, load8(upper, block + 40), odd)
-            store8(y, at, even + odd)
-    for k in range(count - 1, -1, -1):
-        even, odd = zero, zero
-        for b in range(start[k] + 1, start[k + 1]):
-            at, block = 8 * row[b], SIZE * b
-            even = fma8(y[at], load8(lower, block), even)
-            odd = fma8(y[at + 1], load8(lower, block + 8), odd)
-            even = fma8(y[at + 2], load8(lower, block + 16), even)
-            odd = fma8(y[at + 3], load8(lower, block + 24), odd)
-            even = fma8(y[at + 4], load8(lower, block + 32), even)
-            odd = fma8(y[at + 5], load8(lower, block + 40), odd)
-        store8(y, 8 * k, load8(y, 8 * k) - even - odd)
-        store8(y, 8 * k, _weighted(lower, SIZE * start[k], y, 8 * k, zero, zero))
+    for i in range(count):
+        a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
+        for k in range(row_start[i], row_start[i + 1]):
+            at, there = CLOSE * k, splat8(scales[k]) * load8(y, 8 * column[k])
+            a, b = fma8(loadshort8(rows, at), there, a), fma8(loadshort8(rows, at + 6), there, b)
+            c, d = fma8(loadshort8(rows, at + 12), there, c), fma8(loadshort8(rows, at + 18), there, d)
+            e, f = fma8(loadshort8(rows, at + 24), there, e), fma8(loadshort8(rows, at + 30), there, f)
+        store8(y, 8 * i, load8(y, 8 * i) - totals6(a, b, c, d, e, f))
+    for i in range(count):
+        store8(y, 8 * i, weighted(inverse, SIZE * i, y, 8 * i))
+    for i in range(count - 1, -1, -1):
+        y[8 * i + 6] = y[8 * i + 7] = 0.0
+        a, b, c = -y[8 * i], -y[8 * i + 1], -y[8 * i + 2]
+        d, e, f = -y[8 * i + 3], -y[8 * i + 4], -y[8 * i + 5]
+        for k in range(row_start[i], row_start[i + 1]):
+            at, to = CLOSE * k, 8 * column[k]
+            even = fma8(c, loadshort8(rows, at + 12), splat8(a) * loadshort8(rows, at))
+            odd = fma8(d, loadshort8(rows, at + 18), splat8(b) * loadshort8(rows, at + 6))
+            both = fma8(e, loadshort8(rows, at + 24), even) + fma8(f, loadshort8(rows, at + 30), odd)
+            store8(y, to, fma8(scales[k], both, load8(y, to)))
 
 
 @njit(cache=True, nogil=True)
-def _weighted(blocks, block, y, at, even, odd):  # type: ignore[no-untyped-def]
-    """``even``, ``odd`` and the sum of the block's rows, weighted with y[at : at + 6]; two sums at once keep
-    the processor from waiting for either.
+def weighted(blocks, block, y, at):  # type: ignore[no-untyped-def]
+    """The sum of a block's rows, weighted with y[at : at + 6]; two sums at once keep the processor from
+    waiting for either.
     """
-    for m in range(0, 6, 2):
-        even = fma8(y[at + m], load8(blocks, block + 8 * m), even)
-        odd = fma8(y[at + m + 1], load8(blocks, block + 8 * m + 8), odd)
-    return even + odd
+    even = splat8(y[at]) * load8(blocks, block)
+    odd = splat8(y[at + 1]) * load8(blocks, block + 8)
+    even = fma8(y[at + 2], load8(blocks, block + 16), even)
+    odd = fma8(y[at + 3], load8(blocks, block + 24), odd)
+    return fma8(y[at + 4], load8(blocks, block + 32), even) + fma8(y[at + 5], load8(blocks, block + 40), odd)

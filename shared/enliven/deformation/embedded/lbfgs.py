@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Float32, Int
 from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
 from enliven.deformation.embedded.preconditioner import align, outdated, precondition, refactor
 from enliven.deformation.embedded.safeguards import set_upright, thicken
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import copy_row, njit
-from enliven.lanes import fma4, load4, store4, total4
+from enliven.lanes import fma8, load8, splat8, store8, total8
 
 _PAIRS = 5
 """Steps that L-BFGS remembers: each costs a thirtieth of a step in every later one."""
@@ -24,8 +24,6 @@ _ANEW = 12
 """Steps after which the matrix is made anew in the middle of a frame: the nodes have moved far in it."""
 _ASSEMBLY = 2
 """Steps that take as long as the terms of a new matrix."""
-_USUAL = 4
-"""Steps that a frame with a new matrix takes at least: one where nothing moves says nothing of its age."""
 _NEGLIGIBLE = 1e-9
 """An energy that is invisible: with the default weights, every point 3 micrometres off."""
 _REPULLED = 0.1
@@ -74,16 +72,16 @@ class SolverBuffers(NamedTuple):
         raw, from_here, trial: (16 N,) in the plain unknowns.
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
-        age: (3,) of the matrix: the steps of the first frame that it ended, -1 before that, and how many more
-            all later frames took; and 1 where the last frame ended by its rule, 0 where it ran out of steps.
+        age: (4,) of the matrix: the frames that it served, and the steps that they took; 1 where the last
+            frame ended by its rule, 0 where it ran out of steps; and the steps of the last frame.
     """
 
-    steps: Float
-    changes: Float
+    steps: Float32
+    changes: Float32
     curvatures: Float
-    now: Float
-    before: Float
-    own: Float
+    now: Float32
+    before: Float32
+    own: Float32
     raw: Float
     from_here: Float
     trial: Float
@@ -94,9 +92,10 @@ class SolverBuffers(NamedTuple):
     @staticmethod
     def empty(count: int) -> SolverBuffers:
         """For ``count`` nodes."""
-        pairs = np.zeros((2, _PAIRS, 16 * count))
-        now, before, own, raw, here, trial, last = np.zeros((7, 16 * count))
-        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([-1, 0, 1])
+        pairs = np.zeros((2, _PAIRS, 16 * count), np.float32)
+        now, before, own = np.zeros((3, 16 * count), np.float32)
+        raw, here, trial, last = np.zeros((4, 16 * count))
+        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([0, 0, 1, 0])
         return SolverBuffers(
             pairs[0], pairs[1], curvatures, now, before, own, raw, here, trial, last, energies, age
         )
@@ -104,16 +103,18 @@ class SolverBuffers(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _dot(u, v):  # type: ignore[no-untyped-def]
-    total = load4(u, 0) * load4(v, 0)
-    for i in range(4, u.shape[0], 4):
-        total = total + load4(u, i) * load4(v, i)
-    return total4(total)
+    even = odd = splat8(np.float32(0.0))
+    for i in range(0, u.shape[0], 16):
+        even = fma8(load8(u, i), load8(v, i), even)
+        odd = fma8(load8(u, i + 8), load8(v, i + 8), odd)
+    return np.float64(total8(even + odd))
 
 
 @njit(cache=True, nogil=True)
 def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
-    for i in range(0, u.shape[0], 4):
-        store4(u, i, fma4(scale, load4(v, i), load4(u, i)))
+    times = np.float32(scale)
+    for i in range(0, u.shape[0], 8):
+        store8(u, i, fma8(times, load8(v, i), load8(u, i)))
 
 
 @njit(cache=True, nogil=True)
@@ -142,17 +143,33 @@ def record_energies(work, energies):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _worth(system):  # type: ignore[no-untyped-def]
+def worth_of(system):  # type: ignore[no-untyped-def]
     """How many steps take as long as a new matrix: its products of blocks over the blocks of a solve."""
     return _ASSEMBLY + system.product.shape[0] // system.row.shape[0]
 
 
 @njit(cache=True, nogil=True)
+def start_anew(age):  # type: ignore[no-untyped-def]
+    """Set ``age`` to that of a matrix just made."""
+    age[0] = age[1] = age[3] = 0
+
+
+@njit(cache=True, nogil=True)
 def note_age(age, done):  # type: ignore[no-untyped-def]
-    """Count into ``age`` the steps of a frame beyond those of the first frame after the matrix was made."""
-    if age[0] < 0:
-        age[0] = max(done, _USUAL)
-    age[1] += max(done - age[0], 0)
+    """Count a frame of so many steps into ``age``."""
+    age[0] += 1
+    age[1] += done
+    age[3] = done
+
+
+@njit(cache=True, nogil=True)
+def is_aged(age, worth):  # type: ignore[no-untyped-def]
+    """Whether the last frame took more steps than the mean of all of the matrix, its own making among them.
+
+    From there on the mean would rise: it is least where the next one is as much. That needs no guess of what
+    a frame takes with a new matrix.
+    """
+    return age[0] * age[3] > worth + age[1]
 
 
 @njit(cache=True, nogil=True)
@@ -171,10 +188,10 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):  # type: ig
     age = work.age
     age[2] = 1
     spent = 0.0
-    aged = age[1] > _worth(system) and allowance.room >= allowance.matrix + _LEAST
+    aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _LEAST
     if aged or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
-        age[0], age[1] = -1, 0
+        start_anew(age)
         spent += allowance.matrix
     else:
         align(x, system)
@@ -187,7 +204,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):  # type: ig
         if iteration > 0 and iteration % _ANEW == 0 and allowance.room >= spent + allowance.matrix + _LEAST:
             spent += allowance.matrix
             refactor(x, t, planes, work.raw, system)
-            age[0], age[1] = -1, 0
+            start_anew(age)
             kept = np.int64(0)
         slope = _direction(now, work, kept, system)
         if not -slope > _NEGLIGIBLE:
@@ -227,8 +244,8 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
         if energies[5] <= energy + _ARMIJO * length * slope:
             record_energies(work, energies)
             force_in_node_frame(x, work.raw, work.now)
-            for i in range(work.own.shape[0]):
-                work.own[i] *= length
+            if length < 1.0:
+                _add_scaled(work.own, length - 1.0, work.own)
             return tried + 1
         # The parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
@@ -244,8 +261,8 @@ def _remember(work, kept):  # type: ignore[no-untyped-def]
     place = kept % _PAIRS
     step, change = work.steps[place], work.changes[place]
     copy_row(step, work.own)
-    for i in range(0, step.shape[0], 4):
-        store4(change, i, load4(work.now, i) - load4(work.before, i))
+    for i in range(0, step.shape[0], 8):
+        store8(change, i, load8(work.now, i) - load8(work.before, i))
     work.curvatures[place] = _dot(step, change)
     return kept + 1 if work.curvatures[place] > 0.0 else 0
 

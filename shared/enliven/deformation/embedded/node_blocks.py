@@ -6,66 +6,62 @@ import numpy as np
 
 from enliven.deformation.embedded.block_cholesky import SIZE, times
 from enliven.kernels import njit
-from enliven.lanes import fma8, load8, splat8, store8, transpose6
+from enliven.lane_blocks import invert6, mirror6, transpose6
+from enliven.lanes import fma4, fma8, load4, load8, splat4, splat8, store4, store8, total4
 
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """Rows and columns of a symmetric stretch's six numbers, as in node frames; arrays, since Numba makes a
 switch of each look into a tuple."""
-_UNITS = np.eye(6, 8, dtype=np.float32).ravel()
-"""The rows of the identity, as vector registers."""
 _DIAGONAL = 1e-10
 """Share of the diagonal's square below which an entry beside it counts as 0: the positive part stays
 positive, and is 1e-5 of it off."""
 
 
 @njit(cache=True, nogil=True)
-def couple(linear, held, first, j, out, to):  # type: ignore[no-untyped-def]
-    """``out`` (6 rows of 8) takes how each number of the node's stretch S pulls at its turn and its shift.
+def couple(linear, held, first, out):  # type: ignore[no-untyped-def]
+    """``out`` (6 rows of 8 a node) takes how each number of its stretch S pulls at its turn and its shift.
 
     The sum over its arms u of w (R S u).(turn x R u + shift), with the sum of w u uᵀ in ``held`` and that of
     w u in ``first``.
     """
-    at = 9 * j
-    for i in range(SIZE):
-        out[to + i] = 0.0
-    for b in range(3):
-        u = v = t = 0.0
-        for k in range(3):
-            w = held[at + 3 * k + b]
-            u += w * linear[at + 3 * k]
-            v += w * linear[at + 3 * k + 1]
-            t += w * linear[at + 3 * k + 2]
-        w = first[3 * j + b]
-        for a in range(3):
-            # S = e_a e_bᵀ: R S u = r_a u_b.
-            x, y, z = linear[at + 3 * a], linear[at + 3 * a + 1], linear[at + 3 * a + 2]
-            q = to + 8 * (a if a == b else a + b + 2)
-            out[q] += v * z - t * y
-            out[q + 1] += t * x - u * z
-            out[q + 2] += u * y - v * x
-            out[q + 3] += w * x
-            out[q + 4] += w * y
-            out[q + 5] += w * z
+    out[:] = np.float32(0.0)
+    for j in range(first.shape[0] // 3):
+        at = 9 * j
+        for b in range(3):
+            u = v = t = 0.0
+            for k in range(3):
+                w = held[at + 3 * k + b]
+                u += w * linear[at + 3 * k]
+                v += w * linear[at + 3 * k + 1]
+                t += w * linear[at + 3 * k + 2]
+            w = first[3 * j + b]
+            for a in range(3):
+                # S = e_a e_bᵀ: R S u = r_a u_b.
+                x, y, z = linear[at + 3 * a], linear[at + 3 * a + 1], linear[at + 3 * a + 2]
+                q = SIZE * j + 8 * (a if a == b else a + b + 2)
+                out[q] += v * z - t * y
+                out[q + 1] += t * x - u * z
+                out[q + 2] += u * y - v * x
+                out[q + 3] += w * x
+                out[q + 4] += w * y
+                out[q + 5] += w * z
 
 
 @njit(cache=True, nogil=True)
-def decouple(lower, own, coupling, compliance, at, block, inverse, product):  # type: ignore[no-untyped-def]
+def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):  # type: ignore[no-untyped-def]
     """Replace the node's ``coupling`` B by L = -A⁻¹ B, how its turn and shift give way to its own stretch.
 
-    A is its own block of the matrix, C is in ``block``; ``compliance`` takes the inverse of what then holds
-    the stretch, C - Bᵀ A⁻¹ B. Returns whether that is positive definite; where not, ``coupling`` stays.
+    A is its own block of the matrix, C is in ``block``; ``coupled`` takes Lᵀ, and ``compliance`` the inverse
+    of what then holds the stretch, C - Bᵀ A⁻¹ B. Returns whether that is positive definite; where not,
+    ``coupling`` stays. ``inverse`` (48,) is room.
     A stretch alone pulls at all points that the node holds; with the turn and shift that give way it hardly
     does, and the two parts of the matrix become nearly independent.
     """
-    for r in range(6):
-        for c in range(r + 1):
-            inverse[8 * r + c] = inverse[8 * c + r] = -lower[own + 8 * r + c]
+    mirror6(lower, own, inverse, 0, -1.0)
     if not invert6(inverse, 0, -1.0):
         return False
-    for i in range(0, SIZE, 8):
-        store8(product, i, load8(coupling, at + i))
-    times(product, 0, inverse, 0)
-    transpose6(product, 0, inverse, 0)
+    times(coupling, at, inverse, 0, coupled, at)
+    transpose6(coupled, at, inverse, 0)
     a, b, c = load8(inverse, 0), load8(inverse, 8), load8(inverse, 16)
     d, e, f = load8(inverse, 24), load8(inverse, 32), load8(inverse, 40)
     for i in range(0, SIZE, 8):
@@ -76,57 +72,71 @@ def decouple(lower, own, coupling, compliance, at, block, inverse, product):  # 
     if not invert6(compliance, at, 1.0):
         return False
     for i in range(0, SIZE, 8):
-        store8(coupling, at + i, load8(product, i))
+        store8(coupling, at + i, load8(coupled, at + i))
+        store8(coupled, at + i, load8(inverse, i))
     return True
 
 
 @njit(cache=True, nogil=True)
-def leave_coupled(coupling, compliance, at, block):  # type: ignore[no-untyped-def]
+def leave_coupled(coupling, coupled, compliance, at, block):  # type: ignore[no-untyped-def]
     """Give the node's stretch the inverse of ``block`` alone: nothing gives way to it."""
     for i in range(SIZE):
-        coupling[at + i] = 0.0
+        coupling[at + i] = coupled[at + i] = 0.0
         compliance[at + i] = block[i]
     invert6(compliance, at, 1.0)
 
 
 @njit(cache=True, nogil=True)
-def add_geometric(x, raw, w, j, lower, at, a, v):  # type: ignore[no-untyped-def]
-    """The geometric stiffness of a turn: a force on a lever arm holds it where it draws outward.
+def add_geometric(x, raw, stretch, start, lower):  # type: ignore[no-untyped-def]
+    """The geometric stiffness of every node's turn: a force on a lever arm holds it where it draws outward.
 
     The second derivative along R(1) = exp(w x) R is sym(sum of r gᵀ) - (sum of r.g) I over the columns r of
     R and g of the gradient, that of E_rot left out, since no turn changes it. Of it the positive part is
-    taken: a force inward makes a turn easier, but the matrix has to stay definite. ``a`` and ``v`` (3, 3) are
-    room.
+    taken: a force inward makes a turn easier, but the matrix has to stay definite.
+
+    Args:
+        x, raw: (16 N,) the state and dE/dx.
+        stretch: (N,) w_rot of each node.
+        start, lower: of the matrix, where the blocks on the diagonal take it.
     """
-    g = 16 * j
-    for r in range(3):
-        for k in range(3):
-            a[r, k] = 0.0
-    for c in range(3):
-        p, q, r = raw[g + 4 * c], raw[g + 4 * c + 1], raw[g + 4 * c + 2]
-        for d in range(3):
-            dot = -1.0 if c == d else 0.0
-            for k in range(3):
-                dot += x[g + 4 * c + k] * x[g + 4 * d + k]
-            # The part of E_rot's gradient, 4 w R (RᵀR - I), column c.
-            dot *= 4.0 * w
-            p -= dot * x[g + 4 * d]
-            q -= dot * x[g + 4 * d + 1]
-            r -= dot * x[g + 4 * d + 2]
-        for k in range(3):
-            a[k, 0] += x[g + 4 * c + k] * p
-            a[k, 1] += x[g + 4 * c + k] * q
-            a[k, 2] += x[g + 4 * c + k] * r
-    trace = a[0, 0] + a[1, 1] + a[2, 2]
-    # Half of it, as of everything in the matrix.
-    for r in range(3):
-        for k in range(r):
-            a[r, k] = a[k, r] = 0.25 * (a[r, k] + a[k, r])
-        a[r, r] = 0.5 * (a[r, r] - trace)
-    _keep_positive(a, v)
-    for r in range(3):
-        for k in range(r + 1):
-            lower[at + 8 * r + k] += a[r, k]
+    a, v = np.empty((3, 3)), np.empty((3, 3))
+    rows = np.empty(12)
+    for j in range(start.shape[0] - 1):
+        _sum_of_levers(x, raw, 4.0 * stretch[j], 16 * j, rows)
+        trace, at = rows[0] + rows[5] + rows[10], SIZE * start[j]
+        # Half of it, as of everything in the matrix.
+        xx, yy, zz = 0.5 * (rows[0] - trace), 0.5 * (rows[5] - trace), 0.5 * (rows[10] - trace)
+        xy, xz, yz = 0.25 * (rows[1] + rows[4]), 0.25 * (rows[2] + rows[8]), 0.25 * (rows[6] + rows[9])
+        square = xx * yy - xy * xy
+        cube = xz * (xy * yz - xz * yy) + yz * (xy * xz - xx * yz) + zz * square
+        # Sylvester's criterion: most are definite, and all of it is kept, or nothing.
+        if square > 0.0 and xx < 0.0 and cube < 0.0:
+            continue
+        if not (square > 0.0 and xx > 0.0 and cube > 0.0):
+            a[0, 0], a[1, 1], a[2, 2] = xx, yy, zz
+            a[0, 1], a[0, 2], a[1, 2] = xy, xz, yz
+            a[1, 0], a[2, 0], a[2, 1] = xy, xz, yz
+            _keep_positive(a, v)
+            xx, yy, zz, xy, xz, yz = a[0, 0], a[1, 1], a[2, 2], a[0, 1], a[0, 2], a[1, 2]
+        lower[at] += xx
+        lower[at + 8] += xy
+        lower[at + 9] += yy
+        lower[at + 16] += xz
+        lower[at + 17] += yz
+        lower[at + 18] += zz
+
+
+@njit(cache=True, nogil=True)
+def _sum_of_levers(x, raw, w, at, out):  # type: ignore[no-untyped-def]
+    """``out`` (3 rows of 4) takes the sum of r gᵀ over the columns r of R and g of dE/dR - w R (RᵀR - I)."""
+    a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
+    aa, bb, cc = w * (1.0 - total4(a * a)), w * (1.0 - total4(b * b)), w * (1.0 - total4(c * c))
+    ab, bc, ca = -w * total4(a * b), -w * total4(b * c), -w * total4(c * a)
+    p = fma4(aa, a, fma4(ab, b, fma4(ca, c, load4(raw, at))))
+    q = fma4(ab, a, fma4(bb, b, fma4(bc, c, load4(raw, at + 4))))
+    r = fma4(ca, a, fma4(bc, b, fma4(cc, c, load4(raw, at + 8))))
+    for k in range(3):
+        store4(out, 4 * k, fma4(x[at + k], p, fma4(x[at + 4 + k], q, splat4(x[at + 8 + k]) * r)))
 
 
 @njit(cache=True, nogil=True)
@@ -190,25 +200,3 @@ def stretch_block(linear, held, at, w, whole, room, out):  # type: ignore[no-unt
                     total += square[b, c] if d == a else 0.0
                     total += 0.5 * (gram[b, c] * z[d, a] + gram[d, a] * z[b, c])
             out[8 * p + q] = out[8 * q + p] = total
-
-
-@njit(cache=True, nogil=True)
-def invert6(m, at, sign):  # type: ignore[no-untyped-def]
-    """Replace the symmetric 6x6 matrix at ``at`` (6 rows of 8) by its inverse, by Gauss and Jordan; False
-    where ``sign`` times it is not positive definite.
-
-    The row of a pivot p in column k, divided by p, has 1 + 1/p there: a row with f in that column then keeps
-    f - f (1 + 1/p) = -f/p of it, as it has to, and no single number is written between whole registers.
-    """
-    for k in range(6):
-        pivot = m[at + 9 * k]
-        if not sign * pivot > 0.0:
-            return False
-        unit = load8(_UNITS, 8 * k)
-        pivot = np.float32(1.0) / pivot
-        row = fma8(pivot, unit, splat8(pivot) * load8(m, at + 8 * k))
-        for i in range(0, SIZE, 8):
-            if i != 8 * k:
-                store8(m, at + i, fma8(-m[at + i + k], row, load8(m, at + i)))
-        store8(m, at + 8 * k, row - unit)
-    return True

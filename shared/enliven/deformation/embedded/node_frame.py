@@ -11,8 +11,10 @@ Sixteen numbers a node: w and a 0, the shift and a 0, S00 S11 S22 and a 0, S01 S
 
 from __future__ import annotations
 
+import numpy as np
+
 from enliven.kernels import njit
-from enliven.lanes import fma4, load4, splat4, store4
+from enliven.lanes import fma4, load4, splat4, store4, widened4
 
 
 @njit(cache=True, nogil=True)
@@ -51,11 +53,10 @@ def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
     A turn by ten degrees along a straight line would stretch a node by 1.5 %, and E_rot would stop the step.
     The stretch is exp(S) to second order, with eigenvalues from a half: no step turns a node inside out.
     """
-    half = 0.5 * length
+    half, turn = 0.5 * length, np.zeros(12)
     for j in range(x.shape[0] // 16):
         at = 16 * j
-        u, v, w = half * own[at], half * own[at + 1], half * own[at + 2]
-        scale = 2.0 / (1.0 + u * u + v * v + w * w)
+        _cayley(half * own[at], half * own[at + 1], half * own[at + 2], turn)
         a, b, c = length * own[at + 8], length * own[at + 9], length * own[at + 10]
         d, e, f = length * own[at + 12], length * own[at + 13], length * own[at + 14]
         s00 = 1.0 + a + 0.5 * (a * a + d * d + e * e)
@@ -64,17 +65,28 @@ def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
         s01 = d + 0.5 * (a * d + d * b + e * f)
         s02 = e + 0.5 * (a * e + d * f + e * c)
         s12 = f + 0.5 * (d * e + b * f + f * c)
-        p, q, r = load4(here, at), load4(here, at + 4), load4(here, at + 8)
+        p, q, r = _turned(turn, here, at), _turned(turn, here, at + 4), _turned(turn, here, at + 8)
         store4(x, at, fma4(s00, p, fma4(s01, q, splat4(s02) * r)))
         store4(x, at + 4, fma4(s01, p, fma4(s11, q, splat4(s12) * r)))
         store4(x, at + 8, fma4(s02, p, fma4(s12, q, splat4(s22) * r)))
-        for to in range(at, at + 12, 4):
-            r0, r1, r2 = x[to], x[to + 1], x[to + 2]
-            t0, t1, t2 = v * r2 - w * r1, w * r0 - u * r2, u * r1 - v * r0
-            x[to] = r0 + scale * (t0 + v * t2 - w * t1)
-            x[to + 1] = r1 + scale * (t1 + w * t0 - u * t2)
-            x[to + 2] = r2 + scale * (t2 + u * t1 - v * t0)
-        store4(x, at + 12, fma4(length, load4(own, at + 4), load4(here, at + 12)))
+        store4(x, at + 12, fma4(length, widened4(own, at + 4), load4(here, at + 12)))
+
+
+@njit(cache=True, nogil=True)
+def _cayley(u, v, w, out):  # type: ignore[no-untyped-def]
+    """``out`` takes the rotation (I - K)^-1 (I + K), K = (u, v, w) x: its columns, each in a row of four."""
+    uu, vv, ww, uv, uw, vw = u * u, v * v, w * w, u * v, u * w, v * w
+    scale = 2.0 / (1.0 + uu + vv + ww)
+    out[0], out[1], out[2] = 1.0 - scale * (vv + ww), scale * (uv + w), scale * (uw - v)
+    out[4], out[5], out[6] = scale * (uv - w), 1.0 - scale * (uu + ww), scale * (vw + u)
+    out[8], out[9], out[10] = scale * (uw + v), scale * (vw - u), 1.0 - scale * (uu + vv)
+
+
+@njit(cache=True, nogil=True)
+def _turned(turn, x, at):  # type: ignore[no-untyped-def]
+    """The three numbers of ``x`` at ``at`` times the matrix of the columns in ``turn``."""
+    ahead = splat4(x[at + 2]) * load4(turn, 8)
+    return fma4(x[at], load4(turn, 0), fma4(x[at + 1], load4(turn, 4), ahead))
 
 
 @njit(cache=True, nogil=True)

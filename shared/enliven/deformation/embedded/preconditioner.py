@@ -18,12 +18,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int32
+from enliven.arrays import Float, Float32, Int16, Int32
 from enliven.deformation.embedded.assembly import assemble
-from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, factorise, substitute
+from enliven.deformation.embedded.block_cholesky import (
+    CLOSE,
+    SIZE,
+    BlockPattern,
+    factorise,
+    substitute,
+    weighted,
+)
 from enliven.deformation.embedded.energy import Terms
 from enliven.kernels import copy_row, njit
-from enliven.lanes import fma8, load8, store8, total8
+from enliven.lanes import apart8, load8, splat8, store8, together8, turned8
 
 _TIKHONOV = 1e-4
 """Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
@@ -33,14 +40,18 @@ class RigidSystem(NamedTuple):
     """The factor, its pattern, and the state and weights that it was made at.
 
     Attributes:
-        start, row, product: of :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
+        start, row, product, row_start, column, by_row: of
+            :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
         edge_block: (E,) int32 the block that couples the ends of an edge.
         pair_block: (L, 10) int32 the blocks that couple a constraint's nodes: (0, 0), (1, 0), (1, 1), ...
-        lower, upper: (48 B,) float32 the blocks of the factor, and transposed.
+        lower: (48 B,) float32 the matrix, which factorising uses up.
+        room: (48 C,) float32 room for the longest column.
+        rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
         linear, frames: (9 N,) the columns of each node's R, and those made orthonormal.
-        turns: (9 N,) float32 row by row, each node's rotation since then.
+        turns: (24 N,) float32 each node's rotation since then, in rows of four, and its transpose.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
-        coupling: (48 N,) float32 the turn and shift that give way to each number of a node's stretch.
+        coupling, coupled: (48 N,) float32 the turn and shift that give way to each number of a node's
+            stretch, and transposed.
         compliance: (48 N,) float32 the inverse of what holds each node's stretch.
         pulls: (L,) the constraints' weights that are in it.
         side: (8 N,) float32 room for the right-hand side.
@@ -49,16 +60,23 @@ class RigidSystem(NamedTuple):
     start: Int32
     row: Int32
     product: Int32
+    row_start: Int32
+    column: Int32
+    by_row: Int32
     edge_block: Int32
     pair_block: Int32
     lower: Float32
-    upper: Float32
+    room: Float32
+    rows: Int16
+    scales: Float32
+    inverse: Float32
     linear: Float
     frames: Float
     turns: Float32
     held: Float
     first: Float
     coupling: Float32
+    coupled: Float32
     compliance: Float32
     pulls: Float
     side: Float32
@@ -75,15 +93,22 @@ class RigidSystem(NamedTuple):
             pattern.start,
             pattern.row,
             pattern.product,
+            pattern.row_start,
+            pattern.column,
+            pattern.by_row,
             pattern.block_of(ends),
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
-            np.zeros(SIZE * pattern.blocks, np.float32),
+            np.zeros(SIZE * pattern.longest, np.float32),
+            np.zeros(CLOSE * len(pattern.column) + 8, np.int16),
+            np.zeros(len(pattern.column), np.float32),
+            np.zeros(SIZE * count, np.float32),
             np.zeros(9 * count),
             np.zeros(9 * count),
-            np.zeros(9 * count, np.float32),
+            np.zeros(24 * count, np.float32),
             np.zeros(9 * count),
             np.zeros(3 * count),
+            np.zeros(SIZE * count, np.float32),
             np.zeros(SIZE * count, np.float32),
             np.zeros(SIZE * count, np.float32),
             np.zeros(len(nodes)),
@@ -92,7 +117,7 @@ class RigidSystem(NamedTuple):
 
     def twin(self) -> RigidSystem:
         """Room for another matrix of the same pattern."""
-        pattern = ("start", "row", "product", "edge_block", "pair_block")
+        pattern = ("start", "row", "product", "row_start", "column", "by_row", "edge_block", "pair_block")
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
 
 
@@ -105,8 +130,8 @@ def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]
     for m in range(t.pulls.shape[0]):
         strongest = max(strongest, t.pulls[m])
         change = max(change, abs(t.pulls[m] - s.pulls[m]))
-    # The first number of a factor is the inverse of a root; 0 where there is no factor yet.
-    return s.lower[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
+    # The first number of a factor is that of an inverse; 0 where there is no factor yet.
+    return s.inverse[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
 
 
 @njit(cache=True, nogil=True)
@@ -117,13 +142,14 @@ def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
             for a in range(3):
                 s.linear[9 * j + 3 * c + a] = x[16 * j + 4 * c + a]
         orthonormal_frame(s.linear, 9 * j, s.frames, 9 * j)
-        for i in range(9):
-            s.turns[9 * j + i] = np.float32(1.0 if i % 4 == 0 else 0.0)
+        for i in range(24):
+            s.turns[24 * j + i] = np.float32(1.0 if i % 12 % 5 == 0 else 0.0)
     copy_row(s.pulls, t.pulls)
     ridge = _TIKHONOV
     while True:
         assemble(x, t, planes, raw, s, ridge)
-        if factorise(s.start, s.row, s.product, s.lower, s.upper) or ridge > 1e6:
+        pattern = (s.start, s.product, s.by_row)
+        if factorise(pattern, s.lower, s.room, s.rows, s.scales, s.inverse) or ridge > 1e6:
             return
         ridge *= 100.0
 
@@ -159,70 +185,26 @@ def align(x, s):  # type: ignore[no-untyped-def]
                 total = 0.0
                 for c in range(3):
                     total += frame[3 * c + a] * s.frames[at + 3 * c + b]
-                s.turns[at + 3 * a + b] = total
+                s.turns[24 * j + 4 * a + b] = s.turns[24 * j + 12 + 4 * b + a] = total
 
 
 @njit(cache=True, nogil=True)
 def precondition(s, way):  # type: ignore[no-untyped-def]
-    """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes
-    of it.
+    """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes of it.
 
     The second derivative is twice the matrix, so everything is halved.
     """
-    side = s.side
+    side, half = s.side, splat8(np.float32(0.5))
     count = s.start.shape[0] - 1
     for j in range(count):
-        g, y = 16 * j, 8 * j
-        _turn_back(s.turns, 9 * j, way, g, side, y)
-        _turn_back(s.turns, 9 * j, way, g + 4, side, y + 3)
-        _stretch_of(s.coupling, s.compliance, SIZE * j, way, g + 8, side, y)
-    substitute(s.start, s.row, s.lower, s.upper, side)
+        turn, stretch, y, at = 16 * j, 16 * j + 8, 8 * j, SIZE * j
+        store8(side, y, together8(turned8(s.turns, 24 * j, half * load8(way, turn))))
+        force = together8(half * load8(way, stretch)) + weighted(s.coupled, at, side, y)
+        store8(way, stretch, force)
+        store8(way, stretch, weighted(s.compliance, at, way, stretch))
+    substitute(s.row_start, s.column, s.rows, s.scales, s.inverse, side)
     for j in range(count):
-        g, y, at = 16 * j, 8 * j, SIZE * j
-        own, blocks = load8(side, y), s.coupling
-        own = fma8(np.float32(way[g + 8]), load8(blocks, at), own)
-        own = fma8(np.float32(way[g + 9]), load8(blocks, at + 8), own)
-        own = fma8(np.float32(way[g + 10]), load8(blocks, at + 16), own)
-        own = fma8(np.float32(way[g + 12]), load8(blocks, at + 24), own)
-        own = fma8(np.float32(way[g + 13]), load8(blocks, at + 32), own)
-        own = fma8(np.float32(way[g + 14]), load8(blocks, at + 40), own)
-        store8(side, y, own)
-        _turn_on(s.turns, 9 * j, side, y, way, g)
-        _turn_on(s.turns, 9 * j, side, y + 3, way, g + 4)
-        side[y + 6] = side[y + 7] = 0.0
-
-
-@njit(cache=True, nogil=True)
-def _turn_back(q, at, v, i, out, o):  # type: ignore[no-untyped-def]
-    """``out`` takes half of the three numbers of ``v`` at ``i``, turned back by the rotation at ``at``."""
-    half = np.float32(0.5)
-    a, b, c = half * np.float32(v[i]), half * np.float32(v[i + 1]), half * np.float32(v[i + 2])
-    out[o] = q[at] * a + q[at + 3] * b + q[at + 6] * c
-    out[o + 1] = q[at + 1] * a + q[at + 4] * b + q[at + 7] * c
-    out[o + 2] = q[at + 2] * a + q[at + 5] * b + q[at + 8] * c
-
-
-@njit(cache=True, nogil=True)
-def _turn_on(q, at, v, i, out, o):  # type: ignore[no-untyped-def]
-    """``out`` takes the three numbers of ``v`` at ``i``, turned by the rotation at ``at``."""
-    a, b, c = v[i], v[i + 1], v[i + 2]
-    out[o] = q[at] * a + q[at + 1] * b + q[at + 2] * c
-    out[o + 1] = q[at + 3] * a + q[at + 4] * b + q[at + 5] * c
-    out[o + 2] = q[at + 6] * a + q[at + 7] * b + q[at + 8] * c
-
-
-@njit(cache=True, nogil=True)
-def _stretch_of(coupling, compliance, at, way, g, side, y):  # type: ignore[no-untyped-def]
-    """Replace the force on a node's stretch by the stretch, given the halved force on its turn and shift."""
-    half, own = np.float32(0.5), load8(side, y)
-    a = half * np.float32(way[g]) + total8(own * load8(coupling, at))
-    b = half * np.float32(way[g + 1]) + total8(own * load8(coupling, at + 8))
-    c = half * np.float32(way[g + 2]) + total8(own * load8(coupling, at + 16))
-    d = half * np.float32(way[g + 4]) + total8(own * load8(coupling, at + 24))
-    e = half * np.float32(way[g + 5]) + total8(own * load8(coupling, at + 32))
-    f = half * np.float32(way[g + 6]) + total8(own * load8(coupling, at + 40))
-    for r in range(6):
-        k = at + 8 * r
-        even = a * compliance[k] + b * compliance[k + 1] + c * compliance[k + 2]
-        odd = d * compliance[k + 3] + e * compliance[k + 4] + f * compliance[k + 5]
-        way[g + (r if r < 3 else r + 1)] = even + odd
+        turn, stretch = 16 * j, 16 * j + 8
+        own = load8(side, 8 * j) + weighted(s.coupling, SIZE * j, way, stretch)
+        store8(way, turn, turned8(s.turns, 24 * j + 12, apart8(own)))
+        store8(way, stretch, apart8(load8(way, stretch)))

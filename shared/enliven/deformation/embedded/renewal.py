@@ -15,7 +15,8 @@ from enliven.deformation.embedded.energy import Planes, Terms
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 
 _DEAR = 200
-"""Nodes from which on matrices are made beside: with fewer, one takes less than waking a thread is worth."""
+"""Nodes from which on a matrix is made after every frame: with fewer, waking the thread and moving the matrix
+from one core's cache to the other's take as long as the steps that it saves."""
 
 
 @cache
@@ -28,15 +29,16 @@ class MatrixRenewal:
 
     Args:
         system: empty.
-        always: whether small graphs' matrices are made beside too.
+        always: whether a matrix is made after every frame, of small graphs too.
 
     Attributes:
         system: the matrix in use.
+        always: whether one is made after every frame; else where it has aged.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
-        self.system = system
-        self._next = system.twin() if always or len(system.start) > _DEAR else None
+        self.system, self._next = system, system.twin()
+        self.always = always or len(system.start) > _DEAR
         self._under_way: Future[None] | None = None
 
     def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
@@ -44,12 +46,11 @@ class MatrixRenewal:
 
         Nothing of these may change until :meth:`latest`.
         """
-        if self._next is not None:
-            self._under_way = _second().submit(refactor, x, terms, planes, raw, self._next)
+        self._under_way = _second().submit(refactor, x, terms, planes, raw, self._next)
 
     def latest(self) -> bool:
         """Take the matrix that was begun into use, once it is done; False where none was."""
-        if self._under_way is None or self._next is None:
+        if self._under_way is None:
             return False
         self._under_way.result()
         self._under_way, self.system, self._next = None, self._next, self.system

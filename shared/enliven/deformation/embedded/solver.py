@@ -7,8 +7,8 @@ that cannot turn a node inside out (``node_frame``), whole where the energy fall
 
 The matrix turns with the nodes: each node's rotation since it was made is put before and behind it. Thirty
 frames later its eigenvalues against the true second derivative are then within 0.15 and 5.6; without, within
-0.007 and 91 (a creature of 128 nodes that dances). So it is kept until the steps that its age has cost are
-worth a new one.
+0.007 and 91 (a creature of 128 nodes that dances). So it is kept as long as that lowers the mean of the steps
+of its frames, those that making it takes among them (``lbfgs.is_aged``).
 
 A frame is done after a step that promised little: half of g.Bg, where B is the inverse of the matrix with
 what L-BFGS learnt. That bounds the gap to the minimum where the matrix is right; where the last steps gained
@@ -31,7 +31,15 @@ from enliven.deformation.embedded.block_cholesky import analyse, elimination_ord
 from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Terms, gradient
 from enliven.deformation.embedded.inputs import NO_PLANES, checked_stiffness, planes_of, rows_of, take_usable
-from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, solve_frame
+from enliven.deformation.embedded.lbfgs import (
+    UNLIMITED,
+    SolverBuffers,
+    is_aged,
+    record_energies,
+    solve_frame,
+    start_anew,
+    worth_of,
+)
 from enliven.deformation.embedded.node_frame import plain_state
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
@@ -113,7 +121,7 @@ class EmbeddedSolver:
         self._terms = self._terms_of(attachment, checked_stiffness(stiffness, count))
         system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
-        self._work = SolverBuffers.empty(count)
+        self._work, self._worth = SolverBuffers.empty(count), worth_of(system)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
         self._rest[:, 3, :3] = graph.positions[self._order]
@@ -160,7 +168,7 @@ class EmbeddedSolver:
             self._x[:, :3, :3] = np.swapaxes(start[0], 1, 2)[self._order]
             self._x[:, 3, :3] = start[1][self._order]
         self._work.last[:] = self._x.reshape(-1)
-        self._work.age[:] = -1, _STALE, 1
+        self._work.age[:] = 1, 0, 1, _STALE
         self._ended = True
         self._lower.clear()
         record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
@@ -180,7 +188,7 @@ class EmbeddedSolver:
             (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j; always finite.
         """
         if self._matrix.latest():
-            self._work.age[:2] = -1, 0
+            start_anew(self._work.age)
         self._take(targets, weights)
         self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
         self._leave()
@@ -196,7 +204,8 @@ class EmbeddedSolver:
             self._allowance,
         )
         self._ended = bool(self._work.age[2])
-        if self.iterations > _STILL and self._planes is NO_PLANES:
+        worn = self._matrix.always or is_aged(self._work.age, self._worth)
+        if worn and self.iterations > _STILL and self._planes is NO_PLANES:
             self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
         self._report()
         return self.state()

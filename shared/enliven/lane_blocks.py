@@ -1,0 +1,214 @@
+"""Small dense blocks in vector registers, for compiled loops: 6x6 float32 in rows of eight lanes.
+
+A block is inverted, transposed or shortened without a number of it being written in between. The registers
+are those of :mod:`enliven.lanes`. For use inside ``@njit`` functions only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+
+from enliven.lanes import EIGHT, I32, I64, address_of, vector_of
+
+_ROWS = 6
+"""Rows of a block, and numbers of a row: a turn and a shift of a node."""
+_VECTOR = vector_of(EIGHT)
+_NONE = ir.Constant(_VECTOR, ir.Undefined)
+_ZERO = ir.Constant(_VECTOR, [0.0] * 8)
+_SHORT = ir.VectorType(ir.IntType(16), 8)
+_WIDEST = 32767.0
+"""The greatest int16."""
+_LEAST = 1e-30
+"""The greatest number of a block at the least: one of zeros has a scale, too."""
+
+
+def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(I32, 8), lanes))
+
+
+def _rows(builder: Any, first: Any) -> list[Any]:
+    """The six rows from that at ``first`` on."""
+    loaded = []
+    for r in range(_ROWS):
+        loaded.append(builder.load(builder.gep(first, [ir.Constant(I64, r)])))
+        loaded[-1].align = 4
+    return loaded
+
+
+def _put(builder: Any, rows: list[Any], first: Any) -> None:
+    """Store six rows from ``first`` on."""
+    for r, row in enumerate(rows):
+        builder.store(row, builder.gep(first, [ir.Constant(I64, r)])).align = 4
+
+
+def _called(builder: Any, name: str, *args: Any) -> Any:
+    """The result of an intrinsic function of LLVM on vectors of eight."""
+    function = builder.module.globals.get(name) or ir.Function(
+        builder.module, ir.FunctionType(_VECTOR, [_VECTOR] * len(args)), name
+    )
+    return builder.call(function, args)
+
+
+def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
+    return _called(builder, "llvm.fmuladd.v8f32", a, b, c)
+
+
+def _everywhere(value: float) -> Any:
+    """The vector of a number in every lane."""
+    return ir.Constant(_VECTOR, [value] * 8)
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """The six rows of the transposed block, with 0 in their last lanes."""
+    rows = [*rows, _ZERO, _ZERO]
+    # Two rows interleaved, for the lower and the upper half of the columns.
+    pairs = [
+        [
+            _shuffled(builder, rows[r], rows[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
+            for r in (0, 2, 4, 6)
+        ]
+        for half in (0, 1)
+    ]
+    made = []
+    for c in range(_ROWS):
+        a, b, d, e = pairs[c // 4]
+        at = 2 * (c % 4)
+        low = _shuffled(builder, a, b, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
+        high = _shuffled(builder, d, e, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
+        made.append(_shuffled(builder, low, high, [0, 1, 2, 3, 8, 9, 10, 11]))
+    return made
+
+
+def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
+    """The places of two blocks that are given as an array and an index each."""
+    return [address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)]
+
+
+@intrinsic
+def transpose6(typing, source, index, target, to):  # type: ignore[no-untyped-def]
+    """Write the block at ``index`` of ``source``, transposed, to ``to`` of ``target``; other lanes are 0."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        first, there = (
+            address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
+        )
+        _put(builder, _transposed(builder, _rows(builder, first)), there)
+        return context.get_dummy_value()
+
+    return signature(types.void, source, types.intp, target, types.intp), generate
+
+
+@intrinsic
+def mirror6(typing, source, index, target, to, sign):  # type: ignore[no-untyped-def]
+    """Write ``sign`` times the symmetric block of which the lower half is at ``index`` of ``source``."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        first, there = (
+            address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
+        )
+        rows, made = _rows(builder, first), []
+        signs = _shuffled(
+            builder, builder.insert_element(_NONE, args[4], ir.Constant(I32, 0)), _NONE, [0] * 8
+        )
+        for r, (row, column) in enumerate(zip(rows, _transposed(builder, rows), strict=True)):
+            whole = _shuffled(builder, row, column, [i if i <= r else 8 + i for i in range(8)])
+            made.append(builder.fmul(signs, whole))
+        _put(builder, made, there)
+        return context.get_dummy_value()
+
+    return signature(types.void, source, types.intp, target, types.intp, types.float32), generate
+
+
+@intrinsic
+def invert6(typing, block, index, sign):  # type: ignore[no-untyped-def]
+    """Replace the symmetric block at ``index`` by its inverse, by Gauss and Jordan.
+
+    Returns whether ``sign`` times it is positive definite; where not, the inverse is none.
+
+    The row of a pivot p in column k, divided by p, has 1 + 1/p there: a row with f in that column then keeps
+    f - f (1 + 1/p) = -f/p of it, as it has to, and no single number is written between whole registers.
+    """
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        first = address_of(context, builder, sig.args[0], args[0], args[1], EIGHT)
+        rows, definite = _rows(builder, first), ir.Constant(ir.IntType(1), 1)
+        for k in range(_ROWS):
+            unit = ir.Constant(_VECTOR, [float(i == k) for i in range(8)])
+            pivot = _shuffled(builder, rows[k], _NONE, [k] * 8)
+            number = builder.fmul(builder.extract_element(pivot, ir.Constant(I32, 0)), args[2])
+            positive = builder.fcmp_ordered(">", number, ir.Constant(ir.FloatType(), 0.0))
+            definite = builder.and_(definite, positive)
+            inverse = builder.fdiv(_everywhere(1.0), pivot)
+            row = _fma(builder, inverse, unit, builder.fmul(inverse, rows[k]))
+            for i in range(_ROWS):
+                if i != k:
+                    factor = builder.fneg(_shuffled(builder, rows[i], _NONE, [k] * 8))
+                    rows[i] = _fma(builder, factor, row, rows[i])
+            rows[k] = builder.fsub(row, unit)
+        _put(builder, rows, first)
+        return definite
+
+    return signature(types.boolean, block, types.intp, types.float32), generate
+
+
+@intrinsic
+def totals6(typing, a, b, c, d, e, f):  # type: ignore[no-untyped-def]
+    """The sums of six vectors of eight, one a lane; the last two lanes are 0."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        def paired(u: Any, v: Any) -> Any:
+            # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
+            even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
+            return builder.fadd(even, _shuffled(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
+
+        first = paired(paired(args[0], args[1]), paired(args[2], args[3]))
+        last = paired(paired(args[4], args[5]), _ZERO)
+        low = _shuffled(builder, first, last, [0, 1, 2, 3, 8, 9, 10, 11])
+        return builder.fadd(low, _shuffled(builder, first, last, [4, 5, 6, 7, 12, 13, 14, 15]))
+
+    return signature(EIGHT, *[EIGHT] * 6), generate
+
+
+@intrinsic
+def shorten6(typing, block, index, short, to):  # type: ignore[no-untyped-def]
+    """Write the block at ``index`` to ``to`` of ``short``, int16, in six rows of six; returns the scale that
+    turns these into its numbers. Two numbers behind them are overwritten."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        rows = _rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))
+        most = _everywhere(_LEAST)
+        for row in rows:
+            most = _called(builder, "llvm.maxnum.v8f32", most, _called(builder, "llvm.fabs.v8f32", row))
+        for step in (4, 2, 1):
+            other = _shuffled(builder, most, _NONE, [(i + step) % 8 for i in range(8)])
+            most = _called(builder, "llvm.maxnum.v8f32", most, other)
+        data = context.make_array(sig.args[2])(context, builder, args[2]).data
+        scale = builder.fdiv(_everywhere(_WIDEST), most)
+        for r, row in enumerate(rows):
+            whole = _called(builder, "llvm.rint.v8f32", builder.fmul(scale, row))
+            whole = builder.trunc(builder.fptosi(whole, ir.VectorType(I32, 8)), _SHORT)
+            place = builder.gep(data, [builder.add(args[3], ir.Constant(I64, _ROWS * r))])
+            builder.store(whole, builder.bitcast(place, _SHORT.as_pointer())).align = 2
+        return builder.extract_element(builder.fdiv(most, _everywhere(_WIDEST)), ir.Constant(I32, 0))
+
+    return signature(types.float32, block, types.intp, short, types.intp), generate
+
+
+@intrinsic
+def loadshort8(typing, short, index):  # type: ignore[no-untyped-def]
+    """Eight int16 as a vector of eight float32."""
+    if short.dtype != types.int16:
+        return None
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        loaded = builder.load(builder.bitcast(builder.gep(data, [args[1]]), _SHORT.as_pointer()))
+        loaded.align = 2
+        return builder.sitofp(builder.sext(loaded, ir.VectorType(I32, 8)), _VECTOR)
+
+    return signature(EIGHT, short, types.intp), generate
