@@ -95,22 +95,22 @@ def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
-    """(M,) metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
-    out = np.empty(len(points))
+    """(M,) float32 metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
+    zero, one = np.float32(0.0), np.float32(1.0)
+    seen, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
     for i in range(len(points)):
-        best = 1e9
-        for c in range(len(ends)):
-            along, square = 0.0, 1e-12
-            for a in range(3):
-                way = ends[c, 1, a] - ends[c, 0, a]
-                along += (points[i, a] - ends[c, 0, a]) * way
-                square += way * way
-            t = min(1.0, max(0.0, along / square))
-            away = 0.0
-            for a in range(3):
-                away += (points[i, a] - ends[c, 0, a] - t * (ends[c, 1, a] - ends[c, 0, a])) ** 2
-            best = min(best, np.sqrt(away) - radii[c, 0] - t * (radii[c, 1] - radii[c, 0]))
-        out[i] = best
+        seen[0, i], seen[1, i], seen[2, i] = points[i, 0], points[i, 1], points[i, 2]
+    for c in range(len(ends)):
+        sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
+        dx, dy = np.float32(ends[c, 1, 0]) - sx, np.float32(ends[c, 1, 1]) - sy
+        dz = np.float32(ends[c, 1, 2]) - sz
+        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
+        for i in range(len(points)):
+            px, py, pz = seen[0, i] - sx, seen[1, i] - sy, seen[2, i] - sz
+            t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+            px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+            out[i] = min(out[i], np.sqrt(px * px + py * py + pz * pz) - (start + t * growth))
     return out

@@ -72,8 +72,8 @@ class ArmRecovery:
         ]
         if not arms or not self._backoff.is_due(report.energy):
             return None
-        starts = list(arm_starts(observation, posture, seen, arms))
-        some = [starts[(self._turn + n) % len(starts)] for n in range(min(_GLANCES, len(starts)))]
+        starts = arm_starts(observation, posture, seen, arms)
+        some = [starts[(self._turn + n) % len(starts)]() for n in range(min(_GLANCES, len(starts)))]
         self._turn += _GLANCES
         thinned = observation.thinned(_THINNED)
         now, *others = (self._fitter.fit(thinned, start, iterations=_GLANCE) for start in (posture, *some))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from enliven.arrays import Float, Float32
+from enliven.kernels import njit
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture, mirrored, model, standing_out
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
@@ -15,6 +17,8 @@ from enliven_edge.tracking.frame import ImageView, Observation
 
 Arm = tuple[int, ...]
 """The two frames of an arm."""
+Start = Callable[[], Posture]
+"""Makes a posture to begin from: only some are looked at in a frame."""
 ARM_JOINTS: dict[Arm, list[Joint]] = {
     (model.UPPER_ARM_L, model.FOREARM_L): [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT],
     (model.UPPER_ARM_R, model.FOREARM_R): [Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT],
@@ -48,23 +52,25 @@ _LONG = 0.14
 
 def arm_starts(
     observation: Observation, posture: Posture, seen: EstimateAtPoints | None, arms: list[Arm]
-) -> Iterator[Posture]:
-    """Yields the posture with one of some arms in another place, for each arm and each place."""
+) -> list[Start]:
+    """Returns what makes the posture with one of some arms in another place, for each arm and each place."""
     joints, view = posture.joints(), observation.view
     eye = view.world_from_camera[:3, 3]
+    starts: list[Start] = []
     for arm in arms:
         of_arm = ARM_JOINTS[arm]
         own = joints[of_arm]
+        with_arm = partial(_with_arm, posture, joints, arm)
         if seen is not None:
             sighted = seen.estimate.joints[of_arm]
-            yield _with_arm(posture, joints, arm, sighted)
-            yield _with_arm(posture, joints, arm, np.stack([sighted[0], *_at_surface(view, sighted[1:])]))
+            starts.append(partial(with_arm, sighted))
+            starts.append(partial(with_arm, np.concatenate([sighted[:1], _at_surface(view, sighted[1:])])))
         before = _at_surface(view, own)
         nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(before - eye, axis=1)
         if nearer[1:].max() > _DEEPER:
-            yield _with_arm(posture, joints, arm, before)
-        yield _as_the_other(posture, arm)
-    yield from _where_it_stands_out(observation, posture, joints, arms)
+            starts.append(partial(with_arm, before))
+        starts.append(partial(_as_the_other, posture, arm))
+    return starts + _where_it_stands_out(observation, posture, joints, arms)
 
 
 def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Posture:
@@ -106,30 +112,46 @@ def _at_surface(view: ImageView, joints: Float) -> Float:
 
 def _where_it_stands_out(
     observation: Observation, posture: Posture, joints: Float, arms: list[Arm]
-) -> Iterator[Posture]:
-    """Yields the posture with a forearm along the points that stand out of it, either way about."""
-    out = _before_trunk(observation, posture).astype(float)
+) -> list[Start]:
+    """Returns what makes the posture with a forearm along the points that stand out, either way about."""
+    out = _before_trunk(observation, posture)
     if len(out) < _FEWEST:
-        return
-    near = np.linalg.norm(out[:, None] - out[None], axis=2) < _GROUP
-    group = out[near[near.sum(1).argmax()]]
+        return []
+    group = out[_fullest_ball(out, np.float32(_GROUP))].astype(float)
     if len(group) < _FEWEST:
-        return
+        return []
     middle = group.mean(0)
-    way = np.linalg.svd(group - middle, full_matrices=False)[2][0]
-    low, high = np.percentile((group - middle) @ way, [10, 90])
+    apart = group - middle
+    way = np.linalg.eigh(apart.T @ apart)[1][:, -1]
+    low, high = np.percentile(apart @ way, [10, 90])
     inward = middle - observation.view.world_from_camera[:3, 3]
     middle = middle + _RADIUS * inward / np.linalg.norm(inward)
-    fore, hand = posture.lengths[model.FORE], posture.lengths[model.HAND]
-    for arm in arms:
-        if high - low < _LONG:
-            nowhere = np.full(3, np.nan)
-            yield _with_arm(posture, joints, arm, np.stack([nowhere, nowhere, middle]))
-            continue
+    if high - low < _LONG:
+        nowhere = np.full(3, np.nan)
+        places = [np.stack([nowhere, nowhere, middle])]
+    else:
+        fore, hand = posture.lengths[model.FORE], posture.lengths[model.HAND]
+        places = []
         for tip, back in ((high, -way), (low, way)):
             end = middle + tip * way
-            places = np.stack([end + (hand + fore) * back, end + hand * back, end])
-            yield _with_arm(posture, joints, arm, places)
+            places.append(np.stack([end + (hand + fore) * back, end + hand * back, end]))
+    return [partial(_with_arm, posture, joints, arm, each) for arm in arms for each in places]
+
+
+@njit(cache=True, nogil=True)
+def _fullest_ball(points, radius):  # type: ignore[no-untyped-def]
+    """(M,) which of (M, 3) points are within a radius of the one that has most others about it."""
+    most, best, near = 0, np.zeros(len(points), np.bool_), np.empty(len(points), np.bool_)
+    square = radius * radius
+    for i in range(len(points)):
+        count = 0
+        for j in range(len(points)):
+            x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+            near[j] = x * x + y * y + z * z < square
+            count += near[j]
+        if count > most:
+            most, best, near = count, near, best
+    return best
 
 
 def _before_trunk(observation: Observation, posture: Posture) -> Float32:

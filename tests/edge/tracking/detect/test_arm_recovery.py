@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from estimates_for_tests import estimate_of, seen_as
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from postures_seen_for_tests import observed
 
 from enliven.person.joints import Joint
@@ -12,7 +14,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
-from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, standing_out
+from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, _fullest_ball, arm_starts, standing_out
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -27,7 +29,7 @@ LOST = 0.12
 FRAMES = 5
 """Frames within which it must be found again, where it stuck for eight and more."""
 SAMPLED = 1e-4
-"""Metres by which the nearest of 2,001 samples along an axis is too far."""
+"""Metres by which the nearest of 2,001 samples along an axis is too far, and single precision is off."""
 SURE = np.ones(20)
 
 
@@ -85,12 +87,12 @@ def test_a_forearm_is_placed_along_what_stands_out():
     """The arm hangs; what lies across the belly stands out of the model, and one start is there."""
     observation, hanging = observed(TRUTH), forearm_across(0.0)
     hanging.rotations[list(LEFT)] = joint_limits.standing()[list(LEFT)]
-    apart = [off(start) for start in arm_starts(observation, hanging, None, [LEFT])]
+    apart = [off(start()) for start in arm_starts(observation, hanging, None, [LEFT])]
     assert off(hanging) > 0.2
     assert min(apart) < LOST
     other = [j for j in range(20) if j not in ARM_JOINTS[LEFT]]
     for start in arm_starts(observation, hanging, None, [LEFT]):
-        moved = np.linalg.norm(start.joints() - hanging.joints(), axis=1)
+        moved = np.linalg.norm(start().joints() - hanging.joints(), axis=1)
         assert moved[other].max() < 0.05, "only the arm moves"
 
 
@@ -107,3 +109,11 @@ def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
         thick = first + along[nearest, 0] * (last - first)
         twin = np.minimum(twin, away.min(1) - thick)
     np.testing.assert_allclose(standing_out(points, ends, radii), twin, rtol=0, atol=SAMPLED)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60))
+def test_the_fullest_ball_is_that_about_the_point_with_most_others_near(seed, count):
+    points = np.random.default_rng(seed).normal(size=(count, 3)).astype(np.float32)
+    near = np.linalg.norm(points[:, None] - points[None], axis=2) < 0.7
+    np.testing.assert_array_equal(_fullest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])
