@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from enliven.arrays import Float, Float32
+from enliven.arrays import Float, Float32, Int
 from enliven.kernels import njit
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture, mirrored, model, standing_out
@@ -19,9 +19,9 @@ Arm = tuple[int, ...]
 """The two frames of an arm."""
 Start = Callable[[], Posture]
 """Makes a posture to begin from: only some are looked at in a frame."""
-ARM_JOINTS: dict[Arm, list[Joint]] = {
-    (model.UPPER_ARM_L, model.FOREARM_L): [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT],
-    (model.UPPER_ARM_R, model.FOREARM_R): [Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT],
+ARM_JOINTS: dict[Arm, Int] = {
+    (model.UPPER_ARM_L, model.FOREARM_L): np.array([Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]),
+    (model.UPPER_ARM_R, model.FOREARM_R): np.array([Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]),
 }
 """The joints of either arm beyond its shoulder."""
 _RADIUS = 0.035

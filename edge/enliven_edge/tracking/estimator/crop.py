@@ -35,6 +35,8 @@ _HANGING_LEVEL = 0.2
 """Length in the image of the world's unit up vector below which no direction is upright: seen from above."""
 _BEFORE = 0.1
 """Metres before the person's middle from which depth may hide the person; nearer, it is beside."""
+_NEAREST = 0.1
+"""Metres before the sensor at which a joint is at the least: nearer, it would be beside or behind it."""
 _GROUND = 0.08
 """Metres above the floor below which depth hides no person: it is the floor before the feet."""
 
@@ -63,12 +65,34 @@ class Crop:
 
     def cells(self, rays: Float) -> Float:
         """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
-        return np.asarray((rays @ self.axes.T - self.centre) * (self.depth / self.cell))
+        return np.asarray(_cells(rays, self.axes, self.centre, self.depth / self.cell))
 
     def to_camera(self, points: Float) -> Float:
         """Returns (N, 3) points in the camera's frame of (N, 3) crop coordinates."""
-        z = np.maximum(points[:, 2:] + self.depth, 0.1)
-        return np.concatenate([(points[:, :2] / self.depth + self.centre) @ self.axes * z, z], 1)
+        return np.asarray(_to_camera(points, self.depth, self.centre, self.axes))
+
+
+@njit(cache=True, nogil=True)
+def _to_camera(points, depth, centre, axes):  # type: ignore[no-untyped-def]
+    """See :meth:`Crop.to_camera`; nothing is nearer than ``_NEAREST``."""
+    out = np.empty((len(points), 3))
+    for i in range(len(points)):
+        right, down = points[i, 0] / depth + centre[0], points[i, 1] / depth + centre[1]
+        z = max(points[i, 2] + depth, _NEAREST)
+        out[i, 0] = (right * axes[0, 0] + down * axes[1, 0]) * z
+        out[i, 1] = (right * axes[0, 1] + down * axes[1, 1]) * z
+        out[i, 2] = z
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _cells(rays, axes, centre, scale):  # type: ignore[no-untyped-def]
+    """See :meth:`Crop.cells`."""
+    out = np.empty((len(rays), 2))
+    for i in range(len(rays)):
+        for a in range(2):
+            out[i, a] = (rays[i, 0] * axes[a, 0] + rays[i, 1] * axes[a, 1] - centre[a]) * scale
+    return out
 
 
 def crop_person(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from enliven.arrays import Bool, Float, Float32
+from enliven.arrays import Bool, Float, Float32, Int
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import Joint
@@ -37,6 +37,8 @@ _WIDTHS = (0.12, 0.4)
 """Metres: least and greatest robust width, as the spread itself is off now and then."""
 _APART = 0.08
 """Metres from the network's joint up to which a fitted one is not elsewhere: both are off by centimetres."""
+_ALL = np.arange(len(Joint))
+"""The numbers of all joints."""
 _SPREADS = 1.5
 """Spreads from the network's joint from which a fitted one is plainly elsewhere."""
 
@@ -76,9 +78,9 @@ class Estimate:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
-    def count_apart(self, joints: Float, which: list[Joint] | slice = slice(None)) -> int:
+    def count_apart(self, joints: Float, which: Int = _ALL) -> int:
         """Returns how many of (20, 3) joints, or of ``which``, are plainly elsewhere than here."""
-        return int(_apart(joints[which], self.joints[which], self.spread[which]))
+        return int(_apart(joints, self.joints, self.spread, which))
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
@@ -102,10 +104,10 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
+def _apart(joints, seen, spread, which):  # type: ignore[no-untyped-def]
     """See :meth:`Estimate.count_apart`."""
     count = 0
-    for j in range(len(joints)):
+    for j in which:
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
         apart = np.sqrt(x * x + y * y + z * z)
         count += apart > _APART and apart > _SPREADS * spread[j]

@@ -84,6 +84,7 @@ class Fitter:
 
     def __init__(self, settings: FitSettings) -> None:
         self.settings = settings
+        self._weights = weights_of(settings)
 
     def fit(
         self,
@@ -105,7 +106,7 @@ class Fitter:
         """
         made = start.copy()
         prior = self._prior(start, predicted, proportions)
-        weights = weights_of(self.settings, width)
+        weights = self._weights if width is None else self._weights._replace(width=float(width))
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         energy, explained = minimise(
             made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
@@ -120,8 +121,7 @@ class Fitter:
         state = BodyState(posture.position, posture.rotations, posture.lengths)
         prior = self._prior(posture, None, None)
         of_capsules = (np.zeros(count), np.zeros(count))
-        weights = weights_of(self.settings)
-        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, weights, *of_capsules)
+        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, self._weights, *of_capsules)
         return matrix
 
     def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> FitPrior:

@@ -96,11 +96,6 @@ FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
 """The numbers of :class:`FitSettings` by their names: a new setting is a weight that every term can take."""
 
 
-def weights_of(settings: FitSettings, width: float | None = None) -> Any:
-    """Returns the weights as the compiled fit takes them, all of one type.
-
-    Args:
-        width: metres at which residuals are doubted, the setting's where None.
-    """
-    weights = FitWeights(*(float(getattr(settings, name)) for name in _NAMES))
-    return weights if width is None else weights._replace(width=float(width))
+def weights_of(settings: FitSettings) -> Any:
+    """Returns the weights as the compiled fit takes them, all of one type."""
+    return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))

@@ -135,3 +135,39 @@ def _ordered(a, b, c):  # type: ignore[no-untyped-def]
     a, b = min(a, b), max(a, b)
     b, c = min(b, c), max(b, c)
     return min(a, b), max(a, b), c
+
+
+@njit(cache=True, nogil=True)
+def shows(z, share):  # type: ignore[no-untyped-def]
+    """Whether at least a share of an (h, w) image's pixels has depth; it ends where that is sure."""
+    least, count = share * z.size, 0
+    for v in range(z.shape[0]):
+        for u in range(z.shape[1]):
+            count += z[v, u] > 0.0
+        if count >= least:
+            return True
+    return count >= least
+
+
+@njit(cache=True, nogil=True)
+def known_pixels(z):  # type: ignore[no-untyped-def]
+    """The number of an (h, w) image's pixels that have depth."""
+    count = 0
+    for v in range(z.shape[0]):
+        for u in range(z.shape[1]):
+            count += z[v, u] > 0.0
+    return count
+
+
+@njit(cache=True, nogil=True)
+def is_same(one, other):  # type: ignore[no-untyped-def]
+    """Whether two (h, w) images are equal; it ends with the first row that is not."""
+    if one.shape != other.shape:
+        return False
+    for v in range(one.shape[0]):
+        differ = 0
+        for u in range(one.shape[1]):
+            differ += one[v, u] != other[v, u]
+        if differ > 0:
+            return False
+    return True

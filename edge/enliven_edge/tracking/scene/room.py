@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.frame import FrameView, known_pixels
 from enliven_edge.tracking.scene.room_prior import background_fill
 from enliven_edge.tracking.settings import RoomSettings
 
@@ -103,7 +103,7 @@ class RoomModel:
         self.age += step
         hold = np.zeros(z.shape, bool) if hold is None else hold
         seen_for = _SEEN_FOR if self.age > _AT_ONCE else 0.0
-        measured = np.count_nonzero(z > 0.0) > _MEASURED * np.count_nonzero(self.z > 0.0)
+        measured = known_pixels(z) > _MEASURED * known_pixels(self.z)
         compared, nearer, farther = _learn(
             self.z, z, widened(person, 2), hold, self._nearer, self._waited, self._away, self._guarded,
             self._guard_z, self._flips, self._still, self._still_z, step, self.settings.absorb_after,
