@@ -12,6 +12,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking import SceneSettings, Tracker, TrackerSettings
+from enliven_edge.tracking.detect import fullest_ball
 from enliven_edge.tracking.scene import corrected, world_from_floor
 
 _STEP_NS = 33_333_333
@@ -40,7 +41,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     for frame in _warm_up_frames():
         tracker.track(frame)
         tracker.surfaces()
-    _fit_a_floor()
+    _run_what_it_lacks()
 
 
 def _warm_up_frames() -> Iterator[DepthFrame]:
@@ -56,11 +57,13 @@ def _warm_up_frames() -> Iterator[DepthFrame]:
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
 
 
-def _fit_a_floor() -> None:
+def _run_what_it_lacks() -> None:
     """Fits a floor and keeps it in place: the recorded sensor knows its own place and would not do it."""
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
     corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
+    # No forearm stands out of the recorded person.
+    fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
 def _with_duplicate(depth):  # type: ignore[no-untyped-def]

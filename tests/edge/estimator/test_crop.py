@@ -170,3 +170,17 @@ def test_an_image_is_not_touched():
     crop = crop_person(z, mask, camera, pose)
     assert all(np.array_equal(a, b) for a, b in zip(kept, (z, mask, camera, pose), strict=True))
     assert dataclasses.replace(crop).image.dtype == np.float32
+
+
+@settings(deadline=None, max_examples=30)
+@given(SEEDS, st.floats(0.0, 6.3), st.floats(0.5, 6.0))
+def test_points_go_to_the_camera_and_rays_to_cells_as_matrices_take_them(seed, angle, depth):
+    rng = np.random.default_rng(seed)
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    crop = Crop(np.zeros((CHANNELS, ROWS, COLUMNS), np.float32), depth, 0.03, axes, rng.normal(size=2))
+    points, rays = rng.normal(size=(5, 3)), rng.normal(size=(4, 2))
+    z = np.maximum(points[:, 2:] + depth, 0.1)
+    at = np.concatenate([(points[:, :2] / depth + crop.centre) @ axes * z, z], 1)
+    np.testing.assert_allclose(crop.to_camera(points), at, rtol=1e-12, atol=1e-12)
+    cells = (rays @ axes.T - crop.centre) * (depth / crop.cell)
+    np.testing.assert_allclose(crop.cells(rays), cells, rtol=1e-12, atol=1e-10)

@@ -4,6 +4,7 @@ from .appearance import (
     facing as facing,
     turned_about as turned_about,
 )
+from .arm_starts import fullest_ball as fullest_ball
 from .detection import (
     detect as detect,
     detect_another as detect_another,

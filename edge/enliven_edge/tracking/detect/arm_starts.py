@@ -117,7 +117,7 @@ def _where_it_stands_out(
     out = _before_trunk(observation, posture)
     if len(out) < _FEWEST:
         return []
-    group = out[_fullest_ball(out, np.float32(_GROUP))].astype(float)
+    group = out[fullest_ball(out, np.float32(_GROUP))].astype(float)
     if len(group) < _FEWEST:
         return []
     middle = group.mean(0)
@@ -139,7 +139,7 @@ def _where_it_stands_out(
 
 
 @njit(cache=True, nogil=True)
-def _fullest_ball(points, radius):  # type: ignore[no-untyped-def]
+def fullest_ball(points, radius):  # type: ignore[no-untyped-def]
     """(M,) which of (M, 3) points are within a radius of the one that has most others about it."""
     most, best, near = 0, np.zeros(len(points), np.bool_), np.empty(len(points), np.bool_)
     square = radius * radius

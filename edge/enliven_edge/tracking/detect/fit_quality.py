@@ -157,7 +157,7 @@ def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height:
 
 def quality(report: FitReport) -> float:
     """Returns the share of points explained less the share of the model seen through, up to 1."""
-    return report.explained - float(report.violated.mean())
+    return report.explained - report.seen_through
 
 
 def likely_builds(observation: Observation, height: float) -> list[Float]:

@@ -103,7 +103,7 @@ class PoseRecovery:
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._doubtful(posture, confidence)
-        badly = report.explained - report.violated.mean() < _BADLY
+        badly = report.explained - report.seen_through < _BADLY
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful

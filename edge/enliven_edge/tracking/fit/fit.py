@@ -7,6 +7,7 @@ that the camera saw through.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -77,6 +78,11 @@ class FitReport:
     explained: float
     support: Float
     violated: Float
+
+    @cached_property
+    def seen_through(self) -> float:
+        """The share of the whole surface that the camera saw through."""
+        return float(self.violated.mean())
 
 
 class Fitter:

@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
-from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, _fullest_ball, arm_starts, standing_out
+from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, fullest_ball, standing_out
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -113,7 +113,7 @@ def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
-def test_the_fullest_ball_is_that_about_the_point_with_most_others_near(seed, count):
+def test_thefullest_ball_is_that_about_the_point_with_most_others_near(seed, count):
     points = np.random.default_rng(seed).normal(size=(count, 3)).astype(np.float32)
     near = np.linalg.norm(points[:, None] - points[None], axis=2) < 0.7
-    np.testing.assert_array_equal(_fullest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])
+    np.testing.assert_array_equal(fullest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])
