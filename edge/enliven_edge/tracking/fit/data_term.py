@@ -37,6 +37,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
     points, first = _by_capsule(which, seen, len(ends))
     squares, firsts, powers = np.empty((3, 3, 3)), np.empty((5, 3)), np.empty(5)
+    turned, moved_by = np.empty((2, 3, 3)), np.empty((2, max(1, len(tug)), 3))
     energy, explained = 0.0, 0.0
     for c in range(len(ends)):
         f, support[c] = capsule_frame[c], 0.0
@@ -49,13 +50,14 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         squares *= scale
         firsts *= scale
         powers *= scale
-        start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
-        _add_pose_terms(sums.total[f], sums.pull[f], squares, firsts, start, way)
+        start = (ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2])
+        way = (ends[c, 1, 0] - start[0], ends[c, 1, 1] - start[1], ends[c, 1, 2] - start[2])
+        _add_pose_terms(sums.total[f], sums.pull[f], squares, firsts, start, way, turned)
         if len(tug) > 0:
-            growth = radii[c] / surface.girth
+            growth = (radii[c, 0] / surface.girth, radii[c, 1] / surface.girth)
             along = (start, way, surface.by_ends[c], growth)
             moved = of_frame(surface.lengths_of, f, len(tug))
-            _add_length_terms(sums.cross[f], sums.own, tug, squares, firsts, powers, along, moved)
+            _add_length_terms(sums.cross[f], sums.own, tug, squares, firsts, powers, along, moved, moved_by)
     return weight / many * energy, explained / many
 
 
@@ -147,36 +149,43 @@ def _fill_square(out, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _turned(a, row):  # type: ignore[no-untyped-def]
-    """(3,) a cross a row, as a tuple."""
-    return a[1] * row[2] - a[2] * row[1], a[2] * row[0] - a[0] * row[2], a[0] * row[1] - a[1] * row[0]
+def _cross(a, x, y, z):  # type: ignore[no-untyped-def]
+    """(3,) a cross (x, y, z), as a tuple: a view of an array's row would be counted, which takes longer."""
+    return a[1] * z - a[2] * y, a[2] * x - a[0] * z, a[0] * y - a[1] * x
 
 
 @njit(cache=True, nogil=True)
-def _add_pose_terms(total, pull, squares, firsts, start, way):  # type: ignore[no-untyped-def]
-    """Adds sum phi phi' and -sum r phi of a capsule's points, phi = (n, start cross n + way cross t n)."""
+def _add_pose_terms(total, pull, squares, firsts, start, way, room):  # type: ignore[no-untyped-def]
+    """Adds sum phi phi' and -sum r phi of a capsule's points, phi = (n, start cross n + way cross t n).
+
+    ``room`` (2, 3, 3) is overwritten.
+    """
     # By rows of n: u[a] = sum w n_a (x cross n), v the same with t; what is turned twice follows from both.
-    u, v = np.empty((3, 3)), np.empty((3, 3))
+    u, v = room[0], room[1]
     for a in range(3):
-        s0, s1 = _turned(start, squares[0, a]), _turned(start, squares[1, a])
-        d1, d2 = _turned(way, squares[1, a]), _turned(way, squares[2, a])
+        p, q, r = squares[1, a, 0], squares[1, a, 1], squares[1, a, 2]
+        s0 = _cross(start, squares[0, a, 0], squares[0, a, 1], squares[0, a, 2])
+        s1, d1 = _cross(start, p, q, r), _cross(way, p, q, r)
+        d2 = _cross(way, squares[2, a, 0], squares[2, a, 1], squares[2, a, 2])
         for b in range(3):
             u[a, b], v[a, b] = s0[b] + d1[b], s1[b] + d2[b]
     for b in range(3):
-        twice, more = _turned(start, u[:, b]), _turned(way, v[:, b])
+        twice = _cross(start, u[0, b], u[1, b], u[2, b])
+        more = _cross(way, v[0, b], v[1, b], v[2, b])
         for a in range(3):
             total[a, b] += squares[0, a, b]
             total[a, 3 + b] += u[a, b]
             total[3 + b, a] += u[a, b]
             total[3 + a, 3 + b] += twice[a] + more[a]
-    about, along = _turned(start, firsts[3]), _turned(way, firsts[4])
+    about = _cross(start, firsts[3, 0], firsts[3, 1], firsts[3, 2])
+    along = _cross(way, firsts[4, 0], firsts[4, 1], firsts[4, 2])
     for a in range(3):
         pull[a] -= firsts[3, a]
         pull[3 + a] -= about[a] + along[a]
 
 
 @njit(cache=True, nogil=True)
-def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths):  # type: ignore[no-untyped-def]
+def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):  # type: ignore[no-untyped-def]
     """Adds the terms of a capsule's points in the lengths.
 
     A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of
@@ -185,10 +194,11 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths): 
     Args:
         axis: start and way (3,), (2, 3, L) their ends' derivatives, (2,) the radii's by the girth.
         lengths: which ones move the capsule, the girth last.
+        room: (2, L, 3) is overwritten.
     """
     start, way, by_ends, growth = axis
     count = len(lengths)
-    here, beyond = np.empty((count, 3)), np.empty((count, 3))
+    here, beyond = room[0], room[1]
     for m in range(count):
         p = lengths[m]
         thick = growth[0] if p == model.GIRTH else 0.0
@@ -203,7 +213,8 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths): 
                 g, h = by_ends[0, b, p], by_ends[1, b, p] - by_ends[0, b, p]
                 here[m, a] += squares[0, a, b] * g + squares[1, a, b] * h
                 beyond[m, a] += squares[1, a, b] * g + squares[2, a, b] * h
-        about, along = _turned(start, here[m]), _turned(way, beyond[m])
+        about = _cross(start, here[m, 0], here[m, 1], here[m, 2])
+        along = _cross(way, beyond[m, 0], beyond[m, 1], beyond[m, 2])
         for a in range(3):
             cross[a, p] += here[m, a]
             cross[3 + a, p] += about[a] + along[a]

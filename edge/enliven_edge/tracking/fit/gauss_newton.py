@@ -76,15 +76,30 @@ def minimise(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
-    """The lower factor of M + damping diag(M) + 0.001; only M's upper triangle is read."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            value = matrix[j, i]
-            if i == j:
-                value = value * (1.0 + damping) + 1e-3
-            for k in range(j):
-                value -= factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(max(value, 1e-12)) if i == j else value / factor[j, j]
+    """The upper factor U of M + damping diag(M) + 0.001 = U'U; only upper triangles are read and written.
+
+    Row by row, and of four earlier rows at once: a row is then read and written a quarter as often.
+    """
+    count = len(matrix)
+    for i in range(count):
+        for j in range(i, count):
+            factor[i, j] = matrix[i, j]
+        factor[i, i] = factor[i, i] * (1.0 + damping) + 1e-3
+        whole = i - i % 4
+        for k in range(0, whole, 4):
+            a, b, c, d = factor[k, i], factor[k + 1, i], factor[k + 2, i], factor[k + 3, i]
+            for j in range(i, count):
+                factor[i, j] -= (
+                    a * factor[k, j] + b * factor[k + 1, j] + c * factor[k + 2, j] + d * factor[k + 3, j]
+                )
+        for k in range(whole, i):
+            a = factor[k, i]
+            for j in range(i, count):
+                factor[i, j] -= a * factor[k, j]
+        root = np.sqrt(max(factor[i, i], 1e-12))
+        factor[i, i], inverse = root, 1.0 / root
+        for j in range(i + 1, count):
+            factor[i, j] *= inverse
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
@@ -93,15 +108,17 @@ def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-un
     count = len(gradient)
     cholesky(factor, matrix, damping)
     for i in range(count):
-        value = -gradient[i]
-        for k in range(i):
-            value -= factor[i, k] * step[k]
-        step[i] = value / factor[i, i]
+        step[i] = -gradient[i]
+    for i in range(count):
+        value = step[i] / factor[i, i]
+        step[i] = value
+        for k in range(i + 1, count):
+            step[k] -= value * factor[i, k]
     for n in range(count):
         i = count - 1 - n
         value = step[i]
         for k in range(i + 1, count):
-            value -= factor[k, i] * step[k]
+            value -= factor[i, k] * step[k]
         step[i] = value / factor[i, i]
 
 

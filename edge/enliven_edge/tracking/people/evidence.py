@@ -198,7 +198,7 @@ def joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> t
 def _joint_spread(  # type: ignore[no-untyped-def]
     matrix, position, rotations, lengths, parents, offsets, turns, frames, local
 ):
-    """(J, 3) joints and (J,) sqrt(trace(J H^-1 J')) of each, by the Cholesky factor L of H: |L^-1 J'|.
+    """(J, 3) joints and (J,) sqrt(trace(J H^-1 J')) of each, by the Cholesky factor U of H: |U'^-1 J'|.
 
     Args:
         matrix: (30, 30) upper triangle of H.
@@ -226,7 +226,7 @@ def _joint_spread(  # type: ignore[no-untyped-def]
     loose = np.zeros(len(joints))
     for i in range(len(matrix)):
         for k in range(i):
-            held = factor[i, k]
+            held = factor[k, i]
             for c in range(columns.shape[1]):
                 columns[i, c] -= held * columns[k, c]
         for c in range(columns.shape[1]):
