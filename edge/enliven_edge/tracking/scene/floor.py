@@ -131,6 +131,9 @@ _PASSES = 8
 """Fits, each to what lies near the one before: the band has its width after five."""
 _FARTHEST_OFF = 0.08
 """Metres from the first plane beyond which nothing is the floor's."""
+_MANY = 2000
+"""Points of the floor to which its plane is fitted, about: with all of them, ten thousand and more, a frame
+of each second took twice as long as the others."""
 _SPREAD = 0.15
 """Metres, the least standard deviation of the floor's points along x and along z: a narrower patch says
 little of the tilt."""
@@ -147,6 +150,7 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
     floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
     if len(floor) < _FEWEST:
         return world_from_camera
+    floor = floor[:: max(1, len(floor) // _MANY)]
     ranges = (floor - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
     plane, spread = _level_plane(np.ascontiguousarray(floor.T), ranges)
     if spread < _SPREAD or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
