@@ -105,7 +105,7 @@ def transpose6(typing, source, index, target, to):  # type: ignore[no-untyped-de
 
 @intrinsic
 def mirror6(typing, source, index, target, to, sign):  # type: ignore[no-untyped-def]
-    """Write ``sign`` times the symmetric block of which the lower half is at ``index`` of ``source``."""
+    """Write a symmetric block, given by its lower half, times ``sign``; from ``index`` to ``to``."""
 
     def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
         first, there = (

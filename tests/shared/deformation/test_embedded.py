@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from enliven import rotation
 from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.embedded.assembly import assemble
+from enliven.deformation.embedded.block_cholesky import substitute
 from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.inputs import NO_PLANES, planes_of
 from enliven.deformation.embedded.lbfgs import UNLIMITED, descend, record_energies
@@ -289,6 +291,36 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     step[:, order[:6]], step[:, order[6:]] = turns.reshape(count, 6), stretches.reshape(count, 6)
     precondition(solver._system, step.reshape(-1))
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 10.0])
+def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
+    """Turns are numbers and shifts are metres: beside the one, the other must not be rounded to nothing."""
+    graph = make_graph(30, 5)
+    points = make_points(graph, 9, 5)
+    small = replace(graph, positions=size * graph.positions)
+    held = replace(points, points=size * np.asarray(points.points))
+    solver = EmbeddedSolver(small, held, EmbeddedSettings())
+    solver._take(held.points, np.ones(9))
+    x, system, count = solver._x.reshape(-1), solver._system, len(graph.positions)
+    refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), system)
+    # Factorising has used the matrix up.
+    assemble(x, solver._terms, NO_PLANES, np.zeros_like(x), system, 1e-4)
+    dense = np.zeros((count, 6, count, 6))
+    for column in range(count):
+        for b in range(system.start[column], system.start[column + 1]):
+            block = system.lower.reshape(-1, 6, 8)[b, :, :6].astype(float)
+            block = np.tril(block) + np.tril(block, -1).T if system.row[b] == column else block
+            dense[system.row[b], :, column], dense[column, :, system.row[b]] = block, block.T
+    # In units of the mesh's size all unknowns are alike; the factor has units of its own.
+    alike = np.tile([1.0, 1.0, 1.0, size, size, size], count)
+    own = np.tile([1.0] * 3 + [system.unit] * 3, count) / alike
+    right = np.random.default_rng(0).normal(size=6 * count)
+    expected = np.linalg.solve(dense.reshape(6 * count, -1) * np.outer(alike, alike), right)
+    y = np.zeros((count, 8), np.float32)
+    y[:, :6] = (own * right).reshape(-1, 6)
+    substitute(system.row_start, system.column, system.rows, system.scales, system.inverse, y.reshape(-1))
+    np.testing.assert_allclose(own * y[:, :6].ravel(), expected, atol=5e-3 * np.abs(expected).max())
 
 
 @settings(deadline=None, max_examples=10)

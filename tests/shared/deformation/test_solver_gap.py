@@ -19,7 +19,7 @@ INVISIBLE = 1e-6
 BUCKLES = 880092, 19, 1.9291120993690865
 """A creature's seed, its nodes and its pace: a limb buckles in its frame 15."""
 RIDGES = 40, 8, 53, 0
-"""Seeds of creatures of which a frame ended on a ridge."""
+"""Seeds of creatures; in one frame of each the solver ended on a ridge."""
 
 
 def gap_of(peer, solver, targets):

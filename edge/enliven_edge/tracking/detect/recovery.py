@@ -16,6 +16,7 @@ from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation,
 from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.backoff import Backoff
+from enliven_edge.tracking.detect.fit_quality import quality
 from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, aligned_to, posed
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
@@ -103,7 +104,7 @@ class PoseRecovery:
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._doubtful(posture, confidence)
-        badly = report.explained - report.seen_through < _BADLY
+        badly = quality(report) < _BADLY
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful

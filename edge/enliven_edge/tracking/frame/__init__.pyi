@@ -1,5 +1,5 @@
 from .reduction import DepthSurvey as DepthSurvey, is_same as is_same, known_pixels as known_pixels
-from .reduction import shows as shows, survey as survey
+from .reduction import survey as survey
 from .frame_check import FrameCheck as FrameCheck, flaw_of as flaw_of
 from .frame_check import FrameTiming as FrameTiming
 from .observation import (

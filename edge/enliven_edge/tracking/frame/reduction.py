@@ -138,18 +138,6 @@ def _ordered(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def shows(z, share):  # type: ignore[no-untyped-def]
-    """Whether at least a share of an (h, w) image's pixels has depth; it ends where that is sure."""
-    least, count = share * z.size, 0
-    for v in range(z.shape[0]):
-        for u in range(z.shape[1]):
-            count += z[v, u] > 0.0
-        if count >= least:
-            return True
-    return count >= least
-
-
-@njit(cache=True, nogil=True)
 def known_pixels(z):  # type: ignore[no-untyped-def]
     """The number of an (h, w) image's pixels that have depth."""
     count = 0

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import FrameView, is_same, shows
+from enliven_edge.tracking.frame import FrameView, is_same, known_pixels
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
@@ -97,7 +97,7 @@ class MultiPersonTracker:
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the people who are followed; returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
-        dark = not shows(view.z, _DARK)
+        dark = known_pixels(view.z) < _DARK * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
         self._before = view.z
         if self._blind_ns is None and (dark or frozen):

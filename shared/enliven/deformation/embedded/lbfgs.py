@@ -245,7 +245,8 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
             record_energies(work, energies)
             force_in_node_frame(x, work.raw, work.now)
             if length < 1.0:
-                _add_scaled(work.own, length - 1.0, work.own)
+                for i in range(work.own.shape[0]):
+                    work.own[i] *= np.float32(length)
             return tried + 1
         # The parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope

@@ -42,6 +42,8 @@ class RigidSystem(NamedTuple):
     Attributes:
         start, row, product, row_start, column, by_row: of
             :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
+        unit: metres in which shifts are measured, a power of two, about an edge's length: the numbers of a
+            block are then alike, however large the mesh, and none is lost beside the greatest in int16.
         edge_block: (E,) int32 the block that couples the ends of an edge.
         pair_block: (L, 10) int32 the blocks that couple a constraint's nodes: (0, 0), (1, 0), (1, 1), ...
         lower: (48 B,) float32 the matrix, which factorising uses up.
@@ -63,6 +65,7 @@ class RigidSystem(NamedTuple):
     row_start: Int32
     column: Int32
     by_row: Int32
+    unit: float
     edge_block: Int32
     pair_block: Int32
     lower: Float32
@@ -96,6 +99,7 @@ class RigidSystem(NamedTuple):
             pattern.row_start,
             pattern.column,
             pattern.by_row,
+            _unit_of(terms.offsets),
             pattern.block_of(ends),
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
@@ -117,8 +121,34 @@ class RigidSystem(NamedTuple):
 
     def twin(self) -> RigidSystem:
         """Room for another matrix of the same pattern."""
-        pattern = ("start", "row", "product", "row_start", "column", "by_row", "edge_block", "pair_block")
+        pattern = ("start", "row", "product", "row_start", "column", "by_row", "unit")
+        pattern += ("edge_block", "pair_block")
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
+
+
+def _unit_of(offsets: Float) -> float:
+    """The power of two nearest to the root mean square length of (E, 3) offsets; 1 where there are none."""
+    square = float(np.sum(offsets**2)) / max(1, len(offsets))
+    return 2.0 ** round(0.5 * np.log2(square)) if square > 0.0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def _units(unit):  # type: ignore[no-untyped-def]
+    """(8,) float32 the units of a node's turn and of its shift, and two 0."""
+    out = np.zeros(8, np.float32)
+    out[:3], out[3:6] = np.float32(1.0), np.float32(unit)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _measure(lower, unit):  # type: ignore[no-untyped-def]
+    """Measure the shifts of the matrix's blocks (48 B,) in units of so many metres."""
+    turns = _units(unit)
+    row = load8(turns, 0)
+    for block in range(0, lower.shape[0], SIZE):
+        for r in range(6):
+            at = block + 8 * r
+            store8(lower, at, splat8(turns[r]) * row * load8(lower, at))
 
 
 @njit(cache=True, nogil=True)
@@ -148,6 +178,7 @@ def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
     ridge = _TIKHONOV
     while True:
         assemble(x, t, planes, raw, s, ridge)
+        _measure(s.lower, s.unit)
         pattern = (s.start, s.product, s.by_row)
         if factorise(pattern, s.lower, s.room, s.rows, s.scales, s.inverse) or ridge > 1e6:
             return
@@ -194,7 +225,7 @@ def precondition(s, way):  # type: ignore[no-untyped-def]
 
     The second derivative is twice the matrix, so everything is halved.
     """
-    side, half = s.side, splat8(np.float32(0.5))
+    side, half, units = s.side, splat8(np.float32(0.5)), load8(_units(s.unit), 0)
     count = s.start.shape[0] - 1
     for j in range(count):
         turn, stretch, y, at = 16 * j, 16 * j + 8, 8 * j, SIZE * j
@@ -202,9 +233,10 @@ def precondition(s, way):  # type: ignore[no-untyped-def]
         force = together8(half * load8(way, stretch)) + weighted(s.coupled, at, side, y)
         store8(way, stretch, force)
         store8(way, stretch, weighted(s.compliance, at, way, stretch))
+        store8(side, y, units * load8(side, y))
     substitute(s.row_start, s.column, s.rows, s.scales, s.inverse, side)
     for j in range(count):
         turn, stretch = 16 * j, 16 * j + 8
-        own = load8(side, 8 * j) + weighted(s.coupling, SIZE * j, way, stretch)
+        own = units * load8(side, 8 * j) + weighted(s.coupling, SIZE * j, way, stretch)
         store8(way, turn, turned8(s.turns, 24 * j + 12, apart8(own)))
         store8(way, stretch, apart8(load8(way, stretch)))

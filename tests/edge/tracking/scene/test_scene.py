@@ -12,7 +12,7 @@ from enliven_edge.tracking.frame.observation import (
     surface_samples,
     world_points,
 )
-from enliven_edge.tracking.frame.reduction import is_same, known_pixels, reduce_depth, shows
+from enliven_edge.tracking.frame.reduction import is_same, known_pixels, reduce_depth
 from enliven_edge.tracking.scene.floor import world_from_floor
 
 
@@ -121,13 +121,11 @@ def test_the_nearest_column_is_that_of_the_obvious_search(seed, share):
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from([0.0, 0.01, 0.5, 1.0]))
-def test_depth_is_counted_and_images_compared_as_numpy_does(seed, known, share):
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_depth_is_counted_and_images_compared_as_numpy_does(seed, known):
     rng = np.random.default_rng(seed)
     z = np.where(rng.random((7, 9)) < known, rng.random((7, 9)) + 0.1, 0.0)
-    count = np.count_nonzero(z > 0.0)
-    assert known_pixels(z) == count
-    assert shows(z, share) == (count >= share * z.size)
+    assert known_pixels(z) == np.count_nonzero(z > 0.0)
     other = z.copy()
     assert is_same(z, other)
     other[rng.integers(7), rng.integers(9)] += 1e-6
