@@ -40,7 +40,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         end = time.monotonic() + PATIENCE
         while not done():
             if time.monotonic() > end:
-                said["missing"] = [what, str(scan.said)[:400], [toast.text for toast in editor.toasts.shown]]
+                told = [scan.said.phase, scan.said.note, scan.said.mend, scan.said.tracking, scan.said.fused]
+                said["missing"] = [what, told, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
             time.sleep(PAUSE)

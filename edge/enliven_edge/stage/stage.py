@@ -48,8 +48,8 @@ class Stage:
 
     @property
     def characters(self) -> dict[str, Character]:
-        """The characters by id; an object is replaced with its actor."""
-        return {name: actor.character for name, actor in self.actors.items()}
+        """The characters by id; an object is replaced with its actor. Other threads may ask, too."""
+        return {name: actor.character for name, actor in self.actors.copy().items()}
 
     def put(self, actor: Actor, carried: Carried | None = None) -> None:
         """Puts a character on the stage, or in the place of the one with its id; the others go on.
