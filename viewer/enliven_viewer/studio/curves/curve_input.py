@@ -130,7 +130,10 @@ class CurveInput:
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
-        """Every group of curves, all of them sampled: for sessions without a window."""
+        """Every group of curves, all of them solved and sampled: for sessions without a window."""
+        chosen = self.editor.chosen()
+        if isinstance(chosen, Puppet):
+            self.editor.solving.settle(self.editor.project, chosen.id)
         self.refresh()
         while self._work is not None:
             wait_for([self._work[1]])
