@@ -14,8 +14,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import minimise
-from enliven_edge.tracking.fit.structures import BodyState, FitModel, FitPrior, weights_of
-from enliven_edge.tracking.fit.terms import assemble
+from enliven_edge.tracking.fit.structures import FitModel, FitPrior, weights_of
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
@@ -61,6 +60,8 @@ def shape() -> FitModel:
 _SHAPE = shape()
 _NO_LENGTHS = np.zeros(0)
 """The weights of no lengths: they are frozen."""
+_LOOSE = np.zeros(13)
+"""(13,) weights of the prediction's rotations where there is none."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +73,20 @@ class FitReport:
         explained: the share of the person's points within the robust width of the model.
         support: (C,) observed points that each capsule explains.
         violated: (C,) the share of each capsule that the camera saw through.
+        information: (30, 30) the upper triangle of the Gauss-Newton matrix of the frame alone, without what
+            time predicts, with the lengths frozen.
     """
 
     energy: float
     explained: float
     support: Float
     violated: Float
+    information: Float
 
     @cached_property
     def seen_through(self) -> float:
         """The share of the whole surface that the camera saw through."""
-        return float(self.violated.mean())
+        return sum(self.violated.tolist()) / len(self.violated)
 
 
 class Fitter:
@@ -91,6 +95,7 @@ class Fitter:
     def __init__(self, settings: FitSettings) -> None:
         self.settings = settings
         self._weights = weights_of(settings)
+        self._stiffness, self._relaxedness = settings.temporal * _STIFF, settings.rest * _RELAXED
 
     def fit(
         self,
@@ -114,27 +119,18 @@ class Fitter:
         prior = self._prior(start, predicted, proportions)
         weights = self._weights if width is None else self._weights._replace(width=float(width))
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
+        information = np.zeros((model.DOFS, model.DOFS))
         energy, explained = minimise(
             made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
-            self.settings.iterations if iterations is None else iterations, support, violated,
+            self.settings.iterations if iterations is None else iterations, support, violated, information,
         )  # fmt: skip
-        return made, FitReport(float(energy), float(explained), support, violated)
-
-    def information(self, posture: Posture, observation: Observation) -> Float:
-        """(30, 30) the upper triangle of the Gauss-Newton matrix of one frame, with the lengths frozen."""
-        matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
-        count = len(model.CAPSULES.frame)
-        state = BodyState(posture.position, posture.rotations, posture.lengths)
-        prior = self._prior(posture, None, None)
-        of_capsules = (np.zeros(count), np.zeros(count))
-        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, self._weights, *of_capsules)
-        return matrix
+        return made, FitReport(energy, explained, support, violated, information)
 
     def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> FitPrior:
         """The terms besides the frame's: prediction, relaxation, joint ranges and proportions."""
-        s = self.settings
         firmness = _NO_LENGTHS if proportions is None else proportions
-        stiffness = np.zeros(13) if predicted is None else s.temporal * _STIFF
-        expected = start.rotations if predicted is None else predicted.rotations
-        held = (expected, stiffness, joint_limits.RELAXED, s.rest * _RELAXED)
-        return FitPrior(*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths.copy(), firmness)
+        expected, stiffness = (
+            (start.rotations, _LOOSE) if predicted is None else (predicted.rotations, self._stiffness)
+        )
+        held = (expected, stiffness, joint_limits.RELAXED, self._relaxedness)
+        return FitPrior(*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths, firmness)

@@ -30,7 +30,7 @@ MOST_DAMPING = 1e4
 
 @njit(cache=True, nogil=True)
 def minimise(  # type: ignore[no-untyped-def]
-    position, rotations, lengths, seen, shape, prior, weights, iterations, support, violated
+    position, rotations, lengths, seen, shape, prior, weights, iterations, support, violated, information
 ):
     """Moves the posture (in place) to lower energy; returns (energy, explained).
 
@@ -39,6 +39,8 @@ def minimise(  # type: ignore[no-untyped-def]
         seen, shape, prior, weights: as :func:`terms.assemble` takes them.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
+        information: (30, 30) receives the upper triangle of the Gauss-Newton matrix where the posture ends,
+            of translation and rotations alone, without what time predicts.
     """
     count = model.DOFS + len(prior.firmness)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
@@ -71,6 +73,11 @@ def minimise(  # type: ignore[no-untyped-def]
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
         if gain < _ENOUGH * energy:
             break
+    for i in range(model.DOFS):
+        for j in range(i, model.DOFS):
+            information[i, j] = matrix[i, j]
+    for k in range(len(shape.dof_frame)):
+        information[3 + k, 3 + k] -= prior.stiffness[shape.dof_frame[k]]
     return energy, explained
 
 

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import Posture, frames_of, joints_into, model
 from enliven_edge.tracking.estimator import Estimate
-from enliven_edge.tracking.fit import FitReport, Fitter, PlacedFrames, cholesky, point_row
+from enliven_edge.tracking.fit import FitReport, PlacedFrames, cholesky, point_row
 from enliven_edge.tracking.frame import Observation
 
 NAMES = (
@@ -66,7 +66,6 @@ _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
 
 
 def evidence(
-    fitter: Fitter,
     posture: Posture,
     report: FitReport,
     observation: Observation,
@@ -76,13 +75,14 @@ def evidence(
     """Returns (20, 17) evidence for and against each joint, ordered by :data:`NAMES`.
 
     Args:
+        report: of the fit that ended in the posture.
         unsupported: (20,) frames since each joint was last supported.
         estimate: the network's estimate of the frame; None without one.
     """
     shares = capsule_shares(*posture.capsules(), observation.view)
     network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
     fit = (report.support, report.violated, report.explained)
-    joints, loose = joints_held(fitter, posture, observation)
+    joints, loose = joints_held(posture, report.information)
     return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *network, _FIRST, _SECOND))
 
 
@@ -181,16 +181,18 @@ def _supported(support, violated, ends, radii, count):  # type: ignore[no-untype
     return out
 
 
-def joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> tuple[Float, Float]:
+def joints_held(posture: Posture, information: Float) -> tuple[Float, Float]:
     """(20, 3) the joints, world frame, and (20,) how loosely each is held.
 
     That is the root of the trace of its covariance, relative. The covariance is J H^-1 J' with the
     Gauss-Newton matrix H of the frame alone, without what time predicts: a joint that nothing in the picture
     holds is loose, however steadily it has been predicted.
+
+    Args:
+        information: (30, 30) H, as of :class:`FitReport`.
     """
-    matrix = fitter.information(posture, observation)
     state = (posture.position, posture.rotations, posture.lengths)
-    joints, loose = _joint_spread(matrix, *state, *_SKELETON, _TURNS, *_JOINTS)
+    joints, loose = _joint_spread(information, *state, *_SKELETON, _TURNS, *_JOINTS)
     return joints, loose
 
 

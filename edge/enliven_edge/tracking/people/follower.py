@@ -299,7 +299,7 @@ class Follower:
     ) -> None:
         """Gathers what the frame says for and against every joint, and updates the confidence."""
         estimate = None if seen is None else seen.estimate
-        self.evidence = evidence(self._fitter, self.posture, report, observation, self._unsupported, estimate)
+        self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
         self.confidence = confidence(self.evidence, alone=seen is None)

@@ -42,11 +42,26 @@ def test_what_a_board_hides_is_hidden_and_what_is_beside_the_image_is_outside():
 def test_a_joint_that_nothing_holds_is_the_loosest():
     """Behind a board from the hips down, the feet are looser than the hands, and looser than in full view."""
     fitter = Fitter(FitSettings())
-    full = of_joints.joints_held(fitter, standing(), observed(standing()))[1]
-    hidden = of_joints.joints_held(fitter, standing(), observed(standing(), hide=70))[1]
+    full, hidden = (
+        of_joints.joints_held(standing(), fitter.fit(seen, standing(), iterations=0)[1].information)[1]
+        for seen in (observed(standing()), observed(standing(), hide=70))
+    )
     feet, head = [15, 19], 3
     assert hidden[feet].min() > 2.0 * hidden[head]
     assert (hidden[feet] > 1.5 * full[feet]).all()
+
+
+@given(st.floats(-0.3, 0.3), st.booleans(), st.integers(0, 6))
+@settings(max_examples=10, deadline=None)
+def test_a_fit_says_what_its_frame_alone_holds(turned, built, steps):
+    """At the posture where it ended, without what time predicts, whether the lengths were free or not."""
+    fitter, observation = Fitter(FitSettings()), in_full_view()
+    firmness = np.full(12, 40.0) if built else None
+    told = {"predicted": standing(), "proportions": firmness, "iterations": steps}
+    ended, report = fitter.fit(observation, standing(turned), **told)
+    alone = fitter.fit(observation, ended, iterations=0)[1].information
+    # The prediction is added and taken away again, beside entries of up to a hundred thousand.
+    np.testing.assert_allclose(report.information, alone, rtol=1e-9, atol=1e-8)
 
 
 @given(st.integers(0, 1000))
@@ -60,7 +75,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
     step = np.random.default_rng(seed).normal(0, 0.2, 42) * np.r_[np.ones(30), np.zeros(12)]
     posture = Posture(*stepped(posture.position, posture.rotations, posture.lengths, step, *turns))
     fitter, observation = Fitter(FitSettings()), observed(standing())
-    upper = fitter.information(posture, observation)
+    upper = fitter.fit(observation, posture, iterations=0)[1].information
     full = np.triu(upper) + np.triu(upper, 1).T + 1e-3 * np.eye(30)
     rows, h = np.zeros((20, 3, 30)), 1e-6
     for k in range(30):
@@ -70,7 +85,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
             at = Posture(*stepped(posture.position, posture.rotations, posture.lengths, moved, *turns))
             rows[:, :, k] += sign * at.joints() / (2 * h)
     slow = np.sqrt(np.einsum("jak,kl,jal->j", rows, np.linalg.inv(full), rows))
-    np.testing.assert_allclose(of_joints.joints_held(fitter, posture, observation)[1], slow, rtol=1e-3)
+    np.testing.assert_allclose(of_joints.joints_held(posture, upper)[1], slow, rtol=1e-3)
 
 
 def test_the_network_is_evidence_where_there_is_one():
@@ -79,13 +94,13 @@ def test_the_network_is_evidence_where_there_is_one():
     posture, report = fitter.fit(observation, standing())
     estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
     last = [NAMES.index("spread"), NAMES.index("apart")]
-    alone = of_joints.evidence(fitter, posture, report, observation, np.zeros(20))
-    found = of_joints.evidence(fitter, posture, report, observation, np.zeros(20), estimate)
+    alone = of_joints.evidence(posture, report, observation, np.zeros(20))
+    found = of_joints.evidence(posture, report, observation, np.zeros(20), estimate)
     assert found.shape == (20, len(NAMES)) and not alone[:, last].any()
     assert_alike(np.delete(found, last, 1), np.delete(alone, last, 1), SOLVED)
     np.testing.assert_allclose(np.exp(found[:, last[0]]), estimate.spread)
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
-    near = of_joints.evidence(fitter, posture, report, observation, np.zeros(20), nearer)
+    near = of_joints.evidence(posture, report, observation, np.zeros(20), nearer)
     assert (near[:, last[1]] < found[:, last[1]]).all()
 
 
@@ -123,7 +138,7 @@ def in_full_view():
 def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
     """By frontal area: a third of what it would get in full view is enough; what is seen through is none."""
     random = np.random.default_rng(seed)
-    report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20))
+    report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20), np.eye(30))
     ends, radii = standing().capsules()
     area = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + radii.sum(1)) * radii.sum(1)
     observation = in_full_view()
