@@ -1,11 +1,11 @@
 from .floor import corrected as corrected, world_from_floor as world_from_floor
 from .mounting import Mounting as Mounting
-from .room import (
+from .room import RoomModel as RoomModel
+from .room_kernels import (
     BEFORE as BEFORE,
     ROOM as ROOM,
     UNLIKELY as UNLIKELY,
     UNSEEN as UNSEEN,
-    RoomModel as RoomModel,
     widened as widened,
 )
 from .walls import without_walls as without_walls

@@ -17,7 +17,7 @@ from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.scene.room import UNSEEN, RoomModel
+from enliven_edge.tracking.scene import UNSEEN, RoomModel
 from enliven_edge.tracking.segment.candidate import YOUNG
 from enliven_edge.tracking.segment.pieces import _reaches
 from enliven_edge.tracking.segment.segmentation import segmented

@@ -22,7 +22,7 @@ from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.search import Found, Search
-from enliven_edge.tracking.scene.room import BEFORE, UNLIKELY
+from enliven_edge.tracking.scene import BEFORE, UNLIKELY
 from enliven_edge.tracking.segment.candidate import Candidate, _unions, measured
 from enliven_edge.tracking.segment.person_shape import shape_of
 from enliven_edge.tracking.settings import TrackerSettings

@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
 from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, _candidates, groups_of, segmented
 

@@ -1,0 +1,298 @@
+"""What a pixel is against the room, and how the room is learnt from it, compiled; see :mod:`room`.
+
+Nearly every pixel shows what it showed before. So a row is looked at twice: first all of it side by side,
+with every such pixel brought up to date, and then the few others one by one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32
+from enliven.kernels import njit
+
+ROOM = 0
+"""Class of a pixel that shows the room, or nothing."""
+BEFORE = 1
+"""Class of a pixel that shows something in front of the known room."""
+UNSEEN = 2
+"""Class of a pixel where the room was never seen, nearer than the room around it."""
+UNLIKELY = 3
+"""Class of a pixel where the room was never seen, about as far as the room around it: hardly a person."""
+_FLICKERS = 6.0
+"""Times that a pixel has come to the same nearer depth and gone: more often it is an edge of the room, which
+is as near as the nearer depth."""
+_FOLLOWS = 0.3
+"""Share of a difference within the noise by which the room follows in a second: it drifts slowly."""
+_FORGIVES = 0.1
+"""Share of its flips that a pixel forgets in a second."""
+_BACK = 0.7
+"""Share of ``absorb_after`` that a depth has waited already where something farther replaces it: what was
+there comes back sooner than something new."""
+_WORD = 8
+"""Pixels whose marks are looked at as one number."""
+
+
+class RoomState(NamedTuple):
+    """What is known of every pixel, (h, w) each.
+
+    Attributes:
+        z: metres, the room; 0 where it was never seen.
+        nearer: metres, another depth that has been seen.
+        waited: seconds for which it has.
+        away: seconds for which the room was farther than it is known to be, or not measured.
+        guarded: the id of the person whose last place it is, or -1.
+        guard_z: metres, the depth of that person there.
+        flips: how often the pixel came to the nearer depth and went; its sign is where it was last.
+        still, still_z: seconds for which it has had one depth, and that depth, where no room is known.
+    """
+
+    z: Float
+    nearer: Float32
+    waited: Float32
+    away: Float32
+    guarded: Int32
+    guard_z: Float32
+    flips: Float32
+    still: Float32
+    still_z: Float32
+
+
+class LearningRate(NamedTuple):
+    """The seconds that learning takes; see :class:`~enliven_edge.tracking.settings.RoomSettings`.
+
+    Attributes:
+        step: since the frame before.
+        absorb_after, clear_after: of the settings.
+        seen_for: for which a depth must be the same where the room was never seen; 0: at once.
+        dark: without a measurement after which the room is forgotten; infinite: never.
+    """
+
+    step: float
+    absorb_after: float
+    clear_after: float
+    seen_for: float
+    dark: float
+
+
+def empty_room(shape: tuple[int, int]) -> RoomState:
+    """Returns the state of a room of which nothing was seen."""
+    nearer, waited, away, guard_z, flips, still, still_z = np.zeros((7, *shape), np.float32)
+    guarded = np.full(shape, -1, np.int32)
+    return RoomState(np.zeros(shape), nearer, waited, away, guarded, guard_z, flips, still, still_z)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def classified(z, points, room, fill, near, far, floor_band):  # type: ignore[no-untyped-def]
+    """See :meth:`RoomModel.classify`; without a branch, so that many pixels are compared at once."""
+    height, width = z.shape
+    out = np.empty((height, width), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            d, known, likely = z[v, u], room[v, u], fill[v, u]
+            margin = 0.05 + 0.012 * d * d
+            seen = BEFORE if d < known - margin else ROOM
+            never_seen = UNSEEN if (likely == 0.0) | (d < likely - margin) else UNLIKELY
+            counts = (d > near) & (d < far) & (points[v, u, 1] > floor_band)
+            out[v, u] = (seen if known > 0.0 else never_seen) if counts else ROOM
+    return out
+
+
+@njit(cache=True, nogil=True)
+def learn_frame(z, person, hold, state, rate):  # type: ignore[no-untyped-def]
+    """Learns one frame; returns the numbers of pixels compared, plainly nearer and plainly farther.
+
+    Args:
+        z: (h, w) metres.
+        person: (h, w) pixels that are not learnt.
+        hold: (h, w) pixels of possible people.
+        state: a :class:`RoomState`, changed.
+        rate: a :class:`LearningRate`.
+    """
+    height, width = z.shape
+    compared, count_nearer, count_farther = 0, 0, 0
+    # By their own names once: to look a name up for every pixel would be to count who holds the array.
+    room, nearer, waited, away = state.z, state.nearer, state.waited, state.away
+    guarded, guard_z, flips, still, still_z = (
+        state.guarded,
+        state.guard_z,
+        state.flips,
+        state.still,
+        state.still_z,
+    )
+    step, absorb_after, clear_after, seen_for, dark = rate
+    usual, other = np.empty(width, np.bool_), np.zeros((width + _WORD - 1) // _WORD * _WORD, np.uint8)
+    words, chosen = other.view(np.uint64), np.empty(len(other), np.int64)
+    for v in range(height):
+        compared += _marks(usual, other, room[v], z[v], person[v])
+        _stays(room[v], z[v], still[v], still_z[v], np.float32(step))
+        _goes_on(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
+        for u in _marked(chosen, other, words):
+            d, known = z[v, u], room[v, u] > 0.0
+            if d <= 0.0:
+                _not_measured(room, waited, away, v, u, step, dark)
+                continue
+            if not known:
+                same = abs(d - nearer[v, u]) <= _margin(d)
+                if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
+                    room[v, u], waited[v, u] = d, 0.0
+                    continue
+            elif d > room[v, u]:
+                compared, count_farther = compared + 1, count_farther + 1
+                guarded[v, u] = -1
+                _farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
+                continue
+            compared, count_nearer = compared + known, count_nearer + known
+            away[v, u] = 0.0
+            if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
+                _nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold[v, u])
+    return compared, count_nearer, count_farther
+
+
+@njit(cache=True, nogil=True)
+def _marks(usual, other, room, z, person):  # type: ignore[no-untyped-def]
+    """Marks the pixels of a row that show the known room, and those that are to be learnt one by one.
+
+    Returns the number of the first; a person's pixels are neither.
+    """
+    count = 0
+    for u in range(len(z)):
+        d, known = z[u], room[u] > 0.0
+        same = known & (d > 0.0) & (abs(d - room[u]) <= _margin(d)) & (not person[u])
+        usual[u] = same
+        other[u] = not (same | person[u])
+        count += same
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _marked(chosen, marks, words):  # type: ignore[no-untyped-def]
+    """Returns the places of the marks that are set, in ``chosen``; ``words`` are the marks, eight at a time."""
+    count = 0
+    for word in range(len(words)):
+        if words[word] == 0:
+            continue
+        for n in range(word * _WORD, (word + 1) * _WORD):
+            chosen[count] = n
+            count += marks[n]
+    return chosen[:count]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _margin(d):  # type: ignore[no-untyped-def]
+    """Metres by which depth at ``d`` metres may differ and still be the same: the sensor's noise."""
+    return 0.04 + 0.010 * d * d
+
+
+@njit(cache=True, nogil=True)
+def _goes_on(usual, z, room, flips, waited, away, guarded, step):  # type: ignore[no-untyped-def]
+    """Brings the pixels of a row that show the known room up to date, in a loop for each number."""
+    follow, keep = min(1.0, _FOLLOWS * step), np.float32(1.0 - _FORGIVES * step)
+    passed, none = np.float32(step), np.float32(0.0)
+    for u in range(len(z)):
+        room[u] += follow * (z[u] - room[u]) if usual[u] else 0.0
+    for u in range(len(z)):
+        # The sign of the number of flips is where the pixel was last.
+        flips[u] = -abs(flips[u]) * keep if usual[u] else flips[u]
+    for u in range(len(z)):
+        waited[u] = max(none, waited[u] - passed) if usual[u] else waited[u]
+    for u in range(len(z)):
+        away[u] = none if usual[u] else away[u]
+    for u in range(len(z)):
+        guarded[u] = np.int32(-1) if usual[u] else guarded[u]
+
+
+@njit(cache=True, nogil=True)
+def _farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
+    """Learns a pixel that is plainly farther than the known room."""
+    waited[v, u] = max(0.0, waited[v, u] - step)
+    away[v, u] += step
+    if away[v, u] > clear_after:
+        # What was there comes back sooner than something new: an edge that flickers slowly.
+        nearer[v, u], waited[v, u] = room[v, u], _BACK * absorb_after
+        room[v, u], away[v, u] = d, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):  # type: ignore[no-untyped-def]
+    """Learns a pixel that is plainly nearer than the known room, or where none is known."""
+    margin = _margin(d)
+    if flips[v, u] <= 0.0 and not hold and abs(d - nearer[v, u]) <= 2.0 * margin:
+        flips[v, u] = 1.0 - flips[v, u]
+        if flips[v, u] > _FLICKERS and room[v, u] > 0.0:
+            room[v, u], flips[v, u] = nearer[v, u], 0.0
+            return
+    if abs(d - nearer[v, u]) <= margin:
+        waited[v, u] += step
+        nearer[v, u] += 0.2 * (d - nearer[v, u])
+        if waited[v, u] > absorb_after:
+            room[v, u], waited[v, u] = nearer[v, u], 0.0
+        return
+    waited[v, u] -= 2.0 * step
+    if waited[v, u] <= 0.0:
+        nearer[v, u], waited[v, u] = d, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _stays(room, z, still, still_z, step):  # type: ignore[no-untyped-def]
+    """Updates how long the pixels of a row, a person's or not, have had one depth, where no room is known."""
+    none, twice = np.float32(0.0), np.float32(2.0) * step
+    for u in range(len(z)):
+        d, known = np.float32(z[u]), room[u] > 0.0
+        apart = d - still_z[u]
+        same = abs(apart) <= np.float32(0.01) + np.float32(0.004) * d * d
+        passed = still[u] + (step if same else -twice)
+        anew = (not same) & (passed <= none)
+        follows = still_z[u] + (np.float32(0.1) * apart if same else none)
+        still_z[u] = still_z[u] if known else (d if anew else follows)
+        still[u] = still[u] if known else (none if anew else passed)
+
+
+@njit(cache=True, nogil=True)
+def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-untyped-def]
+    """Updates a pixel without a measurement: the room is forgotten there after ``dark`` seconds."""
+    if room[v, u] == 0.0:
+        waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
+    elif dark < np.inf:
+        away[v, u] += step
+        if away[v, u] > dark:
+            room[v, u], away[v, u], waited[v, u] = 0.0, 0.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
+    """See :meth:`RoomModel.guard`; a followed person guards only the pixels of this frame."""
+    height, width = owner.shape
+    for v in range(height):
+        row = guarded[v]
+        for i in ids:
+            for u in range(width):
+                row[u] = np.int32(-1) if row[u] == i else row[u]
+        for u in range(width):
+            if owner[v, u] >= 0:
+                row[u], guard_z[v, u] = ids[owner[v, u]], z[v, u]
+
+
+@njit(cache=True, nogil=True)
+def widened(mask, pixels):  # type: ignore[no-untyped-def]
+    """The (h, w) mask grown by a square of ``pixels`` to every side.
+
+    Unites each row with the rows around it, and then with itself moved by up to so many pixels.
+    """
+    height, width = mask.shape
+    out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
+    middle = row[pixels : pixels + width]
+    for v in range(height):
+        row[:] = False
+        for near in range(max(0, v - pixels), min(height, v + pixels + 1)):
+            beside = mask[near]
+            for u in range(width):
+                middle[u] |= beside[u]
+        made = out[v]
+        for first in range(2 * pixels + 1):
+            moved = row[first : first + width]
+            for u in range(width):
+                made[u] |= moved[u]
+    return out
