@@ -50,32 +50,66 @@ class Predictor:
             delay: (20,) seconds by which the joints lie behind already, made up for where they move.
             turn_delay: (20,) seconds, the same of the orientations.
         """
-        self._learn(joints, turns, time_ns)
-        ahead = seconds + delay * _moving(self._speed, _MOVES)
-        moved = moved_on(joints, self._speed, ahead) if ahead.any() else joints
-        if turns is None:
-            return moved, None
-        ahead = seconds + turn_delay * _moving(self._spin, _TURNS)
-        return moved, turned_on(turns, self._spin, ahead) if ahead.any() else turns
-
-    def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
-        """Updates the speeds by this frame and the last."""
         passed = (time_ns - self._time_ns) * 1e-9
         if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
-            self._speed[:] = 0.0
-            self._spin[:] = 0.0
-        else:
-            share = 1.0 / (1.0 + 1.0 / (2 * np.pi * _CUTOFF * passed))
-            self._speed += share * ((joints - self._joints) / passed - self._speed)
-            if turns is not None and self._turns is not None:
-                learn_spin(self._spin, self._turns, turns, passed, share)
+            passed = 0.0
+        if passed == seconds == 0.0:
+            self._speed[:], self._spin[:] = 0.0, 0.0
+            self._joints, self._turns, self._time_ns = joints, turns, time_ns
+            return joints, turns
+        before, turned = joints if self._joints is None else self._joints, None
+        moved = foreseen_places(joints, before, self._speed, delay, passed, seconds)
+        if turns is not None:
+            since = 0.0 if self._turns is None else passed
+            facing = turns if self._turns is None else self._turns
+            turned = np.asarray(foreseen_turns(turns, facing, self._spin, turn_delay, since, seconds))
         self._joints, self._turns, self._time_ns = joints, turns, time_ns
+        return np.asarray(moved), turned
 
 
-def _moving(velocity: Float, half: float) -> Float:
-    """(J,) how much (J, 3) velocities count as movement: 0 at rest, 0.5 at the speed ``half``, at most 1."""
-    square = (velocity**2).sum(1)
-    return square / (square + half * half)
+@njit(cache=True, nogil=True)
+def foreseen_places(joints, before, speed, delay, passed, seconds):  # type: ignore[no-untyped-def]
+    """(J, 3) where joints are after some seconds, by their (J, 3) speeds, which this frame changes.
+
+    Args:
+        before: (J, 3) of the frame ``passed`` seconds before; 0: there is none, and nothing moves.
+        delay: (J,) seconds that are made up for where a joint moves.
+    """
+    share = _share(passed)
+    for j in range(len(joints)):
+        for a in range(3):
+            moved = (joints[j, a] - before[j, a]) / passed if passed > 0.0 else 0.0
+            speed[j, a] += share * (moved - speed[j, a])
+    return moved_on(joints, speed, ahead_of(speed, delay, seconds, _MOVES))
+
+
+@njit(cache=True, nogil=True)
+def foreseen_turns(turns, before, spin, delay, passed, seconds):  # type: ignore[no-untyped-def]
+    """(J, 4) the same of turns, by their (J, 3) spins in radians a second."""
+    if passed > 0.0:
+        learn_spin(spin, before, turns, passed, _share(passed))
+    else:
+        spin[:] = 0.0
+    return turned_on(turns, spin, ahead_of(spin, delay, seconds, _TURNS))
+
+
+@njit(cache=True, nogil=True)
+def _share(passed):  # type: ignore[no-untyped-def]
+    """The share of a new speed that the low-pass takes over after so many seconds; 1 where it begins."""
+    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF * passed)) if passed > 0.0 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def ahead_of(velocity, delay, seconds, half):  # type: ignore[no-untyped-def]
+    """(J,) seconds to look ahead: so many, and a delay as far as a velocity counts as movement.
+
+    That is 0 at rest, half of it at the speed ``half``, and nearly all of it far beyond.
+    """
+    out = np.empty(len(velocity))
+    for j in range(len(velocity)):
+        square = velocity[j, 0] ** 2 + velocity[j, 1] ** 2 + velocity[j, 2] ** 2
+        out[j] = seconds + delay[j] * square / (square + half * half)
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -32,7 +32,7 @@ _BACK = 0.7
 """Share of ``absorb_after`` that a depth has waited already where something farther replaces it: what was
 there comes back sooner than something new."""
 _WORD = 8
-"""Pixels whose marks are looked at as one number."""
+"""Pixels that are looked at as one number: a byte each."""
 
 
 class RoomState(NamedTuple):
@@ -43,7 +43,7 @@ class RoomState(NamedTuple):
         nearer: metres, another depth that has been seen.
         waited: seconds for which it has.
         away: seconds for which the room was farther than it is known to be, or not measured.
-        guarded: the id of the person whose last place it is, or -1.
+        guarded: the id of the person who was last seen there, or -1.
         guard_z: metres, the depth of that person there.
         flips: how often the pixel came to the nearer depth and went; its sign is where it was last.
         still, still_z: seconds for which it has had one depth, and that depth, where no room is known.
@@ -169,7 +169,7 @@ def _marks(usual, other, room, z, person):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _marked(chosen, marks, words):  # type: ignore[no-untyped-def]
-    """Returns the places of the marks that are set, in ``chosen``; ``words`` are the marks, eight at a time."""
+    """Returns the places of the marks that are set, in ``chosen``; ``words`` are eight marks each."""
     count = 0
     for word in range(len(words)):
         if words[word] == 0:

@@ -7,7 +7,13 @@ import pytest
 
 from enliven.person.joints import PARENTS
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, to_rotation_vector
-from enliven_edge.tracking.output.prediction import learn_spin, moved_on, turned_on
+from enliven_edge.tracking.output.prediction import (
+    foreseen_places,
+    foreseen_turns,
+    learn_spin,
+    moved_on,
+    turned_on,
+)
 
 
 def limited(velocity, most):
@@ -43,3 +49,45 @@ def test_bones_turn_on_at_their_spin_which_is_learnt_from_frame_to_frame(seed):
     learn_spin(spin, before, turns, passed, share)
     np.testing.assert_allclose(spin, learnt, atol=1e-9)
     np.testing.assert_allclose(turned_on(turns, spin, seconds), on, atol=1e-9)
+
+
+def ahead(velocity, delay, seconds, half):
+    square = (velocity**2).sum(1)
+    return seconds + delay * square / (square + half**2)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_speeds_are_learnt_and_a_delay_is_made_up_for_where_something_moves(seed):
+    random = np.random.default_rng(seed)
+    before, speed, spin = (
+        random.normal(size=(20, 3)),
+        random.normal(0, 2, (20, 3)),
+        random.normal(0, 4, (20, 3)),
+    )
+    joints, delay = before + random.normal(0, 0.05, (20, 3)), random.uniform(0, 0.05, 20)
+    was = normalized(random.normal(size=(20, 4)))
+    turns = multiply(was, from_rotation_vector(random.normal(0, 0.2, (20, 3))))
+    passed, seconds = random.uniform(0.01, 0.4), random.uniform(0, 0.2) * (seed % 3 > 0)
+    share = 1 / (1 + 1 / (2 * np.pi * 3.0 * passed))
+    learnt = speed + share * ((joints - before) / passed - speed)
+    slow = moved_on(joints, learnt, ahead(learnt, delay, seconds, 0.5))
+    np.testing.assert_allclose(
+        foreseen_places(joints, before, speed, delay, passed, seconds), slow, atol=1e-12
+    )
+    np.testing.assert_allclose(speed, learnt, atol=1e-12)
+    turning = spin.copy()
+    learn_spin(turning, was, turns, passed, share)
+    slow = turned_on(turns, turning, ahead(turning, delay, seconds, 3.0))
+    np.testing.assert_allclose(foreseen_turns(turns, was, spin, delay, passed, seconds), slow, atol=1e-12)
+    np.testing.assert_allclose(spin, turning, atol=1e-12)
+
+
+def test_nothing_is_foreseen_of_a_first_frame():
+    random = np.random.default_rng(0)
+    joints, speed = random.normal(size=(20, 3)), random.normal(size=(20, 3))
+    turns, spin = normalized(random.normal(size=(20, 4))), random.normal(size=(20, 3))
+    moved = foreseen_places(joints, joints, speed, np.full(20, 0.02), 0.0, 0.1)
+    turned = foreseen_turns(turns, turns, spin, np.full(20, 0.02), 0.0, 0.1)
+    assert not speed.any() and not spin.any()
+    np.testing.assert_allclose(moved, joints, atol=1e-12)
+    np.testing.assert_allclose(turned, turns, atol=1e-12)
