@@ -98,7 +98,7 @@ def test_the_parts_are_told():
         case = fresh(n)
         v, u = np.nonzero(case.mask)
         rays = (np.stack([u, v], 1) - case.picture.camera[2:]) / case.picture.camera[:2]
-        right.append(case.estimate(True).parts_at(rays).argmax(1) == case.picture.label[v, u])
+        right.append(case.estimate(True).parts_at(rays).argmax(0) == case.picture.label[v, u])
     assert np.mean(np.concatenate(right)) > PARTS_RIGHT
 
 

@@ -33,5 +33,6 @@ def seen_as(estimate: Estimate, points=None, probabilities=None) -> EstimateAtPo
     """What is seen where an estimate is all, and where points are of parts."""
     if points is None:
         points, probabilities = np.zeros((1, 3)), np.ones((1, PARTS)) / PARTS
-    points, shown = np.asarray(points, np.float32), np.asarray(probabilities, np.float32)
-    return EstimateAtPoints(estimate, points, shown, np.zeros((len(points), 2)))
+    surface, shown = np.zeros((6, len(points)), np.float32), np.asarray(probabilities, np.float32)
+    surface[:3] = np.transpose(points)
+    return EstimateAtPoints(estimate, surface, np.ascontiguousarray(shown.T), np.zeros((len(points), 2)))

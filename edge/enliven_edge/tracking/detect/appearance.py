@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -41,8 +40,8 @@ def _capsule_parts() -> Float:
 
 CARRIES = _capsule_parts()
 """(20, 17): 1 where a capsule of the model carries a part, else 0."""
-_CARRY = CARRIES.T.astype(np.float32)
-_CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
+_EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
+"""(20, 17) the same where left and right parts are taken for one."""
 _TO_THE_SENSOR = 0.5
 """Log probability for facing the sensor, and against facing away, by habit: people look at it."""
 DISAGREEMENT = 4.0
@@ -55,13 +54,13 @@ class EstimateAtPoints:
 
     Attributes:
         estimate: joints, spread, facing and parts.
-        points: (M, 3) metres, world frame, of the observation.
-        probabilities: (M, 17) float32 of the parts at these points.
+        surface: (6, M) metres, the points of the observation, world frame, and their normals.
+        probabilities: (17, M) float32 of the parts at these points.
         rays: (M, 2) x/z and y/z of the points in the image.
     """
 
     estimate: Estimate
-    points: Float32
+    surface: Float32
     probabilities: Float32
     rays: Float
 
@@ -71,35 +70,45 @@ class EstimateAtPoints:
 
     def thinned(self, step: int) -> EstimateAtPoints:
         """Returns the same with every ``step``-th point."""
-        points, shown = np.ascontiguousarray(self.points[::step]), self.probabilities[::step]
-        return replace(self, points=points, probabilities=np.ascontiguousarray(shown), rays=self.rays[::step])
-
-    @cached_property
-    def likelihood(self) -> Float32:
-        """(M, 20) probability that each point is on a part that each capsule carries."""
-        return np.asarray(self.probabilities @ _CARRY)
-
-    @cached_property
-    def surface(self) -> Float32:
-        """(6, M) the points without normals, as :func:`capsules.nearest_capsules` takes them."""
-        out = np.zeros((6, len(self.points)), np.float32)
-        out[:3] = self.points.T
-        return out
+        surface, shown = (
+            np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
+        )
+        return replace(self, surface=surface, probabilities=shown, rays=self.rays[::step])
 
     def affinity(self, metres: float) -> Float32:
         """Returns (20, M) metres to add to a point's distance from a capsule that it does not look like."""
-        return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
+        return np.asarray(_affinity(self.probabilities, CARRIES, np.float32(metres)))
 
     def sideless_affinity(self, metres: float) -> Float32:
         """Returns the same with left and right parts taken for one."""
-        either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
-        return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T, np.float32)
+        return np.asarray(_affinity(self.probabilities, _EITHER, np.float32(metres)))
 
 
 def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
     """Samples an estimate of the same frame at the points of an observation."""
     rays = _rays(observation.pixels, observation.view.camera)
-    return EstimateAtPoints(estimate, observation.points, estimate.parts_at(rays), rays)
+    return EstimateAtPoints(estimate, observation.seen.points, estimate.parts_at(rays), rays)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _affinity(shown, carries, metres):  # type: ignore[no-untyped-def]
+    """See :meth:`EstimateAtPoints.affinity`.
+
+    Args:
+        shown: (P, M) float32 probabilities.
+        carries: (C, P) 1 where a capsule carries a part, else 0.
+    """
+    out = np.empty((len(carries), shown.shape[1]), np.float32)
+    for c in range(len(carries)):
+        row = out[c]
+        row[:] = metres
+        for p in range(len(shown)):
+            if carries[c, p] == 0.0:
+                continue
+            like = shown[p]
+            for i in range(len(row)):
+                row[i] = max(np.float32(0.0), row[i] - metres * like[i])
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -117,17 +126,18 @@ def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
 
     Comparing it for a posture and the same turned about tells front from back, and left from right.
     """
-    return float(_agreement(seen.surface, seen.likelihood, *posture.capsules()))
+    return float(_agreement(seen.surface, seen.probabilities, CARRIES, *posture.capsules()))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _agreement(surface, likelihood, ends, radii):  # type: ignore[no-untyped-def]
+def _agreement(surface, shown, carries, ends, radii):  # type: ignore[no-untyped-def]
     """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`."""
-    which = np.empty(len(likelihood), np.int32)
+    which = np.empty(shown.shape[1], np.int32)
     nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
     total = 0.0
     for i in range(len(which)):
-        total += likelihood[i, which[i]]
+        for p in range(len(shown)):
+            total += shown[p, i] if carries[which[i], p] > 0.0 else 0.0
     return total / len(which)
 
 

@@ -14,8 +14,9 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import Joint
 from enliven_edge.assets import ESTIMATOR
-from enliven_edge.tracking.estimator.crop import COLUMNS, Crop, crop_person
+from enliven_edge.tracking.estimator.crop import Crop, crop_person
 from enliven_edge.tracking.estimator.labels import FACINGS
+from enliven_edge.tracking.estimator.part_map import parts_at_rays
 
 _DISTANCE = 3.0
 """Mean distance, in units of its scale, of the distribution that the network learns: in space the density
@@ -83,10 +84,9 @@ class Estimate:
         return int(_apart(joints, self.joints, self.spread, which))
 
     def parts_at(self, rays: Float) -> Float32:
-        """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
-        rows, columns = self.parts.shape[1:]
-        cells = _cells_of_parts(self.crop.cells(rays), rows, columns)
-        return np.asarray(_between_cells(self.parts, cells))
+        """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
+        crop = self.crop
+        return np.asarray(parts_at_rays(self.parts, rays, crop.axes, crop.centre, crop.depth / crop.cell))
 
 
 @njit(cache=True, nogil=True)
@@ -112,39 +112,6 @@ def _apart(joints, seen, spread, which):  # type: ignore[no-untyped-def]
         apart = np.sqrt(x * x + y * y + z * z)
         count += apart > _APART and apart > _SPREADS * spread[j]
     return count
-
-
-@njit(cache=True, nogil=True)
-def _cells_of_parts(cells, rows, columns):  # type: ignore[no-untyped-def]
-    """Returns (M, 2) columns and rows in the part map, clipped, of (M, 2) cells as of :meth:`Crop.cells`."""
-    out, share = np.empty(cells.shape), columns / COLUMNS
-    for i in range(len(cells)):
-        out[i, 0] = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
-        out[i, 1] = min(rows - 1.001, max(0.0, cells[i, 1] * share + rows / 2 - 0.5))
-    return out
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _between_cells(logits, cells):  # type: ignore[no-untyped-def]
-    """(M, P) softmax over (P, h, w) logits, interpolated at (M, 2) columns and rows."""
-    parts = len(logits)
-    out = np.empty((len(cells), parts), np.float32)
-    for i in range(len(cells)):
-        u, v = int(cells[i, 0]), int(cells[i, 1])
-        x, y = np.float32(cells[i, 0] - u), np.float32(cells[i, 1] - v)
-        most = np.float32(-1e9)
-        for p in range(parts):
-            above = (1 - x) * logits[p, v, u] + x * logits[p, v, u + 1]
-            below = (1 - x) * logits[p, v + 1, u] + x * logits[p, v + 1, u + 1]
-            out[i, p] = (1 - y) * above + y * below
-            most = max(most, out[i, p])
-        total = np.float32(0.0)
-        for p in range(parts):
-            out[i, p] = np.exp(out[i, p] - most)
-            total += out[i, p]
-        for p in range(parts):
-            out[i, p] /= total
-    return out
 
 
 class PoseEstimator:

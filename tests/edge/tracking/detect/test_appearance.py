@@ -110,7 +110,7 @@ def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():
 def test_thinning_keeps_what_each_point_looks_like(seed, step):
     seen = seen_as(estimate_of(np.zeros((20, 3))), *noise(seed))
     thin = seen.thinned(step)
-    assert np.array_equal(thin.points, seen.points[::step])
+    assert np.array_equal(thin.surface, seen.surface[:, ::step])
     assert np.array_equal(thin.rays, seen.rays[::step])
     assert alike(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
     assert thin.estimate is seen.estimate
@@ -133,7 +133,7 @@ def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
     seen, posture = seen_as(estimate_of(np.zeros((20, 3))), points, shown), standing(0.3)
     which, nobody = np.empty(len(points), np.int32), np.zeros((0, 0), np.float32)
     nearest_capsules(which, seen.surface, nobody, *posture.capsules(), np.float32(0.0))
-    like = [CARRIES[c] @ shares for c, shares in zip(which, seen.probabilities, strict=True)]
+    like = [CARRIES[c] @ shares for c, shares in zip(which, seen.probabilities.T, strict=True)]
     assert agreement(seen, posture) == pytest.approx(np.mean(like), abs=1e-6)
 
 
@@ -187,9 +187,9 @@ def test_the_parts_at_the_points_are_those_of_the_picture():
         for seed in SEEDS:
             observation, _ = seen_person(name, seed)
             seen, _ = seen_in(observation)
-            assert seen.probabilities.shape == (len(observation.points), PARTS)
+            assert seen.probabilities.shape == (PARTS, len(observation.points))
             truth = taken(name, seed).label[tuple(observation.pixels.T)]
-            right.append(np.mean(seen.probabilities.argmax(1) == truth))
+            right.append(np.mean(seen.probabilities.argmax(0) == truth))
     assert np.mean(right) > PARTS_RIGHT
 
 
@@ -215,7 +215,7 @@ def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
     seen, by_facing = seen_in(observation)
     for estimate in by_facing:
         other, itself = seen.of(estimate), estimate_at_points(observation, estimate)
-        assert other.estimate is estimate and other.points is observation.points
+        assert other.estimate is estimate and other.surface is observation.seen.points
         assert_alike(other.probabilities, itself.probabilities)
         assert_alike(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
     np.testing.assert_allclose(seen.of(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)

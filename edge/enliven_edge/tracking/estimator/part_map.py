@@ -1,0 +1,99 @@
+"""What the network sees at points: its map of the parts, read between the cells, compiled.
+
+Row by row of a part, so that many points are read at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven_edge.tracking.estimator.crop import COLUMNS
+
+_LEAST = np.float32(-87.0)
+"""Exponent below which a number of single precision is 0 but for its smallest."""
+_PER_DOUBLING = np.float32(1.0 / np.log(2.0))
+"""Doublings in a factor of e."""
+_DOUBLING = np.log(2.0)
+_DOUBLING_ROUND = np.float32(round(_DOUBLING * 512) / 512)
+"""Its upper bits: times a whole number below 2^14 it is exact in single precision."""
+_DOUBLING_REST = np.float32(_DOUBLING - round(_DOUBLING * 512) / 512)
+_TERMS = tuple(np.float32(1.0 / n) for n in (720.0, 120.0, 24.0, 6.0, 2.0))
+"""Factors of the sixth to the second power in the exponential's series, for half a doubling at most."""
+_BIAS, _MANTISSA = np.int32(127), np.int32(23)
+"""Of a number of single precision: the exponent of 1, and the bits below the exponent."""
+
+
+@njit(cache=True, nogil=True)
+def parts_at_rays(logits, rays, axes, centre, scale):  # type: ignore[no-untyped-def]
+    """(P, M) float32 probabilities of P parts at M rays: softmax over the logits between four cells.
+
+    Args:
+        logits: (P, h, w) float32.
+        rays: (M, 2) x/z and y/z.
+        axes, centre, scale: as of :meth:`Crop.cells`, which says where a ray meets the crop.
+    """
+    rows, columns = logits.shape[1:]
+    places = np.empty(len(rays), np.int32)
+    right, down = np.empty(len(rays), np.float32), np.empty(len(rays), np.float32)
+    share = columns / COLUMNS
+    for i in range(len(rays)):
+        x = (rays[i, 0] * axes[0, 0] + rays[i, 1] * axes[0, 1] - centre[0]) * scale
+        y = (rays[i, 0] * axes[1, 0] + rays[i, 1] * axes[1, 1] - centre[1]) * scale
+        u = min(columns - 1.001, max(0.0, x * share + columns / 2 - 0.5))
+        v = min(rows - 1.001, max(0.0, y * share + rows / 2 - 0.5))
+        places[i], right[i], down[i] = int(v) * columns + int(u), u - int(u), v - int(v)
+    out = np.empty((len(logits), len(rays)), np.float32)
+    flat = logits.reshape(len(logits), -1)
+    for p in range(len(logits)):
+        _read(out[p], flat[p], places, right, down, columns)
+    _softmax(out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _read(out, row, places, right, down, columns):  # type: ignore[no-untyped-def]
+    """A map's values at (M,) places, and shares of a cell to the right and down from there, into ``out``."""
+    for i in range(len(out)):
+        at = np.uintp(places[i])
+        a, b = row[at], row[at + np.uintp(1)]
+        c, d = row[at + np.uintp(columns)], row[at + np.uintp(columns + 1)]
+        above, below = a + right[i] * (b - a), c + right[i] * (d - c)
+        out[i] = above + down[i] * (below - above)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _softmax(logits):  # type: ignore[no-untyped-def]
+    """Makes (P, M) logits probabilities of each column, in place."""
+    most, total = logits[0].copy(), np.zeros(logits.shape[1], np.float32)
+    for p in range(1, len(logits)):
+        row = logits[p]
+        for i in range(len(most)):
+            most[i] = max(most[i], row[i])
+    for p in range(len(logits)):
+        row = logits[p]
+        for i in range(len(most)):
+            row[i] = exponential(row[i] - most[i])
+            total[i] += row[i]
+    for i in range(len(total)):
+        total[i] = np.float32(1.0) / total[i]
+    for p in range(len(logits)):
+        row = logits[p]
+        for i in range(len(total)):
+            row[i] *= total[i]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def exponential(x):  # type: ignore[no-untyped-def]
+    """e to the power of a float32 from -87 to 87, by its series, to 3e-7 of it; as e^-87 below.
+
+    Without a call, so that many are computed at once.
+    """
+    x = max(x, _LEAST)
+    doublings = np.float32(np.floor(x * _PER_DOUBLING + np.float32(0.5)))
+    rest = x - doublings * _DOUBLING_ROUND - doublings * _DOUBLING_REST
+    a, b, c, d, e = _TERMS
+    series = np.float32(1.0) + rest * (
+        np.float32(1.0) + rest * (e + rest * (d + rest * (c + rest * (b + rest * a))))
+    )
+    return series * np.int32((np.int32(doublings) + _BIAS) << _MANTISSA).view(np.float32)
