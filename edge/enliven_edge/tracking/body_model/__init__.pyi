@@ -1,6 +1,7 @@
 from . import joint_limits as joint_limits, model as model
 from .capsules import (
     FAST as FAST,
+    clear_of_rays as clear_of_rays,
     misfits as misfits,
     nearest_capsules as nearest_capsules,
     standing_out as standing_out,

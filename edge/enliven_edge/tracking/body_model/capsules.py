@@ -114,3 +114,46 @@ def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
             px, py, pz = px - t * dx, py - t * dy, pz - t * dz
             out[i] = min(out[i], np.sqrt(px * px + py * py + pz * pz) - (start + t * growth))
     return out
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def clear_of_rays(points, eye, near, far, ends, radii):  # type: ignore[no-untyped-def]
+    """(M,) float32 metres between some capsules and a stretch of the ray through each point; negative inside.
+
+    The least distance between the stretch and a capsule's axis, less the radius there.
+
+    Args:
+        points: (M, 3) float32.
+        eye: (3,) from where the rays come.
+        near, far: metres beyond the point where the stretch begins and ends; negative before it.
+    """
+    zero, one, tiny = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
+    first, long = np.float32(near), np.float32(far - near)
+    rays, out = np.empty((6, len(points)), np.float32), np.full(len(points), np.float32(1e9))
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
+        scale = one / np.sqrt(x * x + y * y + z * z + tiny)
+        x, y, z = x * scale, y * scale, z * scale
+        rays[0, i], rays[1, i] = points[i, 0] + first * x, points[i, 1] + first * y
+        rays[2, i], rays[3, i] = points[i, 2] + first * z, long * x
+        rays[4, i], rays[5, i] = long * y, long * z
+    a, start, growth = long * long, radii[:, 0], radii[:, 1] - radii[:, 0]
+    for c in range(len(ends)):
+        sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
+        dx, dy = np.float32(ends[c, 1, 0]) - sx, np.float32(ends[c, 1, 1]) - sy
+        dz = np.float32(ends[c, 1, 2]) - sz
+        e = dx * dx + dy * dy + dz * dz + tiny
+        thick, more = np.float32(start[c]), np.float32(growth[c])
+        for i in range(len(points)):
+            x, y, z = rays[0, i] - sx, rays[1, i] - sy, rays[2, i] - sz
+            vx, vy, vz = rays[3, i], rays[4, i], rays[5, i]
+            b, f = vx * dx + vy * dy + vz * dz, x * dx + y * dy + z * dz
+            d = x * vx + y * vy + z * vz
+            # Where both are parallel every place is as near: from the stretch's beginning.
+            s = min(one, max(zero, (b * f - d * e) / (a * e - b * b + tiny)))
+            t = min(one, max(zero, (b * s + f) / e))
+            s = min(one, max(zero, (b * t - d) / a))
+            t = min(one, max(zero, (b * s + f) / e))
+            x, y, z = x + s * vx - t * dx, y + s * vy - t * dy, z + s * vz - t * dz
+            out[i] = min(out[i], np.sqrt(x * x + y * y + z * z) - (thick + t * more))
+    return out

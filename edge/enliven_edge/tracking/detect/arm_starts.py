@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int
-from enliven.kernels import njit
+from enliven.kernels import njit, quantile
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, mirrored, model, standing_out
+from enliven_edge.tracking.body_model import Posture, clear_of_rays, mirrored, model, standing_out
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.fit import align
-from enliven_edge.tracking.frame import ImageView, Observation
+from enliven_edge.tracking.frame import Observation
 
 Arm = tuple[int, ...]
 """The two frames of an arm."""
@@ -38,8 +38,8 @@ _HELD = 0.1
 """Weight of each target, the joints of the rest of the body among them."""
 _STANDS_OUT = 0.04
 """Metres outside the whole model from which a point is proud: clothes and the fit's error stay within."""
-_BEHIND = (0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3)
-"""Metres behind a point at which the trunk is looked for."""
+_BEHIND = (0.06, 0.3)
+"""Metres behind a point within which the trunk is looked for."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 _GROUP = 0.16
@@ -92,21 +92,32 @@ def _as_the_other(posture: Posture, arm: Arm) -> Posture:
     return made
 
 
-def _at_surface(view: ImageView, joints: Float) -> Float:
+@njit(cache=True, nogil=True)
+def _at_surface(view, joints):  # type: ignore[no-untyped-def]
     """Returns (N, 3) joints, each moved along its ray to just behind the person's surface there.
 
     Where the person is not seen there, or far from it, the joint stays.
     """
-    depth, mask, _, (fx, fy, cx, cy), pose = view
-    made = joints.copy()
-    for n, joint in enumerate(joints):
-        x, y, z = pose[:3, :3].T @ (joint - pose[:3, 3])
-        u, v = int(np.floor(fx * x / z + cx + 0.5)), int(np.floor(fy * y / z + cy + 0.5))
+    depth, mask, pose = view.depth, view.mask, view.world_from_camera
+    fx, fy, cx, cy = view.camera
+    made, here = joints.copy(), np.empty(3)
+    for n in range(len(joints)):
+        for a in range(3):
+            here[a] = 0.0
+            for b in range(3):
+                here[a] += pose[b, a] * (joints[n, b] - pose[b, 3])
+        u, v = (
+            int(np.floor(fx * here[0] / here[2] + cx + 0.5)),
+            int(np.floor(fy * here[1] / here[2] + cy + 0.5)),
+        )
         if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0] and mask[v, u]):
             continue
         along = depth[v, u] + _RADIUS
-        if abs(along - z) < _FARTHEST:
-            made[n] = pose[:3, 3] + pose[:3, :3] @ (np.array([x, y, z]) * (along / z))
+        if abs(along - here[2]) >= _FARTHEST:
+            continue
+        for a in range(3):
+            # The sensor and the joint are on one line with the place on the surface.
+            made[n, a] = pose[a, 3] + (joints[n, a] - pose[a, 3]) * (along / here[2])
     return made
 
 
@@ -123,7 +134,8 @@ def _where_it_stands_out(
     middle = group.mean(0)
     apart = group - middle
     way = np.linalg.eigh(apart.T @ apart)[1][:, -1]
-    low, high = np.percentile(apart @ way, [10, 90])
+    along = np.sort(apart @ way)
+    low, high = quantile(along, 0.1), quantile(along, 0.9)
     inward = middle - observation.view.world_from_camera[:3, 3]
     middle = middle + _RADIUS * inward / np.linalg.norm(inward)
     if high - low < _LONG:
@@ -141,17 +153,20 @@ def _where_it_stands_out(
 @njit(cache=True, nogil=True)
 def fullest_ball(points, radius):  # type: ignore[no-untyped-def]
     """(M,) which of (M, 3) points are within a radius of the one that has most others about it."""
-    most, best, near = 0, np.zeros(len(points), np.bool_), np.empty(len(points), np.bool_)
-    square = radius * radius
+    most, best, square = 0, 0, radius * radius
+    x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     for i in range(len(points)):
-        count = 0
-        for j in range(len(points)):
-            x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
-            near[j] = x * x + y * y + z * z < square
-            count += near[j]
+        count = np.int32(0)
+        for j in range(len(x)):
+            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            count += np.int32(dx * dx + dy * dy + dz * dz < square)
         if count > most:
-            most, best, near = count, near, best
-    return best
+            most, best = count, i
+    near = np.empty(len(points), np.bool_)
+    for j in range(len(points)):
+        dx, dy, dz = x[best] - x[j], y[best] - y[j], z[best] - z[j]
+        near[j] = dx * dx + dy * dy + dz * dz < square
+    return near
 
 
 def _before_trunk(observation: Observation, posture: Posture) -> Float32:
@@ -161,9 +176,5 @@ def _before_trunk(observation: Observation, posture: Posture) -> Float32:
     """
     ends, radii = posture.capsules()
     out = observation.points[standing_out(observation.points, ends, radii) > _STANDS_OUT]
-    away = out - observation.view.world_from_camera[:3, 3].astype(np.float32)
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
-    met = np.zeros(len(out), bool)
-    for step in _BEHIND:
-        met |= standing_out(out + np.float32(step) * away, ends[_TRUNK], radii[_TRUNK]) < 0.0
-    return out[met]
+    eye = observation.view.world_from_camera[:3, 3].astype(np.float32)
+    return out[clear_of_rays(out, eye, *_BEHIND, ends[_TRUNK], radii[_TRUNK]) < 0.0]

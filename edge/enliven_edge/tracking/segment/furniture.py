@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int
-from enliven_edge.tracking.body_model import Posture, model, standing_out
+from enliven_edge.tracking.body_model import Posture, clear_of_rays, model
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.segment.segmentation import lying_on
 
 BESIDE = 0.12
 """Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
-_DEPTHS = np.arange(-0.3, 0.61, 0.06)
-"""Metres before and behind a pixel along its ray at which a body is looked for: limbs reach as far."""
+_BEFORE, _BEHIND = -0.3, 0.6
+"""Metres before and behind a pixel along its ray within which a body is looked for: limbs reach as far."""
 _CLOSE = 0.06
 """Metres by which a ray may miss a body: an arm beside the hip is as near."""
 _BODY = np.flatnonzero(
@@ -40,8 +40,9 @@ def furniture_beside(
         floor: metres above the floor from which a pixel is none of it.
     """
     made = still & (view.z > 0.0) & (view.points[..., 1] > floor)
-    if made.any():
-        made &= (owner < 0) | ~lying_on(view, people, floor, BESIDE)
+    theirs = made & (owner >= 0)
+    if theirs.any():
+        made &= ~lying_on(view, people, floor, BESIDE, theirs)
     if made.any():
         made[made] = ~_before(np.ascontiguousarray(view.points[made], np.float32), view, people)
     return made
@@ -49,11 +50,8 @@ def furniture_beside(
 
 def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
     """Returns which of (N, 3) points lie before or behind a trunk, a head or a leg, seen from the sensor."""
-    away = points - view.eye.astype(np.float32)
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
     met = np.zeros(len(points), bool)
     for posture in people:
-        ends, radii = posture.capsules()
-        for deep in _DEPTHS.astype(np.float32):
-            met |= standing_out(points + deep * away, ends[_BODY], radii[_BODY]) < _CLOSE
+        ends, radii = (each[_BODY] for each in posture.capsules())
+        met |= clear_of_rays(points, view.eye.astype(np.float32), _BEFORE, _BEHIND, ends, radii) < _CLOSE
     return met

@@ -6,11 +6,9 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
+from enliven_edge.tracking.body_model import FAST
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY
-
-_ON_SURFACE = 0.025
-"""Metres from a predicted surface within which a pixel lies on it and the search ends: depth's noise."""
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
@@ -72,86 +70,75 @@ def _span(x, z, radius):  # type: ignore[no-untyped-def]
     return least, most
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True)
 def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):  # type: ignore[no-untyped-def]
     """Labels each candidate pixel within reach with the person of the nearest capsule, into ``owner``.
 
-    The search ends at a capsule that the pixel lies on; the last pixel's capsule is tried first. A box around
-    the person and a ball around each capsule rule out pixels that are out of reach.
+    Boxes around the person, in the image and in the world, rule out most pixels that are out of reach; the
+    others are compared with one capsule after the other, many at once.
     """
+    largest = 0
     for k in range(len(boxes)):
-        top, left, bottom, right = boxes[k]
-        shafts, balls = _shafts(ends[k], radii[k]), _balls(ends[k], radii[k], reach)
+        largest = max(largest, (boxes[k, 2] - boxes[k, 0]) * (boxes[k, 3] - boxes[k, 1]))
+    chosen, place, away = (
+        np.empty(largest, np.int64),
+        np.empty((3, largest), np.float32),
+        np.empty(largest, np.float32),
+    )
+    kinds, owners, distances = kind.ravel(), owner.ravel(), distance.ravel()
+    for k in range(len(boxes)):
         low, high = _corners(ends[k], radii[k], reach)
-        last = 0
-        for v in range(top, bottom):
-            for u in range(left, right):
-                x, y, z = points[v, u, 0], points[v, u, 1], points[v, u, 2]
-                if kind[v, u] == ROOM or not _within(x, y, z, low, high):
-                    continue
-                best = _nearer(x, y, z, shafts[last], np.inf)
-                if best > _ON_SURFACE:
-                    for c in range(len(shafts)):
-                        if _beyond(x, y, z, balls[c]):
-                            continue
-                        away = _nearer(x, y, z, shafts[c], best)
-                        if away < best:
-                            best, last = away, c
-                            if away < _ON_SURFACE:
-                                break
-                best = max(best, 0.0) + handicap[k]
-                limit = reach_unlikely if kind[v, u] == UNLIKELY else reach
-                if best < limit and best < distance[v, u]:
-                    owner[v, u], distance[v, u] = k, best
+        count = _candidates_within(chosen, place, points, kind, boxes[k], low, high)
+        _distances(away, place, count, ends[k], radii[k])
+        for n in range(count):
+            i = chosen[n]
+            best = max(away[n], 0.0) + handicap[k]
+            limit = reach_unlikely if kinds[i] == UNLIKELY else reach
+            if best < limit and best < distances[i]:
+                owners[i], distances[i] = k, best
+
+
+@njit(cache=True, nogil=True)
+def _candidates_within(chosen, place, points, kind, box, low, high):  # type: ignore[no-untyped-def]
+    """Finds the pixels of a box in the image that are no room and lie in a box of the world; how many.
+
+    Their places in reading order go into ``chosen``, and their (3, N) float32 metres into ``place``.
+    """
+    count, width = 0, kind.shape[1]
+    top, left, bottom, right = box
+    for v in range(top, bottom):
+        for u in range(left, right):
+            if kind[v, u] == ROOM:
+                continue
+            x, y, z = points[v, u, 0], points[v, u, 1], points[v, u, 2]
+            chosen[count] = v * width + u
+            place[0, count], place[1, count], place[2, count] = x, y, z
+            count += _within(x, y, z, low, high)
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _distances(away, place, count, ends, radii):  # type: ignore[no-untyped-def]
+    """Metres from the first ``count`` of (3, N) places to the nearest capsule's surface, into ``away``."""
+    away[:count] = np.float32(np.inf)
+    zero, one = np.float32(0.0), np.float32(1.0)
+    for c in range(len(ends)):
+        sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
+        dx, dy = np.float32(ends[c, 1, 0]) - sx, np.float32(ends[c, 1, 1]) - sy
+        dz = np.float32(ends[c, 1, 2]) - sz
+        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
+        for i in range(count):
+            x, y, z = place[0, i] - sx, place[1, i] - sy, place[2, i] - sz
+            t = min(one, max(zero, (x * dx + y * dy + z * dz) * share))
+            x, y, z = x - t * dx, y - t * dy, z - t * dz
+            away[i] = min(away[i], np.sqrt(x * x + y * y + z * z) - (start + t * growth))
 
 
 @njit(cache=True, nogil=True)
 def _within(x, y, z, low, high):  # type: ignore[no-untyped-def]
     """Whether a point lies in a box."""
     return low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]
-
-
-@njit(cache=True, nogil=True, fastmath={"contract"})
-def _beyond(x, y, z, ball):  # type: ignore[no-untyped-def]
-    """Whether a point lies out of a ball."""
-    return (x - ball[0]) ** 2 + (y - ball[1]) ** 2 + (z - ball[2]) ** 2 > ball[3]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _nearer(x, y, z, shaft, best):  # type: ignore[no-untyped-def]
-    """Metres from a point to a capsule's surface, or ``best`` where it is not less, found without a root."""
-    ax, ay, az = x - shaft[0], y - shaft[1], z - shaft[2]
-    t = min(1.0, max(0.0, (ax * shaft[3] + ay * shaft[4] + az * shaft[5]) * shaft[6]))
-    ax, ay, az = ax - t * shaft[3], ay - t * shaft[4], az - t * shaft[5]
-    radius = shaft[7] + t * shaft[8]
-    square = ax * ax + ay * ay + az * az
-    return np.sqrt(square) - radius if square < (best + radius) ** 2 else best
-
-
-@njit(cache=True, nogil=True)
-def _shafts(ends, radii):  # type: ignore[no-untyped-def]
-    """(C, 9) each capsule's start, axis, one over the axis squared, first radius and growth of the radius."""
-    out = np.empty((len(ends), 9))
-    for c in range(len(ends)):
-        square = 1e-12
-        for a in range(3):
-            out[c, a], out[c, 3 + a] = ends[c, 0, a], ends[c, 1, a] - ends[c, 0, a]
-            square += out[c, 3 + a] ** 2
-        out[c, 6], out[c, 7], out[c, 8] = 1.0 / square, radii[c, 0], radii[c, 1] - radii[c, 0]
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _balls(ends, radii, reach):  # type: ignore[no-untyped-def]
-    """(C, 4) centre and squared radius of the ball that holds all points within a capsule's reach."""
-    out = np.empty((len(ends), 4))
-    for c in range(len(ends)):
-        square = 0.0
-        for a in range(3):
-            out[c, a] = 0.5 * (ends[c, 0, a] + ends[c, 1, a])
-            square += (0.5 * (ends[c, 1, a] - ends[c, 0, a])) ** 2
-        out[c, 3] = (np.sqrt(square) + max(radii[c, 0], radii[c, 1]) + reach) ** 2
-    return out
 
 
 @njit(cache=True, nogil=True)

@@ -119,15 +119,30 @@ def segmented(
     return Segments(owner, labels, loose, counts)
 
 
-def lying_on(view: FrameView, postures: Sequence[Posture], above: float, reach: float) -> Bool:
-    """(h, w) pixels within ``reach`` metres of a person's surface and more than ``above`` metres high."""
-    kind = np.where(view.points[..., 1] > above, UNSEEN, ROOM).astype(np.uint8)
-    kind[view.z <= 0.0] = ROOM
+def lying_on(
+    view: FrameView, postures: Sequence[Posture], above: float, reach: float, among: Bool | None = None
+) -> Bool:
+    """(h, w) pixels within ``reach`` metres of a person's surface and more than ``above`` metres high.
+
+    Args:
+        among: (h, w) the pixels that are looked at; None: all.
+    """
+    kind = _solid(view.z, view.points, above) if among is None else among.astype(np.uint8) * UNSEEN
     owner, distance = np.full(kind.shape, -1, np.int64), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
     label_pixels(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
     return np.asarray(owner >= 0)
+
+
+@njit(cache=True, nogil=True)
+def _solid(z, points, above):  # type: ignore[no-untyped-def]
+    """(h, w) UNSEEN where something is measured more than ``above`` metres high, ROOM elsewhere."""
+    out = np.empty(z.shape, np.uint8)
+    for v in range(z.shape[0]):
+        for u in range(z.shape[1]):
+            out[v, u] = UNSEEN if (z[v, u] > 0.0) & (points[v, u, 1] > above) else ROOM
+    return out
 
 
 @njit(cache=True, nogil=True)

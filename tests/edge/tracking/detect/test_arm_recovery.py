@@ -11,10 +11,11 @@ from postures_seen_for_tests import observed
 
 from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import clear_of_rays, standing_out
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
-from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, fullest_ball, standing_out
+from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, fullest_ball
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -109,6 +110,26 @@ def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
         thick = first + along[nearest, 0] * (last - first)
         twin = np.minimum(twin, away.min(1) - thick)
     np.testing.assert_allclose(standing_out(points, ends, radii), twin, rtol=0, atol=SAMPLED)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.2), st.floats(0.1, 1.0))
+def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near, long):
+    """Against every ray and every capsule, sampled densely along both."""
+    dice = np.random.default_rng(seed)
+    ends, radii = (each[:6] for each in TRUTH.capsules())
+    points = dice.normal([0.0, 1.0, -2.5], 0.4, (8, 3)).astype(np.float32)
+    eye = dice.normal([0.0, 1.2, 0.0], 0.1).astype(np.float32)
+    away = (points - eye) / np.linalg.norm(points - eye, axis=1, keepdims=True)
+    ray = points[:, None] + np.linspace(near, near + long, 401)[:, None] * away[:, None]
+    along, twin = np.linspace(0.0, 1.0, 201), np.full(len(points), np.inf)
+    for (a, b), (first, last) in zip(ends, radii, strict=True):
+        apart = np.linalg.norm(ray[:, :, None] - (a + along[:, None] * (b - a)), axis=3)
+        nearest = apart.reshape(len(points), -1).argmin(1)
+        thick = first + along[nearest % len(along)] * (last - first)
+        twin = np.minimum(twin, apart.min((1, 2)) - thick)
+    found = clear_of_rays(points, eye, near, near + long, ends, radii)
+    np.testing.assert_allclose(found, twin, rtol=0, atol=2 * SAMPLED)
 
 
 @settings(deadline=None, max_examples=30)

@@ -51,7 +51,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     boxes = image_boxes(view, ends, radii, REACH)
     label_pixels(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
     exact = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0)
-    clear = np.abs(exact[0] - exact[1]) > 0.03  # on both surfaces, either may have it
+    clear = np.abs(exact[0] - exact[1]) > 1e-5  # on both surfaces, either may have it
     clear &= np.abs(exact.min(0) - REACH) > 1e-6  # at the end of its reach, rounding decides
     expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
     np.testing.assert_array_equal(owner[clear], expected[clear])
@@ -61,7 +61,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
 @given(st.integers(0, 100_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
 def test_claims_are_those_of_the_slow_twin(seed, handicap):
-    """Whatever the pixels are, near and far, and whoever is hidden; a surface that is met ends the search."""
+    """Whatever the pixels are, near and far, and whoever is hidden; in single precision."""
     random, shape = np.random.default_rng(seed), (60, 80)
     view = view_of(random.uniform(1.5, 3.5, (60, 1)) + 0.3 * random.standard_normal(shape))
     postures = [person(x, -2.0 - x**2, arm_raise=random.uniform(0, 2)) for x in random.uniform(-1, 1, 3)]
@@ -73,12 +73,10 @@ def test_claims_are_those_of_the_slow_twin(seed, handicap):
     away = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0) + weaker[:, None, None]
     limit = np.where(kind == ROOM, 0.0, np.where(kind == UNLIKELY, 0.08, REACH))
     least, second = np.sort(away, axis=0)[:2]
-    clear = (second - least > 0.026) & (np.abs(away - limit).min(0) > 0.026)
+    clear = (second - least > 1e-5) & (np.abs(away - limit).min(0) > 1e-5)
     np.testing.assert_array_equal(owner[clear], np.where(least < limit, away.argmin(0), -1)[clear])
     theirs = clear & (owner >= 0)
-    exact = theirs & (least > 0.025 + handicap)
-    np.testing.assert_allclose(distance[exact], least[exact], atol=1e-9)
-    assert (distance[theirs] < least[theirs] + 0.025).all()
+    np.testing.assert_allclose(distance[theirs], least[theirs], atol=2e-6)
 
 
 def boxes_slowly(view, ends, radii, reach):
