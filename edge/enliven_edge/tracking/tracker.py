@@ -203,11 +203,14 @@ class Tracker:
             self._room = RoomModel(view.z.shape, self.settings.room)
         return self._room
 
-    def _most_sure(self, age_ns: int) -> Float:
-        """(20,) the most confidence of a person's joints who was found so many nanoseconds ago."""
+    def _bounded(self, sure: Float, age_ns: int) -> Float:
+        """(20,) confidence of a person's joints who was found so many nanoseconds ago, as far as earned."""
         earned = min(max(age_ns / _EARNED_NS, 0.0), 1.0)
+        if earned == 1.0 and self._mounting.floor_known:
+            return sure
         legs = 1.0 if self._mounting.floor_known else _LEGS_WITHOUT_FLOOR
-        return np.minimum(_AT_FIRST + (1.0 - _AT_FIRST) * earned, np.where(_IS_LEG, legs, 1.0))
+        most = np.minimum(_AT_FIRST + (1.0 - _AT_FIRST) * earned, np.where(_IS_LEG, legs, 1.0))
+        return np.minimum(sure, most)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
         """The bodies that leave the tracker: each performer's fit, processed as the settings say."""
@@ -215,7 +218,7 @@ class Tracker:
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence
             age = frame.time_ns - person.found_ns if person.plain else 0
-            sure = np.minimum(sure, self._most_sure(age))
+            sure = self._bounded(sure, age)
             turns, stature = posture.orientations(), person.looks.stature
             fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
         if self.colour is not None and self.world_from_camera is not None:

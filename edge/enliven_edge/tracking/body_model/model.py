@@ -64,10 +64,9 @@ def lengths_for_height(height: float) -> Float:
 
 def height_of(lengths: Float) -> float:
     """Metres from sole to crown of a person with these (12,) lengths, standing straight."""
-    crown = 1.25 * lengths[NECK] + 0.095 * lengths[GIRTH]
-    sole = 0.35 * lengths[FOOT] + 0.03 * lengths[GIRTH]
-    legs = 0.9 * lengths[HIP] + lengths[THIGH] + lengths[SHIN] + sole
-    return float(legs + lengths[SPINE_LOW] + lengths[SPINE_UP] + crown)
+    of: list[float] = lengths.tolist()
+    crown, sole = 1.25 * of[NECK] + 0.095 * of[GIRTH], 0.35 * of[FOOT] + 0.03 * of[GIRTH]
+    return 0.9 * of[HIP] + of[THIGH] + of[SHIN] + sole + of[SPINE_LOW] + of[SPINE_UP] + crown
 
 
 def _offset(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.kernels import njit
+from enliven.kernels import copy_row, njit
 from enliven.rotation import nearest_quaternion
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.kinematics import capsules_into, carry_on, forward_into, product
@@ -50,8 +50,8 @@ class Posture:
         All are the identity for a person who stands upright facing +Z with hanging arms: bones of the limbs
         lie along -Y of their frame, those of the trunk along +Y, and +Z is the person's front.
         """
-        turns = _turns(self.position, self.rotations, self.lengths, *_BODY)
-        return np.asarray(turns[model.BONE_FRAMES])
+        state = (self.position, self.rotations, self.lengths)
+        return np.asarray(_turns(*state, *_BODY, model.BONE_FRAMES))
 
     def capsules(self) -> tuple[Float, Float]:
         """(C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres."""
@@ -104,15 +104,17 @@ def _joints(position, rotations, lengths, parents, offsets, frames, local):  # t
 
 
 @njit(cache=True, nogil=True)
-def _turns(position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
-    """(13, 4) unit quaternions world_from_frame, w >= 0."""
+def _turns(position, rotations, lengths, parents, offsets, bones):  # type: ignore[no-untyped-def]
+    """(20, 4) see :meth:`Posture.orientations`, w >= 0; ``bones`` are the frames of the bones."""
     world, _ = frames_of(position, rotations, lengths, parents, offsets)
-    turns = np.empty((len(world), 4))
+    turns, out = np.empty((len(world), 4)), np.empty((len(bones), 4))
     for f in range(len(world)):
         w, x, y, z = nearest_quaternion(world[f])
         side = -1.0 if w < 0.0 else 1.0
         turns[f, 0], turns[f, 1], turns[f, 2], turns[f, 3] = side * w, side * x, side * y, side * z
-    return turns
+    for j in range(len(bones)):
+        copy_row(out[j], turns[bones[j]])
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -40,6 +40,8 @@ def _capsule_parts() -> Float:
 
 CARRIES = _capsule_parts()
 """(20, 17): 1 where a capsule of the model carries a part, else 0."""
+_CARRIED = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CARRIES])
+"""(20, 2) the one or two parts that each capsule carries; -1 in the place of a second."""
 _EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
 """(20, 17) the same where left and right parts are taken for one."""
 _TO_THE_SENSOR = 0.5
@@ -126,18 +128,22 @@ def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
 
     Comparing it for a posture and the same turned about tells front from back, and left from right.
     """
-    return float(_agreement(seen.surface, seen.probabilities, CARRIES, *posture.capsules()))
+    return float(_agreement(seen.surface, seen.probabilities, _CARRIED, *posture.capsules()))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _agreement(surface, shown, carries, ends, radii):  # type: ignore[no-untyped-def]
-    """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`."""
+    """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
+
+    Args:
+        carries: (C, N) the parts that each capsule carries, or -1.
+    """
     which = np.empty(shown.shape[1], np.int32)
     nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
     total = 0.0
     for i in range(len(which)):
-        for p in range(len(shown)):
-            total += shown[p, i] if carries[which[i], p] > 0.0 else 0.0
+        for part in carries[which[i]]:
+            total += shown[part, i] if part >= 0 else 0.0
     return total / len(which)
 
 

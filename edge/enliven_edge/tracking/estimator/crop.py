@@ -7,6 +7,7 @@ alike near and far, under sensors that hang upside down, and to any lens.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,8 +119,8 @@ def crop_person(
     off = np.zeros(4) if shift is None else shift
     depth = max(0.2, depth + float(off[2]))
     centre = 0.5 * (low + high) + off[:2] / depth
-    seen = float(max((high - low) / (COLUMNS, ROWS))) * depth
-    cell = float(np.clip(_MARGIN * seen * np.exp(off[3]), _SMALLEST, _LARGEST))
+    seen = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
+    cell = min(max(_MARGIN * seen * math.exp(off[3]), _SMALLEST), _LARGEST)
     image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
     _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
     return Crop(image, depth, cell, axes, centre)
@@ -127,11 +128,11 @@ def crop_person(
 
 def _upright(world_from_camera: Float) -> Float:
     """Returns (2, 2): right and down in the image of a person who stands upright in the world."""
-    up = world_from_camera[1, :2]
-    length = float(np.hypot(up[0], up[1]))
+    x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
+    length = math.hypot(x, y)
     if length < _HANGING_LEVEL:
         return np.eye(2)
-    x, y = up / length
+    x, y = x / length, y / length
     return np.array([[-y, x], [-x, -y]])
 
 

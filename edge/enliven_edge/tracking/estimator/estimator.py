@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -142,10 +143,11 @@ class PoseEstimator:
             facings: radians from facing the sensor, anticlockwise from above; None: not known.
         """
         condition = np.array(
-            [[0.0, 0.0, crop.cell] if f is None else [np.cos(f), np.sin(f), crop.cell] for f in facings],
+            [[0.0, 0.0, crop.cell] if f is None else [math.cos(f), math.sin(f), crop.cell] for f in facings],
             np.float32,
         )
-        image = np.repeat(crop.image[None], len(condition), 0)
+        image = crop.image[None]
+        image = image if len(condition) == 1 else np.repeat(image, len(condition), 0)
         joints, spread, facing, parts = self._session.run(None, {"image": image, "told": condition})
         made = []
         for n in range(len(condition)):

@@ -184,7 +184,7 @@ def observe(
     pixels = sampled(mask, points)
     found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
     view = ImageView(z, mask, nearest_columns(mask), camera.camera, world_from_camera)
-    cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
+    cut = bool(np.count_nonzero(mask[-2:]) > 0.05 * mask.shape[1])
     return Observation(found, normals, pixels, view, cut)
 
 

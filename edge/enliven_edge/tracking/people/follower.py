@@ -171,12 +171,16 @@ class Follower:
         if self._before is not None:
             self._before.position = self._before.position + step
 
-    def follow(self, view: FrameView, pixels: Bool) -> bool:
-        """Fits a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
+    def follow(self, view: FrameView, pixels: Bool, predicted: Posture | None = None) -> bool:
+        """Fits a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit.
+
+        Args:
+            predicted: what :meth:`predicted` returned, where it is known already.
+        """
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return self._missed()
-        predicted = self.predicted()
+        predicted = predicted or self.predicted()
         observation = observation_of(view, pixels, self.settings)
         seen = None
         if self.settings.estimator:

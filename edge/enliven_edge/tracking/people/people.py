@@ -45,6 +45,7 @@ class _Visibility:
     """The pixels of a person in a frame, whether the person is hidden, and whether seen whole."""
 
     person: Person
+    expected: Posture
     pixels: Bool
     behind: bool
     whole: bool
@@ -187,13 +188,16 @@ class MultiPersonTracker:
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
         behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
         whole = covered < _WHOLE and outside < _WHOLE
-        return _Visibility(person, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole))
+        return _Visibility(
+            person, expected, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole)
+        )
 
     def _fit_all(self, visible: list[_Visibility], view: FrameView) -> None:
         """Fits people side by side in threads: no fit reads another's, so the order makes no difference."""
 
         def fit(visibility: _Visibility) -> None:
-            visibility.person.follow(view, visibility.pixels, whole=visibility.whole)
+            told = {"whole": visibility.whole, "expected": visibility.expected}
+            visibility.person.follow(view, visibility.pixels, **told)
             visibility.fitted = True
 
         if len(visible) < 2 or self.settings.people.threads < 2:

@@ -137,14 +137,15 @@ class Person:
         """Returns the metres around the last place within which the person must be; it grows while hidden."""
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
-    def follow(self, view: FrameView, pixels: Bool, *, whole: bool) -> bool:
+    def follow(self, view: FrameView, pixels: Bool, *, whole: bool, expected: Posture | None = None) -> bool:
         """Fits the frame; returns whether it shows the person well.
 
         Args:
             whole: whether nothing covers the person and the image does not cut the person off.
+            expected: what :meth:`expected` returned, where it is known already.
         """
         before = self.place.copy()
-        good = self.follower.follow(view, pixels)
+        good = self.follower.follow(view, pixels, None if self.hidden else expected)
         surest = sum(sorted(self.follower.confidence.tolist())[-_SUREST:]) / _SUREST
         self._clear += _FAITH * (surest - self._clear)
         self._person_probability += _DOUBT * (self.follower.person_probability - self._person_probability)

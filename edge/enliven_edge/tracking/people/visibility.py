@@ -28,9 +28,9 @@ def hidden_shares(view: FrameView, posture: Posture, owner: Int, index: int) -> 
         owner: (h, w) the index of the person at each pixel; a person's own arm hides nothing.
         index: the index of this person.
     """
-    inside, covered, own = _seen(view, posture, owner, index, slice(None))
-    hidden, shown = np.count_nonzero(covered & ~own), np.count_nonzero(inside)
-    return hidden / len(own), 1.0 - shown / len(own)
+    at = (view.z, owner, index, view.camera.camera, view.world_from_camera)
+    hidden, outside = _hidden(*posture.capsules(), *at)
+    return hidden, outside
 
 
 def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
@@ -76,3 +76,14 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-
             out[0, n], out[2, n] = True, owner[v, u] == mine
             out[1, n] = 0.0 < seen < z - radius - _BEFORE
     return out
+
+
+@njit(cache=True, nogil=True)
+def _hidden(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
+    """Returns the shares of the samples that are hidden and outside the image, see :func:`hidden_shares`."""
+    seen = _samples(ends, radii, depth, owner, mine, camera, pose)
+    count, hidden, inside = seen.shape[1], 0, 0
+    for n in range(count):
+        inside += seen[0, n]
+        hidden += seen[1, n] & (not seen[2, n])
+    return hidden / count, 1.0 - inside / count
