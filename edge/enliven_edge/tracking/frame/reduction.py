@@ -84,13 +84,28 @@ def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
     # A small block has fewer samples: the missing ones are unknown.
     samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
     for v in range(height):
-        for k in range(side * side):
-            row, first = depth[v * stride + (k // side) * step], (k % side) * step
-            for u in range(width):
-                samples[k, u] = row[np.uintp(u * stride + first)]
+        for r in range(side):
+            row, first = depth[v * stride + r * step], r * side
+            if stride == _SIDE:
+                _part_in_three(samples[first], samples[first + 1], samples[first + 2], row)
+                continue
+            for k in range(side):
+                for u in range(width):
+                    samples[first + k, u] = row[np.uintp(u * stride + k * step)]
         _balance(samples, odd)
         _medians(samples, out[v])
     return out
+
+
+@njit(cache=True, nogil=True)
+def _part_in_three(first, second, third, row):  # type: ignore[no-untyped-def]
+    """Every third of a row from its first, second and third on, each (width,): read as they lie, at once.
+
+    With a factor that the compiler knows it does so many at a time, three times as fast as one by one; 3 is
+    that of images of 640 columns.
+    """
+    for u in range(len(first)):
+        first[u], second[u], third[u] = row[3 * u], row[3 * u + 1], row[3 * u + 2]
 
 
 @njit(cache=True, nogil=True)
