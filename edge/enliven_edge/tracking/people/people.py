@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -193,21 +194,28 @@ class MultiPersonTracker:
         )
 
     def _fit_all(self, visible: list[_Visibility], view: FrameView) -> None:
-        """Fits people side by side in threads: no fit reads another's, so the order makes no difference."""
+        """Fits people side by side in threads: no fit reads another's, so the order makes no difference.
 
-        def fit(visibility: _Visibility) -> None:
-            told = {"whole": visibility.whole, "expected": visibility.expected}
-            visibility.person.follow(view, visibility.pixels, **told)
-            visibility.fitted = True
+        This thread fits, too: to wake another one takes longer than to begin.
+        """
+        waiting = deque(visible)
 
-        if len(visible) < 2 or self.settings.people.threads < 2:
-            for visibility in visible:
-                fit(visibility)
-            return
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(self.settings.people.threads, "fit")
-        for _ in self._threads.map(fit, visible):
-            pass
+        def fit() -> None:
+            while True:
+                try:
+                    each = waiting.popleft()
+                except IndexError:  # another thread took the last one
+                    return
+                each.person.follow(view, each.pixels, whole=each.whole, expected=each.expected)
+                each.fitted = True
+
+        beside = min(len(visible), self.settings.people.threads) - 1
+        if beside > 0 and self._threads is None:
+            self._threads = ThreadPoolExecutor(self.settings.people.threads - 1, "fit")
+        others = [self._threads.submit(fit) for _ in range(beside)] if self._threads is not None else []
+        fit()
+        for other in others:
+            other.result()
 
     def _settle(self, visibility: _Visibility, view: FrameView) -> None:
         """Decides after a frame whether a person stays, is hidden, has left, or was a thing."""
