@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,14 +68,14 @@ class EstimateAtPoints:
 
     def of(self, estimate: Estimate) -> EstimateAtPoints:
         """Returns another estimate of the same frame at the same points."""
-        return replace(self, estimate=estimate, probabilities=estimate.parts_at(self.rays))
+        return EstimateAtPoints(estimate, self.surface, estimate.parts_at(self.rays), self.rays)
 
     def thinned(self, step: int) -> EstimateAtPoints:
         """Returns the same with every ``step``-th point."""
         surface, shown = (
             np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
         )
-        return replace(self, surface=surface, probabilities=shown, rays=self.rays[::step])
+        return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 
     def affinity(self, metres: float) -> Float32:
         """Returns (20, M) metres to add to a point's distance from a capsule that it does not look like."""
@@ -89,7 +89,7 @@ class EstimateAtPoints:
 def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
     """Samples an estimate of the same frame at the points of an observation."""
     rays = _rays(observation.pixels, observation.view.camera)
-    return EstimateAtPoints(estimate, observation.seen.points, estimate.parts_at(rays), rays)
+    return EstimateAtPoints(estimate, observation.surface, estimate.parts_at(rays), rays)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

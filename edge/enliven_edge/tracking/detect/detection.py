@@ -7,8 +7,6 @@ the surface.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from enliven.arrays import Float
@@ -265,4 +263,4 @@ def _refined(
 
 def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
     """Returns the observation with affinities: points prefer the limbs that they look like, left or right."""
-    return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
+    return observation if seen is None else observation.guided(seen.sideless_affinity(metres))

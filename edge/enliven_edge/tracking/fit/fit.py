@@ -7,7 +7,6 @@ that the camera saw through.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -83,7 +82,7 @@ class FitReport:
     violated: Float
     information: Float
 
-    @cached_property
+    @property
     def seen_through(self) -> float:
         """The share of the whole surface that the camera saw through."""
         return sum(self.violated.tolist()) / len(self.violated)

@@ -10,6 +10,7 @@ from .observation import (
     nearest_pixel as nearest_pixel,
     observe as observe,
     sampled as sampled,
+    side_by_side as side_by_side,
     surface_samples as surface_samples,
     world_points as world_points,
 )

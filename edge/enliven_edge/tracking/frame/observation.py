@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +71,7 @@ class Observation:
 
     Attributes:
         points: (M, 3) float32 metres, world frame, on the person's surface.
-        normals: (M, 3) float32 outward unit normals of the points, world frame.
+        surface: (6, M) the same points and their outward unit normals, as :func:`side_by_side` makes it.
         pixels: (M, 2) row and column of the points in the working image.
         view: the image that it was seen in.
         cut: whether the person runs out of the image at its lower border.
@@ -82,35 +81,44 @@ class Observation:
     """
 
     points: Float32
-    normals: Float32
+    surface: Float32
     pixels: Int
     view: ImageView
     cut: bool
     affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
     landmarks: Float = field(default_factory=lambda: np.zeros((0, 5)))
 
-    @cached_property
+    @property
     def seen(self) -> SeenPerson:
         """The observation as the compiled fit takes it."""
-        surface = np.empty((6, len(self.points)), np.float32)
-        surface[:3], surface[3:] = self.points.T, self.normals.T
-        return SeenPerson(surface, self.affinity, self.view, self.landmarks)
+        return SeenPerson(self.surface, self.affinity, self.view, self.landmarks)
+
+    def guided(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
+        """The same with other affinities, and with other landmarks unless they are None."""
+        told = self.landmarks if landmarks is None else landmarks
+        return Observation(self.points, self.surface, self.pixels, self.view, self.cut, affinity, told)
 
     def thinned(self, step: int) -> Observation:
         """The same with every ``step``-th of the points."""
-        return replace(
-            self,
-            points=np.ascontiguousarray(self.points[::step]),
-            normals=np.ascontiguousarray(self.normals[::step]),
-            pixels=np.ascontiguousarray(self.pixels[::step]),
-            affinity=np.ascontiguousarray(self.affinity[:, ::step]),
-        )
+        points, pixels = np.ascontiguousarray(self.points[::step]), np.ascontiguousarray(self.pixels[::step])
+        surface, affinity = (np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.affinity))
+        return Observation(points, surface, pixels, self.view, self.cut, affinity, self.landmarks)
 
-    @cached_property
+    @property
     def crown(self) -> Float:
         """(3,) metres, world frame: the mean of the topmost points, of the head or a raised hand."""
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
+
+
+@njit(cache=True, nogil=True)
+def side_by_side(points, normals):  # type: ignore[no-untyped-def]
+    """(6, M) float32 of (M, 3) points and (M, 3) normals: a row a number, to look at many at once."""
+    out = np.empty((6, len(points)), np.float32)
+    for i in range(len(points)):
+        for a in range(3):
+            out[a, i], out[3 + a, i] = points[i, a], normals[i, a]
+    return out
 
 
 def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
@@ -185,7 +193,7 @@ def observe(
     found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
     view = ImageView(z, mask, nearest_columns(mask), camera.camera, world_from_camera)
     cut = bool(np.count_nonzero(mask[-2:]) > 0.05 * mask.shape[1])
-    return Observation(found, normals, pixels, view, cut)
+    return Observation(found, side_by_side(found, normals), pixels, view, cut)
 
 
 @njit(cache=True, nogil=True)

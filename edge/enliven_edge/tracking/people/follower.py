@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from enliven.arrays import Bool, Float
@@ -241,7 +239,7 @@ class Follower:
         self._since_detected += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
-        plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
+        plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
         if self._redetection is None:
             if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from enliven.arrays import Bool, Float
 from enliven_edge.tracking.body_model import Posture
@@ -74,7 +74,7 @@ def run_network(
 
 def guided_by(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
     """Returns the observation with the network's affinities of its points and landmarks of the joints."""
-    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
+    return observation.guided(seen.affinity(affinity), seen.estimate.guides)
 
 
 def turned_around(

@@ -18,8 +18,10 @@ from enliven_edge.tracking.segment.segmentation import lying_on
 
 BESIDE = 0.12
 """Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
-_BEFORE, _BEHIND = -0.3, 0.6
-"""Metres before and behind a pixel along its ray within which a body is looked for: limbs reach as far."""
+_NEARER = -0.3
+"""Metres from a pixel along its ray from which on a body is looked for: before it, as far as a limb reaches."""
+_FARTHER = 0.6
+"""Metres behind a pixel along its ray up to which it is looked for: a limb is held as far before a body."""
 _CLOSE = 0.06
 """Metres by which a ray may miss a body: an arm beside the hip is as near."""
 _BODY = np.flatnonzero(
@@ -53,5 +55,5 @@ def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool
     met = np.zeros(len(points), bool)
     for posture in people:
         ends, radii = (each[_BODY] for each in posture.capsules())
-        met |= clear_of_rays(points, view.eye.astype(np.float32), _BEFORE, _BEHIND, ends, radii) < _CLOSE
+        met |= clear_of_rays(points, view.eye.astype(np.float32), _NEARER, _FARTHER, ends, radii) < _CLOSE
     return met

@@ -215,7 +215,7 @@ def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
     seen, by_facing = seen_in(observation)
     for estimate in by_facing:
         other, itself = seen.of(estimate), estimate_at_points(observation, estimate)
-        assert other.estimate is estimate and other.surface is observation.seen.points
+        assert other.estimate is estimate and other.surface is observation.surface
         assert_alike(other.probabilities, itself.probabilities)
         assert_alike(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
     np.testing.assert_allclose(seen.of(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)

@@ -42,7 +42,7 @@ FIT = """
     import numpy as np
     from enliven_edge.tracking.body_model import Posture, joint_limits, model
     from enliven_edge.tracking.fit import Fitter
-    from enliven_edge.tracking.frame import ImageView, Observation
+    from enliven_edge.tracking.frame import ImageView, Observation, side_by_side
     from enliven_edge.tracking.settings import FitSettings
 
     posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
@@ -50,7 +50,7 @@ FIT = """
     normals = np.tile(np.float32([0, 0, 1]), (len(ends), 1))
     empty = np.zeros((4, 4))
     view = ImageView(empty, empty > 0, np.full((4, 4), -1), np.array([130.0, 130.0, 2.0, 2.0]), np.eye(4))
-    seen = Observation(ends, normals, np.zeros((len(ends), 2), int), view, False)
+    seen = Observation(ends, side_by_side(ends, normals), np.zeros((len(ends), 2), int), view, False)
     for ceiling in (0.0, 20.0):
         fitted, report = Fitter(FitSettings(ceiling=ceiling)).fit(seen, posture, iterations=3)
         print(float(fitted.capsules()[0][..., 1].max()), report.energy)
