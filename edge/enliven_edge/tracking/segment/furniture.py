@@ -19,7 +19,7 @@ from enliven_edge.tracking.segment.segmentation import lying_on
 BESIDE = 0.12
 """Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
 _NEARER = -0.3
-"""Metres from a pixel along its ray from which on a body is looked for: before it, as far as a limb reaches."""
+"""Metres from a pixel along its ray from which a body is looked for: before it, as far as a limb reaches."""
 _FARTHER = 0.6
 """Metres behind a pixel along its ray up to which it is looked for: a limb is held as far before a body."""
 _CLOSE = 0.06

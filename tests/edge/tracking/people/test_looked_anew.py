@@ -20,7 +20,9 @@ from enliven_edge.tracking.settings import FitSettings, TrackerSettings
 
 FEW = TrackerSettings(estimator=False, fit=FitSettings(points=60))
 KNOWN = 16
-"""Frames after which a doubtful frame is due for a look anew."""
+"""A frame in which the person is followed, and not yet due for a look anew."""
+FIRST = 29
+"""The thirtieth frame, the first in which the person is due for one."""
 
 
 @pytest.fixture(scope="module")
@@ -68,17 +70,17 @@ def test_who_is_explained_well_is_never_looked_for_anew(looks):
 
 def test_looks_that_find_nothing_become_rarer(looks):
     found = looks(360, lambda frame: frame >= KNOWN)
-    assert found[0] == KNOWN
-    assert np.diff(found).tolist() == [30, 60, 120, 120]
+    assert found[0] == FIRST
+    assert np.diff(found).tolist() == [60, 120, 120]
 
 
 def test_a_good_frame_brings_the_patience_back(looks):
-    assert looks(175, lambda frame: frame >= KNOWN and frame != 60) == [16, 46, 61, 91, 151]
+    assert looks(175, lambda frame: frame >= KNOWN and frame != 60) == [29, 61, 121]
 
 
 def test_a_look_that_finds_something_brings_the_patience_back(looks):
-    assert looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == 46) == [16, 46, 61, 91]
+    assert looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == FIRST) == [29, 59, 119]
 
 
-def test_who_is_doubtful_from_the_first_is_looked_for_half_a_second_later(looks):
-    assert looks(80, lambda frame: True) == [14, 44]
+def test_who_is_doubtful_from_the_first_is_looked_for_a_second_later(looks):
+    assert looks(80, lambda frame: True) == [FIRST]
