@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -213,7 +214,7 @@ class Duplicates:
 
 def _one(first: Person, second: Person) -> bool:
     """Whether two fits have their trunks in the same place."""
-    if float(np.linalg.norm(first.place - second.place)) >= _SAME_PLACE:
+    if math.dist(first.place, second.place) >= _SAME_PLACE:
         return False
     a, b = first.follower.posture.joints(), second.follower.posture.joints()
     return bool(np.linalg.norm(a[_TRUNK] - b[_TRUNK], axis=1).mean() < _SAME_PLACE)
