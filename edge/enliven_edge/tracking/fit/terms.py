@@ -110,9 +110,9 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
                     normal[a] = (dx * pose[a, 0] + dy * pose[a, 1]) / residual
             for a in range(3):
                 point[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
-            stretch_into(stretch, normal, by_ends[c], t, surface.frame[c], lengths_of)
-            if inside and len(stretch) > 0:
-                stretch[model.GIRTH] += radius / surface.girth
+            if len(stretch) > 0:
+                stretch_into(stretch, normal, by_ends[c], t, surface.frame[c], lengths_of)
+                stretch[model.GIRTH] += radius / surface.girth if inside else 0.0
             cost, w = robust(residual, width)
             energy += per_sample * cost
             add_ray(sums, surface.frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
@@ -168,7 +168,8 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # ty
             square += apart[a] * apart[a]
         cost, doubt = robust(np.sqrt(square), landmarks[j, 4])
         energy += w * cost
-        by_length(stretch, frames[j], local[j], body)
+        if len(sums.tug) > 0:
+            by_length(stretch, frames[j], local[j], body)
         add_place(sums, frames[j], point, apart, stretch, body.lengths_of, w * doubt)
     return energy
 
@@ -293,5 +294,6 @@ def placed(state, shape, free):  # type: ignore[no-untyped-def]
     count = len(frames)
     ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
     capsules_into(ends, radii, world, pivots, lengths, frames, shape.capsule_ends, shape.capsule_radii)
-    ends_by_length(by_ends, body, frames, shape.capsule_ends)
+    if free > 0:
+        ends_by_length(by_ends, body, frames, shape.capsule_ends)
     return body, CapsuleSurface(ends, radii, frames, by_ends, shape.lengths_of, lengths[model.GIRTH])
