@@ -145,17 +145,28 @@ def nearest_columns(mask):  # type: ignore[no-untyped-def]
     height, width = mask.shape
     out = np.empty((height, width), np.int16)
     for v in range(height):
-        row, last = out[v], -1
+        row, shown, masked = out[v], mask[v], np.int32(0)
         for u in range(width):
-            if not mask[v, u]:
+            masked += np.int32(shown[u])
+        if masked == 0:
+            row[:] = -1
+            continue
+        first = 0
+        while not shown[first]:
+            first += 1
+        row[:first], last = first, first
+        # Only as far as the last one: beyond it lies nothing but its column.
+        for u in range(first, width):
+            if not shown[u]:
                 continue
             row[u] = u
-            if last < 0:
-                row[:u] = u
-            elif u > last + 1:
+            if u > last + 1:
                 middle = (last + u) // 2 + 1
                 row[last + 1 : middle], row[middle:u] = last, u
             last = u
+            masked -= 1
+            if masked == 0:
+                break
         row[last + 1 :] = last
     return out
 
