@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw
 
-from enliven.arrays import AnyArray, Float, Int, UInt8, UInt16
+from enliven.arrays import AnyArray, Float, UInt8, UInt16
 from enliven.camera import Intrinsics, project
 from enliven.person import BONES, Body
 
@@ -40,7 +40,7 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
     return float(near), float(max(far, near + 0.3))
 
 
-def tinted(picture: UInt8, owner: Int, depth: UInt16) -> UInt8:
+def tinted(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
     """Returns the picture with each person's known pixels coloured.
 
     Args:

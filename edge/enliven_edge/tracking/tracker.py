@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from enliven.arrays import Float, Int, UInt8
+from enliven.arrays import Float, Int16, UInt8
 from enliven.deformation.constraints import ObservedPoints
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
@@ -59,7 +59,7 @@ class Tracker:
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._people = MultiPersonTracker(self.settings, Fitter(self.settings.fit))
         self._room: RoomModel | None = None
-        self._owner: Int | None = None
+        self._owner: Int16 | None = None
         self._view: FrameView | None = None
         self._by_depth, self._gave_up = True, 0
         self.output = Output(self.settings)
@@ -99,7 +99,7 @@ class Tracker:
         return TrackerState(self._mounting.floor_known, age, moved)
 
     @property
-    def owner(self) -> Int | None:
+    def owner(self) -> Int16 | None:
         """(h, w) the person at each pixel of the last reduced image: 0, 1, ...; -1 without a person."""
         return self._owner
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int, Int16
 from enliven.deformation.constraints import ObservedPoints
 from enliven.kernels import njit
 from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
-def seen_surfaces(view: FrameView, owner: Int, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
+def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
     """Returns points and normals of each performer's visible surface, by id; world frame.
 
     Args:

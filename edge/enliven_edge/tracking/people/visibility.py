@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Bool, Int
+from enliven.arrays import Bool, Int, Int16
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.frame import FrameView
@@ -21,7 +21,7 @@ _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
 
-def hidden_shares(view: FrameView, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
+def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -> tuple[float, float]:
     """Returns the shares of a body behind something else and outside the image, each in [0, 1].
 
     Args:
@@ -35,13 +35,13 @@ def hidden_shares(view: FrameView, posture: Posture, owner: Int, index: int) -> 
 
 def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Returns the share of the visible trunk and head that the (h, w) ``pixels`` show, in [0, 1]."""
-    inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
+    inside, covered, own = _seen(view, posture, pixels.astype(np.int16), 1, _TRUNK)
     due = inside & ~(covered & ~own)
     return float((own & due).sum() / len(own)) if due.mean() < _FEWEST_DUE else float(own[due].mean())
 
 
 def _seen(
-    view: FrameView, posture: Posture, owner: Int, mine: int, capsules: slice | Int
+    view: FrameView, posture: Posture, owner: Int16, mine: int, capsules: slice | Int
 ) -> tuple[Bool, Bool, Bool]:
     """Returns three (S,) of samples along the capsules: in the image, behind something, on pixels of
     ``mine``.

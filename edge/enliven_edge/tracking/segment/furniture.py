@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from enliven.arrays import Bool, Float32, Int
+from enliven.arrays import Bool, Float32, Int16
 from enliven_edge.tracking.body_model import Posture, clear_of_rays, model
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.segment.segmentation import lying_on
@@ -31,7 +31,7 @@ _BODY = np.flatnonzero(
 
 
 def furniture_beside(
-    view: FrameView, still: Bool, owner: Int, people: Sequence[Posture], floor: float
+    view: FrameView, still: Bool, owner: Int16, people: Sequence[Posture], floor: float
 ) -> Bool:
     """Returns the (h, w) pixels that are furniture, of those that never moved.
 

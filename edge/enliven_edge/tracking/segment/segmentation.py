@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.arrays import Bool, Float, Int, Int16, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import root_of
@@ -71,7 +71,7 @@ class Segments:
         counts: (K,) each person's pixels.
     """
 
-    owner: Int
+    owner: Int16
     labels: Int
     loose: list[LooseGroup]
     counts: Int
@@ -97,7 +97,7 @@ def segmented(
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
-    owner = np.full(shape, -1, np.int64)
+    owner = np.full(shape, -1, np.int16)
     distance = np.full(shape if count else (0, 0), np.inf)
     if count:
         capsules = [posture.capsules() for posture in postures]
@@ -128,7 +128,7 @@ def lying_on(
         among: (h, w) the pixels that are looked at; None: all.
     """
     kind = _solid(view.z, view.points, above) if among is None else among.astype(np.uint8) * UNSEEN
-    owner, distance = np.full(kind.shape, -1, np.int64), np.full(kind.shape, np.inf)
+    owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
     label_pixels(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
@@ -191,7 +191,7 @@ def groups_of(z, pixels, tightness):  # type: ignore[no-untyped-def]
     return labels.reshape(shape), count
 
 
-def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
+def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16, people: int) -> Float:
     """(groups + 1, 15 + K) each group's area, low and high corner, sum of points, pixels, box, contacts."""
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int, Int16
 from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
@@ -20,7 +20,7 @@ _PLAIN = 0.1
 """Metres from a person's surface within which a pixel is plainly the person's."""
 
 
-def grow_surfaces(owner: Int, distance: Float, z: Float) -> None:
+def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
     """Reassigns, in place, the pixels that are not plainly one person's where two people meet.
 
     Each goes to the person with the nearest plain pixels along the surface.
@@ -86,7 +86,7 @@ def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
                 queue[last], last = q * width + p, last + 1
 
 
-def return_detached(owner: Int, z: Float, counts: Int) -> Int:
+def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
     """Gives pieces that are joined to another person, and not to their owner, to that person, in place.
 
     After two arms have touched, one person's fit may follow the other's arm: it gives the arm back here as
