@@ -66,7 +66,7 @@ class Crop:
 
     def cells(self, rays: Float) -> Float:
         """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
-        return np.asarray(_cells(rays, self.axes, self.centre, self.depth / self.cell))
+        return np.asarray(cells_at(rays, self.axes, self.centre, self.depth / self.cell))
 
     def to_camera(self, points: Float) -> Float:
         """Returns (N, 3) points in the camera's frame of (N, 3) crop coordinates."""
@@ -87,7 +87,7 @@ def _to_camera(points, depth, centre, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _cells(rays, axes, centre, scale):  # type: ignore[no-untyped-def]
+def cells_at(rays, axes, centre, scale):  # type: ignore[no-untyped-def]
     """See :meth:`Crop.cells`."""
     out = np.empty((len(rays), 2))
     for i in range(len(rays)):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.estimator.crop import COLUMNS
+from enliven_edge.tracking.estimator.crop import COLUMNS, cells_at
 
 _LEAST = np.float32(-87.0)
 """Exponent below which a number of single precision is 0 but for its smallest."""
@@ -36,12 +36,10 @@ def parts_at_rays(logits, rays, axes, centre, scale):  # type: ignore[no-untyped
     rows, columns = logits.shape[1:]
     places = np.empty(len(rays), np.int32)
     right, down = np.empty(len(rays), np.float32), np.empty(len(rays), np.float32)
-    share = columns / COLUMNS
+    share, cells = columns / COLUMNS, cells_at(rays, axes, centre, scale)
     for i in range(len(rays)):
-        x = (rays[i, 0] * axes[0, 0] + rays[i, 1] * axes[0, 1] - centre[0]) * scale
-        y = (rays[i, 0] * axes[1, 0] + rays[i, 1] * axes[1, 1] - centre[1]) * scale
-        u = min(columns - 1.001, max(0.0, x * share + columns / 2 - 0.5))
-        v = min(rows - 1.001, max(0.0, y * share + rows / 2 - 0.5))
+        u = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
+        v = min(rows - 1.001, max(0.0, cells[i, 1] * share + rows / 2 - 0.5))
         places[i], right[i], down[i] = int(v) * columns + int(u), u - int(u), v - int(v)
     out = np.empty((len(logits), len(rays)), np.float32)
     flat = logits.reshape(len(logits), -1)

@@ -52,8 +52,8 @@ _LIMB = 3
 _CLEARLY = 0.8
 """Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
 _AGAIN_AFTER = 30
-"""Frames between two detections of a doubtful person at first: each takes several frames, and with twice as
-many no joint of the tuning, close and held-out films was better."""
+"""Frames between two detections of a doubtful person at first: each takes several frames, and the
+tuning, close and held-out films came out no better with twice as many."""
 _LONGEST = 120
 """Frames between two detections at most: the wait doubles up to this while nothing better is found."""
 _WORSE = 1.2
@@ -184,7 +184,7 @@ class Follower:
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return self._missed()
-        predicted = predicted or self.predicted()
+        predicted = self.predicted() if predicted is None else predicted
         observation = observation_of(view, pixels, self.settings)
         seen = None
         if self.settings.estimator:
@@ -319,7 +319,7 @@ class Follower:
         """
         settings = self.settings.fit
         settled = self._fitted > 3 * settings.settle_frames
-        if settled or (self._fitted > _SHAPED_AFTER and self._fitted % _SHAPED_EVERY):
+        if settled or (self._fitted > _SHAPED_AFTER and (self._fitted + self._bad) % _SHAPED_EVERY):
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)

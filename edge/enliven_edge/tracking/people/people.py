@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import numpy as np
@@ -213,7 +213,10 @@ class MultiPersonTracker:
         if beside > 0 and self._threads is None:
             self._threads = ThreadPoolExecutor(self.settings.people.threads - 1, "fit")
         others = [self._threads.submit(fit) for _ in range(beside)] if self._threads is not None else []
-        fit()
+        try:
+            fit()
+        finally:  # none goes on into the next frame
+            wait(others)
         for other in others:
             other.result()
 

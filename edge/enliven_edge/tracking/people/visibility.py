@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Bool, Int, Int16
+from enliven.arrays import Bool, Int16
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.frame import FrameView
@@ -35,28 +35,20 @@ def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -
 
 def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Returns the share of the visible trunk and head that the (h, w) ``pixels`` show, in [0, 1]."""
-    inside, covered, own = _seen(view, posture, pixels.astype(np.int16), 1, _TRUNK)
+    ends, radii = posture.capsules()
+    at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
+    inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *at)
     due = inside & ~(covered & ~own)
     return float((own & due).sum() / len(own)) if due.mean() < _FEWEST_DUE else float(own[due].mean())
 
 
-def _seen(
-    view: FrameView, posture: Posture, owner: Int16, mine: int, capsules: slice | Int
-) -> tuple[Bool, Bool, Bool]:
-    """Returns three (S,) of samples along the capsules: in the image, behind something, on pixels of
-    ``mine``.
+@njit(cache=True, nogil=True)
+def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
+    """Returns (3, S) of samples along the capsules: in the image, behind something, on pixels of ``mine``.
 
     Args:
         owner: (h, w) the index of the person at each pixel.
     """
-    ends, radii = (each[capsules] for each in posture.capsules())
-    out = _samples(ends, radii, view.z, owner, mine, view.camera.camera, view.world_from_camera)
-    return out[0], out[1], out[2]
-
-
-@njit(cache=True, nogil=True)
-def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
-    """Returns (3, S), see :func:`_seen`."""
     height, width = depth.shape
     out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
     for n in range(out.shape[1]):

@@ -78,7 +78,7 @@ class LearningRate(NamedTuple):
 
 
 def empty_room(shape: tuple[int, int]) -> RoomState:
-    """Returns the state of a room of which nothing was seen."""
+    """Returns the state of a room before its first frame."""
     nearer, waited, away, guard_z, flips, still, still_z = np.zeros((7, *shape), np.float32)
     guarded = np.full(shape, -1, np.int32)
     return RoomState(np.zeros(shape), nearer, waited, away, guarded, guard_z, flips, still, still_z)
@@ -115,21 +115,16 @@ def learn_frame(z, person, hold, state, rate):  # type: ignore[no-untyped-def]
     compared, count_nearer, count_farther = 0, 0, 0
     # By their own names once: to look a name up for every pixel would be to count who holds the array.
     room, nearer, waited, away = state.z, state.nearer, state.waited, state.away
-    guarded, guard_z, flips, still, still_z = (
-        state.guarded,
-        state.guard_z,
-        state.flips,
-        state.still,
-        state.still_z,
-    )
+    guarded, guard_z, flips = state.guarded, state.guard_z, state.flips
+    still, still_z = state.still, state.still_z
     step, absorb_after, clear_after, seen_for, dark = rate
     usual, other = np.empty(width, np.bool_), np.zeros((width + _WORD - 1) // _WORD * _WORD, np.uint8)
     words, chosen = other.view(np.uint64), np.empty(len(other), np.int64)
     for v in range(height):
-        compared += _marks(usual, other, room[v], z[v], person[v])
-        _stays(room[v], z[v], still[v], still_z[v], np.float32(step))
-        _goes_on(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
-        for u in _marked(chosen, other, words):
+        compared += _mark_row(usual, other, room[v], z[v], person[v])
+        _time_still(room[v], z[v], still[v], still_z[v], np.float32(step))
+        _follow_room(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
+        for u in _places_of(chosen, other, words):
             d, known = z[v, u], room[v, u] > 0.0
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
@@ -142,17 +137,17 @@ def learn_frame(z, person, hold, state, rate):  # type: ignore[no-untyped-def]
             elif d > room[v, u]:
                 compared, count_farther = compared + 1, count_farther + 1
                 guarded[v, u] = -1
-                _farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
+                _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
                 continue
             compared, count_nearer = compared + known, count_nearer + known
             away[v, u] = 0.0
             if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
-                _nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold[v, u])
+                _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold[v, u])
     return compared, count_nearer, count_farther
 
 
 @njit(cache=True, nogil=True)
-def _marks(usual, other, room, z, person):  # type: ignore[no-untyped-def]
+def _mark_row(usual, other, room, z, person):  # type: ignore[no-untyped-def]
     """Marks the pixels of a row that show the known room, and those that are to be learnt one by one.
 
     Returns the number of the first; a person's pixels are neither.
@@ -168,7 +163,7 @@ def _marks(usual, other, room, z, person):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _marked(chosen, marks, words):  # type: ignore[no-untyped-def]
+def _places_of(chosen, marks, words):  # type: ignore[no-untyped-def]
     """Returns the places of the marks that are set, in ``chosen``; ``words`` are eight marks each."""
     count = 0
     for word in range(len(words)):
@@ -187,7 +182,7 @@ def _margin(d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _goes_on(usual, z, room, flips, waited, away, guarded, step):  # type: ignore[no-untyped-def]
+def _follow_room(usual, z, room, flips, waited, away, guarded, step):  # type: ignore[no-untyped-def]
     """Brings the pixels of a row that show the known room up to date, in a loop for each number."""
     follow, keep = min(1.0, _FOLLOWS * step), np.float32(1.0 - _FORGIVES * step)
     passed, none = np.float32(step), np.float32(0.0)
@@ -205,7 +200,7 @@ def _goes_on(usual, z, room, flips, waited, away, guarded, step):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
-def _farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
+def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
     """Learns a pixel that is plainly farther than the known room."""
     waited[v, u] = max(0.0, waited[v, u] - step)
     away[v, u] += step
@@ -216,7 +211,7 @@ def _farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_afte
 
 
 @njit(cache=True, nogil=True)
-def _nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):  # type: ignore[no-untyped-def]
+def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):  # type: ignore[no-untyped-def]
     """Learns a pixel that is plainly nearer than the known room, or where none is known."""
     margin = _margin(d)
     if flips[v, u] <= 0.0 and not hold and abs(d - nearer[v, u]) <= 2.0 * margin:
@@ -236,7 +231,7 @@ def _nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):  # 
 
 
 @njit(cache=True, nogil=True)
-def _stays(room, z, still, still_z, step):  # type: ignore[no-untyped-def]
+def _time_still(room, z, still, still_z, step):  # type: ignore[no-untyped-def]
     """Updates how long the pixels of a row, a person's or not, have had one depth, where no room is known."""
     none, twice = np.float32(0.0), np.float32(2.0) * step
     for u in range(len(z)):

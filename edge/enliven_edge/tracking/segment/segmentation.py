@@ -127,7 +127,9 @@ def lying_on(
     Args:
         among: (h, w) the pixels that are looked at; None: all.
     """
-    kind = _solid(view.z, view.points, above) if among is None else among.astype(np.uint8) * UNSEEN
+    kind = _solid(view.z, view.points, above)
+    if among is not None:
+        kind[~among] = ROOM
     owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))

@@ -61,7 +61,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
 @given(st.integers(0, 100_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
 def test_claims_are_those_of_the_slow_twin(seed, handicap):
-    """Whatever the pixels are, near and far, and whoever is hidden; in single precision."""
+    """For pixels of every kind at random depths, and a hidden person; to single precision."""
     random, shape = np.random.default_rng(seed), (60, 80)
     view = view_of(random.uniform(1.5, 3.5, (60, 1)) + 0.3 * random.standard_normal(shape))
     postures = [person(x, -2.0 - x**2, arm_raise=random.uniform(0, 2)) for x in random.uniform(-1, 1, 3)]
