@@ -172,6 +172,51 @@ def widened4(typing, array, index):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def narrowed4(typing, value):  # type: ignore[no-untyped-def]
+    """Four float64 as a vector of four float32."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.fptrunc(args[0], vector_of(QUAD))
+
+    return signature(QUAD, FOUR), generate
+
+
+def _shuffled4(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(I32, 4), lanes))
+
+
+@intrinsic
+def cross4(typing, a, b):  # type: ignore[no-untyped-def]
+    """The cross product of two vectors of three numbers and a 0, with a 0."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        def ahead(v: Any) -> Any:
+            return _shuffled4(builder, v, v, [1, 2, 0, 3])
+
+        u, v = args
+        return ahead(builder.fsub(builder.fmul(u, ahead(v)), builder.fmul(ahead(u), v)))
+
+    return signature(FOUR, FOUR, FOUR), generate
+
+
+@intrinsic
+def totals4(typing, a, b, c):  # type: ignore[no-untyped-def]
+    """The sums of three vectors of four, one a lane, and a 0."""
+
+    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        def paired(u: Any, v: Any) -> Any:
+            # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
+            even = _shuffled4(builder, u, v, [0, 4, 2, 6])
+            return builder.fadd(even, _shuffled4(builder, u, v, [1, 5, 3, 7]))
+
+        first, last = paired(args[0], args[1]), paired(args[2], ir.Constant(vector_of(FOUR), [0.0] * 4))
+        low = _shuffled4(builder, first, last, [0, 1, 4, 5])
+        return builder.fadd(low, _shuffled4(builder, first, last, [2, 3, 6, 7]))
+
+    return signature(FOUR, FOUR, FOUR, FOUR), generate
+
+
+@intrinsic
 def turned8(typing, rows, index, value):  # type: ignore[no-untyped-def]
     """Either half of a vector of eight, three numbers and one that does not count, times a 3x3 matrix in rows
     of four: the sum of the rows, weighted with the half's numbers."""

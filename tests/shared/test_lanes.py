@@ -9,17 +9,21 @@ from numba.core.errors import TypingError
 
 from enliven.lanes import (
     apart8,
+    cross4,
     fma4,
     fma8,
     load4,
     load8,
+    narrowed4,
     splat4,
     splat8,
     store4,
     store8,
+    storeq,
     together8,
     total4,
     total8,
+    totals4,
     turned8,
     widened4,
 )
@@ -69,6 +73,26 @@ def turned(rows, x, out):
 @njit
 def widened(x, out):
     store4(out, 0, widened4(x, 3))
+
+
+@njit
+def crossed(x, out, short):
+    a, b, c = load4(x, 0), load4(x, 4), load4(x, 8)
+    store4(out, 0, cross4(a, b))
+    store4(out, 4, totals4(a, b, c))
+    storeq(short, 1, narrowed4(c))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_cross_products_and_sums_of_three_registers_are_those_of_numpy(seed):
+    x, out, short = np.random.default_rng(seed).normal(size=(3, 4)), np.zeros((2, 4)), np.zeros(6, "f4")
+    x[:2, 3] = 0.0
+    crossed(x.ravel(), out.reshape(-1), short)
+    # Sums in another order: their last bits are others.
+    np.testing.assert_allclose(out[0], [*np.cross(x[0, :3], x[1, :3]), 0.0], atol=1e-13)
+    np.testing.assert_allclose(out[1], [*x.sum(1), 0.0], atol=1e-13)
+    np.testing.assert_array_equal(short, np.concatenate([[0.0], x[2], [0.0]]).astype("f4"))
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,25 @@ from enliven.deformation.embedded.block_cholesky import (
 )
 from enliven.deformation.embedded.energy import Terms
 from enliven.kernels import copy_row, njit
-from enliven.lanes import apart8, load8, splat8, store8, together8, turned8
+from enliven.lanes import (
+    apart8,
+    cross4,
+    fma4,
+    load4,
+    load8,
+    narrowed4,
+    splat4,
+    splat8,
+    store4,
+    store8,
+    storeq,
+    together8,
+    total4,
+    turned8,
+)
 
+_NO_LENGTH = 1e-30
+"""Square metres that keep a column of no length from dividing by 0."""
 _TIKHONOV = 1e-4
 """Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
 
@@ -49,7 +66,7 @@ class RigidSystem(NamedTuple):
         lower: (48 B,) float32 the matrix, which factorising uses up.
         room: (48 C,) float32 room for the longest column.
         rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
-        linear, frames: (9 N,) the columns of each node's R, and those made orthonormal.
+        linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those made orthonormal and a 0.
         turns: (24 N,) float32 each node's rotation since then, in rows of four, and its transpose.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
         coupling, coupled: (48 N,) float32 the turn and shift that give way to each number of a node's
@@ -108,7 +125,7 @@ class RigidSystem(NamedTuple):
             np.zeros(len(pattern.column), np.float32),
             np.zeros(SIZE * count, np.float32),
             np.zeros(9 * count),
-            np.zeros(9 * count),
+            np.zeros(12 * count),
             np.zeros(24 * count, np.float32),
             np.zeros(9 * count),
             np.zeros(3 * count),
@@ -171,7 +188,10 @@ def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
         for c in range(3):
             for a in range(3):
                 s.linear[9 * j + 3 * c + a] = x[16 * j + 4 * c + a]
-        orthonormal_frame(s.linear, 9 * j, s.frames, 9 * j)
+        a, b, c = _orthonormal(x, 16 * j)
+        store4(s.frames, 12 * j, a)
+        store4(s.frames, 12 * j + 4, b)
+        store4(s.frames, 12 * j + 8, c)
         for i in range(24):
             s.turns[24 * j + i] = np.float32(1.0 if i % 12 % 5 == 0 else 0.0)
     copy_row(s.pulls, t.pulls)
@@ -186,37 +206,35 @@ def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def orthonormal_frame(linear, at, out, to):  # type: ignore[no-untyped-def]
-    """Write three orthonormal columns (9,), made of those of R in turn (Gram and Schmidt)."""
-    a0, a1, a2 = linear[at], linear[at + 1], linear[at + 2]
-    b0, b1, b2 = linear[at + 3], linear[at + 4], linear[at + 5]
-    scale = 1.0 / np.sqrt(a0 * a0 + a1 * a1 + a2 * a2 + 1e-30)
-    a0, a1, a2 = a0 * scale, a1 * scale, a2 * scale
-    along = a0 * b0 + a1 * b1 + a2 * b2
-    b0, b1, b2 = b0 - along * a0, b1 - along * a1, b2 - along * a2
-    scale = 1.0 / np.sqrt(b0 * b0 + b1 * b1 + b2 * b2 + 1e-30)
-    b0, b1, b2 = b0 * scale, b1 * scale, b2 * scale
-    out[to], out[to + 1], out[to + 2] = a0, a1, a2
-    out[to + 3], out[to + 4], out[to + 5] = b0, b1, b2
-    out[to + 6], out[to + 7], out[to + 8] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+def _orthonormal(x, at):  # type: ignore[no-untyped-def]
+    """Three orthonormal columns, made of the first two of the R at ``at`` in turn (Gram and Schmidt)."""
+    a, b = load4(x, at), load4(x, at + 4)
+    a = splat4(1.0 / np.sqrt(total4(a * a) + _NO_LENGTH)) * a
+    b = fma4(-total4(a * b), a, b)
+    b = splat4(1.0 / np.sqrt(total4(b * b) + _NO_LENGTH)) * b
+    return a, b, cross4(a, b)
 
 
 @njit(cache=True, nogil=True)
 def align(x, s):  # type: ignore[no-untyped-def]
-    """Kernel: turn the matrix with the nodes: each node's rotation since it was made, into ``s.turns``."""
-    frame, linear = np.empty(9), np.empty(9)
+    """Kernel: turn the matrix with the nodes: each node's rotation since it was made, into ``s.turns``.
+
+    It is the sum of now uᵀ over the columns u of the frame then: now Uᵀ; a row of it weights the columns.
+    """
+    frames, turns = s.frames, s.turns
+    now = np.empty(12)
     for j in range(s.start.shape[0] - 1):
-        at = 9 * j
-        for c in range(2):
-            for a in range(3):
-                linear[3 * c + a] = x[16 * j + 4 * c + a]
-        orthonormal_frame(linear, 0, frame, 0)
-        for a in range(3):
-            for b in range(3):
-                total = 0.0
-                for c in range(3):
-                    total += frame[3 * c + a] * s.frames[at + 3 * c + b]
-                s.turns[24 * j + 4 * a + b] = s.turns[24 * j + 12 + 4 * b + a] = total
+        at, to = 12 * j, 24 * j
+        a, b, c = _orthonormal(x, 16 * j)
+        p, q, r = load4(frames, at), load4(frames, at + 4), load4(frames, at + 8)
+        store4(now, 0, a)
+        store4(now, 4, b)
+        store4(now, 8, c)
+        for k in range(3):
+            forth = fma4(now[k], p, fma4(now[4 + k], q, splat4(now[8 + k]) * r))
+            back = fma4(frames[at + k], a, fma4(frames[at + 4 + k], b, splat4(frames[at + 8 + k]) * c))
+            storeq(turns, to + 4 * k, narrowed4(forth))
+            storeq(turns, to + 12 + 4 * k, narrowed4(back))
 
 
 @njit(cache=True, nogil=True)

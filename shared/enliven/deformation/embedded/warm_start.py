@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.deformation.embedded.energy import constraint_energy, gradient
-from enliven.deformation.embedded.safeguards import volume
 from enliven.kernels import copy_row, njit
-from enliven.lanes import fma4, load4, store4
+from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
 
 _FAR = 4.0
@@ -59,29 +58,23 @@ def _go_on(x, last, out):  # type: ignore[no-untyped-def]
 
     R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its turn.
     """
-    for j in range(x.shape[0] // 16):
-        at = 16 * j
-        u = v = w = 0.0
-        for c in range(0, 12, 4):
-            r0, r1, r2 = x[at + c], x[at + c + 1], x[at + c + 2]
-            d0, d1, d2 = r0 - last[at + c], r1 - last[at + c + 1], r2 - last[at + c + 2]
-            u += 0.5 * (r1 * d2 - r2 * d1)
-            v += 0.5 * (r2 * d0 - r0 * d2)
-            w += 0.5 * (r0 * d1 - r1 * d0)
-        square = u * u + v * v + w * w
-        for c in range(0, 12, 4):
-            r0, r1, r2 = x[at + c], x[at + c + 1], x[at + c + 2]
-            along = u * r0 + v * r1 + w * r2
-            out[at + c] = 2 * r0 - last[at + c] + u * along - r0 * square
-            out[at + c + 1] = 2 * r1 - last[at + c + 1] + v * along - r1 * square
-            out[at + c + 2] = 2 * r2 - last[at + c + 2] + w * along - r2 * square
-            out[at + c + 3] = 0.0
-        if volume(out[at : at + 16].reshape(4, 4)) < _SHRUNK * volume(x[at : at + 16].reshape(4, 4)):
+    for at in range(0, x.shape[0], 16):
+        a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
+        p, q, r = a - load4(last, at), b - load4(last, at + 4), c - load4(last, at + 8)
+        turn = splat4(0.5) * (cross4(a, p) + cross4(b, q) + cross4(c, r))
+        square = total4(turn * turn)
+        p, q, r = a + p, b + q, c + r
+        p = fma4(total4(turn * a), turn, fma4(-square, a, p))
+        q = fma4(total4(turn * b), turn, fma4(-square, b, q))
+        r = fma4(total4(turn * c), turn, fma4(-square, c, r))
+        if total4(p * cross4(q, r)) < _SHRUNK * total4(a * cross4(b, c)):
             # A node that was pressed on for another frame would be flat, or inside out.
-            for c in range(12):
-                out[at + c] = x[at + c]
+            p, q, r = a, b, c
         here = load4(x, at + 12)
-        store4(out, at + 12, fma4(-1.0, load4(last, at + 12), here + here))
+        store4(out, at, p)
+        store4(out, at + 4, q)
+        store4(out, at + 8, r)
+        store4(out, at + 12, here + here - load4(last, at + 12))
 
 
 @njit(cache=True, nogil=True)
