@@ -44,6 +44,15 @@ def rows_of(
     return place.astype(np.int32), np.ascontiguousarray(rows)
 
 
+def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
+    """What holds each of ``count`` nodes, node by node: (N + 1,) starts, (H,) constraints, (4 H,) arms."""
+    constraint, place = np.nonzero(rows[:, :, 3])
+    node = nodes[constraint, place]
+    order = np.argsort(node, kind="stable")
+    start = np.searchsorted(node[order], np.arange(count + 1)).astype(np.int32)
+    return start, constraint[order].astype(np.int32), rows[constraint, place][order].reshape(-1)
+
+
 def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
     """The frame's planes in the kernels' form, without those that are not finite.
 

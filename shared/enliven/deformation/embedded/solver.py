@@ -30,7 +30,14 @@ from enliven.deformation.embedded.afterwards import lower_state
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Terms, gradient
-from enliven.deformation.embedded.inputs import NO_PLANES, checked_stiffness, planes_of, rows_of, take_usable
+from enliven.deformation.embedded.inputs import (
+    NO_PLANES,
+    checked_stiffness,
+    holds_of,
+    planes_of,
+    rows_of,
+    take_usable,
+)
 from enliven.deformation.embedded.lbfgs import (
     UNLIMITED,
     SolverBuffers,
@@ -143,6 +150,7 @@ class EmbeddedSolver:
         """The energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
         nodes, rows = rows_of(attachment, graph.positions, self._place)
+        held_start, held_by, arms = holds_of(nodes, rows, len(graph.positions))
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
         along = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
         return Terms(
@@ -152,6 +160,10 @@ class EmbeddedSolver:
             turning=float(settings.rigid_translation == "turning"),
             nodes=nodes,
             rows=rows,
+            held_start=held_start,
+            held_by=held_by,
+            arms=arms,
+            forces=np.zeros(4 * len(nodes)),
             targets=np.zeros((len(nodes), 4)),
             pulls=np.zeros(len(nodes)),
             stretch=settings.rotation * stiffness[self._order],
