@@ -219,7 +219,7 @@ def _orthonormal(x, at):  # type: ignore[no-untyped-def]
 def align(x, s):  # type: ignore[no-untyped-def]
     """Kernel: turn the matrix with the nodes: each node's rotation since it was made, into ``s.turns``.
 
-    It is the sum of now uᵀ over the columns u of the frame then: now Uᵀ; a row of it weights the columns.
+    The rotation is N Uᵀ, where N and U are the orthonormal frames now and then; its transpose follows.
     """
     frames, turns = s.frames, s.turns
     now = np.empty(12)
