@@ -158,8 +158,8 @@ def _pull(nodes, rows, m, force, out):  # type: ignore[no-untyped-def]
 def _constraints(x, t, out):  # type: ignore[no-untyped-def]
     """E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
-    Each node gathers from the constraints that hold it: four numbers are read and written once, not as often
-    as it is held.
+    Each node gathers from the constraints that hold it: the numbers of its gradient are read and written
+    once, and not as often as it is held.
     """
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)

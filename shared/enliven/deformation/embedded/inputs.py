@@ -45,7 +45,15 @@ def rows_of(
 
 
 def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
-    """What holds each of ``count`` nodes, node by node: (N + 1,) starts, (H,) constraints, (4 H,) arms."""
+    """Sort the constraints by the nodes that they hold, as the terms of the energy have them.
+
+    Args:
+        nodes, rows: (L, 4) and (L, 4, 4), of :func:`rows_of`; a node without weight is not held.
+        count: N, the number of nodes.
+
+    Returns:
+        (N + 1,) where each node's holds start, (H,) the constraint of each hold, (4 H,) its coefficients.
+    """
     constraint, place = np.nonzero(rows[:, :, 3])
     node = nodes[constraint, place]
     order = np.argsort(node, kind="stable")
