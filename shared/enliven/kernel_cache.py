@@ -140,6 +140,8 @@ def _fields(signature: Any) -> Iterator[tuple[str, ...]]:
             yield one.fields
         if isinstance(one, types.BaseTuple):
             yield from _fields(one)
+        if isinstance(one, types.StructRef):
+            yield from _fields(one.field_dict.values())
 
 
 _MADE_BY = Path(__file__).with_name("kernels.py")

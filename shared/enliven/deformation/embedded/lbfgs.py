@@ -13,8 +13,6 @@ from enliven.arrays import Float, Float32, Int
 from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
 from enliven.deformation.embedded.preconditioner import align, outdated, precondition, refactor
-from enliven.deformation.embedded.safeguards import set_upright, thicken
-from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
@@ -111,28 +109,16 @@ def _dot(u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
-    times = np.float32(scale)
-    for i in range(0, u.shape[0], 8):
-        store8(u, i, fma8(times, load8(v, i), load8(u, i)))
-
-
-@njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
-    """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
-
-    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
-    pressed flat at the end is given some volume again.
-    """
-    if not choose_start(x, rest, t, planes, work):
-        record_energies(work, gradient(x, t, planes, work.raw))
-    if set_upright(x, t.edges):
-        record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance, allowance)
-    note_age(work.age, done)
-    if thicken(x):
-        record_energies(work, gradient(x, t, planes, work.raw))
-    return done
+def _add_then_dot(u, scale, v, w):  # type: ignore[no-untyped-def]
+    """Add ``scale`` v to u; returns u.w, in one pass over u."""
+    even = odd = splat8(np.float32(0.0))
+    times = splat8(np.float32(scale))
+    for i in range(0, u.shape[0], 16):
+        low, high = fma8(times, load8(v, i), load8(u, i)), fma8(times, load8(v, i + 8), load8(u, i + 8))
+        store8(u, i, low)
+        store8(u, i + 8, high)
+        even, odd = fma8(low, load8(w, i), even), fma8(high, load8(w, i + 8), odd)
+    return np.float64(total8(even + odd))
 
 
 @njit(cache=True, nogil=True)
@@ -271,20 +257,23 @@ def _remember(work, kept):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _direction(now, work, kept, system):  # type: ignore[no-untyped-def]
     """``work.own`` takes where to go; returns the slope there. The two loops of L-BFGS (J. Nocedal 1980)."""
-    way = work.own
+    way, steps, changes = work.own, work.steps, work.changes
     for i in range(way.shape[0]):
         way[i] = -now[i]
     share = np.empty(_PAIRS)
     oldest = max(0, kept - _PAIRS)
+    inner = _dot(steps[(kept - 1) % _PAIRS], way)
     for k in range(kept - 1, oldest - 1, -1):
         m = k % _PAIRS
-        share[m] = _dot(work.steps[m], way) / work.curvatures[m]
-        _add_scaled(way, -share[m], work.changes[m])
+        share[m] = inner / work.curvatures[m]
+        inner = _add_then_dot(way, -share[m], changes[m], steps[(k - 1) % _PAIRS])
     precondition(system, way)
+    inner = _dot(changes[oldest % _PAIRS] if kept > 0 else now, way)
     for k in range(oldest, kept):
         m = k % _PAIRS
-        _add_scaled(way, share[m] - _dot(work.changes[m], way) / work.curvatures[m], work.steps[m])
-    return _dot(now, way)
+        after = changes[(k + 1) % _PAIRS] if k + 1 < kept else now
+        inner = _add_then_dot(way, share[m] - inner / work.curvatures[m], steps[m], after)
+    return inner
 
 
 @njit(cache=True, nogil=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 
-from enliven.arrays import Float
-from enliven.deformation.embedded.energy import Planes, Terms
-from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
+from enliven.deformation.embedded.frame import renew_matrix
+from enliven.deformation.embedded.preconditioner import RigidSystem
+from enliven.held_arguments import Held, hold
 
 _DEAR = 200
 """Nodes from which on a matrix is made after every frame: with fewer, waking the thread and moving the matrix
@@ -32,26 +32,37 @@ class MatrixRenewal:
         always: whether a matrix is made after every frame, of small graphs too.
 
     Attributes:
-        system: the matrix in use.
+        system, held: the matrix in use, and the same held.
         always: whether one is made after every frame; else where it has aged.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
-        self.system, self._next = system, system.twin()
+        self._two: list[tuple[RigidSystem, Held]] = [(made, hold(made)) for made in (system, system.twin())]
         self.always = always or len(system.start) > _DEAR
         self._under_way: Future[None] | None = None
 
-    def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
-        """Begin to make the matrix at ``x`` (16 N,), where ``raw`` (16 N,) is dE/dx.
+    @property
+    def system(self) -> RigidSystem:
+        """The matrix in use."""
+        return self._two[0][0]
+
+    @property
+    def held(self) -> Held:
+        """The matrix in use, held."""
+        return self._two[0][1]
+
+    def renew(self, frame: Held, planes: Held) -> None:
+        """Begin to make the matrix at a frame's answer, as :func:`frame.next_frame` takes it.
 
         Nothing of these may change until :meth:`latest`.
         """
-        self._under_way = _second().submit(refactor, x, terms, planes, raw, self._next)
+        self._under_way = _second().submit(renew_matrix, frame, planes, self._two[1][1])
 
     def latest(self) -> bool:
         """Take the matrix that was begun into use, once it is done; False where none was."""
         if self._under_way is None:
             return False
         self._under_way.result()
-        self._under_way, self.system, self._next = None, self._next, self.system
+        self._under_way = None
+        self._two.reverse()
         return True

@@ -30,6 +30,7 @@ from enliven.deformation.embedded.afterwards import lower_state
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.frame import Frame, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,
     checked_stiffness,
@@ -38,20 +39,13 @@ from enliven.deformation.embedded.inputs import (
     rows_of,
     take_usable,
 )
-from enliven.deformation.embedded.lbfgs import (
-    UNLIMITED,
-    SolverBuffers,
-    is_aged,
-    record_energies,
-    solve_frame,
-    start_anew,
-    worth_of,
-)
+from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, start_anew
 from enliven.deformation.embedded.node_frame import plain_state
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
+from enliven.held_arguments import hold
 from enliven.settings import setting
 
 _STALE = 1 << 30
@@ -104,7 +98,6 @@ class EmbeddedSolver:
             mean of its ends'): above 1 a part is stiffer, below 1 it gives way, which exaggerates it.
 
     Attributes:
-        energy: "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted.
         iterations: of the last frame.
     """
 
@@ -128,23 +121,17 @@ class EmbeddedSolver:
         self._terms = self._terms_of(attachment, checked_stiffness(stiffness, count))
         system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
-        self._work, self._worth = SolverBuffers.empty(count), worth_of(system)
+        self._work = SolverBuffers.empty(count)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
         self._rest[:, 3, :3] = graph.positions[self._order]
         self._x = self._rest.copy()
         self._ones = np.ones(len(nodes))
-        self._planes = NO_PLANES
-        self.energy: dict[str, float] = {}
+        self._planes, self._held_planes = NO_PLANES, hold(NO_PLANES)
         self.iterations = 0
-        self._ended = True
         self._lower: list[Float | None] = []
-        self._allowance = UNLIMITED
         self.reset(start)
-        if self.settings.budget_ms > 0.0:
-            self._allowance = allowance_of(
-                self.settings.budget_ms, self._x.reshape(-1), self._terms, self._planes, self._system
-            )
+        self._frame = hold(self._frame_of(self.settings))
 
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """The energy's constants, with the nodes numbered in elimination order."""
@@ -171,6 +158,15 @@ class EmbeddedSolver:
             hanging=settings.rigidity * along[rigid],
         )
 
+    def _frame_of(self, settings: EmbeddedSettings) -> Frame:
+        """What frames have in common; with a budget, steps are timed at the present state."""
+        x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
+        allowance = UNLIMITED
+        if settings.budget_ms > 0.0:
+            allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._system)
+        limits = settings.iterations, settings.tolerance, allowance
+        return Frame(x, rest, self._order, terms, work, settings.constraint, *limits)
+
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""
         self._matrix.latest()
@@ -181,10 +177,8 @@ class EmbeddedSolver:
             self._x[:, 3, :3] = start[1][self._order]
         self._work.last[:] = self._x.reshape(-1)
         self._work.age[:] = 1, 0, 1, _STALE
-        self._ended = True
         self._lower.clear()
         record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
-        self._report()
 
     def solve(
         self, targets: Float, weights: Float | None = None, planes: PlaneConstraints | None = None
@@ -201,26 +195,19 @@ class EmbeddedSolver:
         """
         if self._matrix.latest():
             start_anew(self._work.age)
-        self._take(targets, weights)
-        self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
-        self._leave()
-        self.iterations = solve_frame(
-            self._x.reshape(-1),
-            self._rest.reshape(-1),
-            self._terms,
-            self._planes,
-            self._system,
-            self._work,
-            self.settings.iterations,
-            self.settings.tolerance,
-            self._allowance,
+        targets, weights = self._checked(targets, weights)
+        if planes is not None or self._planes is not NO_PLANES:
+            self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
+            self._held_planes = hold(self._planes)
+        self._leave(targets, weights)
+        linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
+        self.iterations, aged = next_frame(
+            self._frame, self._held_planes, self._matrix.held, targets, weights, linear, positions
         )
-        self._ended = bool(self._work.age[2])
-        worn = self._matrix.always or is_aged(self._work.age, self._worth)
+        worn = aged or self._matrix.always
         if worn and self.iterations > _STILL and self._planes is NO_PLANES:
-            self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
-        self._report()
-        return self.state()
+            self._matrix.renew(self._frame, self._held_planes)
+        return linear, positions
 
     @property
     def settled(self) -> bool:
@@ -230,15 +217,23 @@ class EmbeddedSolver:
         starts from its answer, or from below the ridge, and makes it up. It is found out when it is asked
         for, by going on, which takes as long as a few frames.
         """
-        if self._ended and not self._lower:
+        ended = bool(self._work.age[2])
+        if ended and not self._lower:
             self._lower.append(lower_state(self._x.reshape(-1), self._terms, self._planes, self._system))
-        return self._ended and self._lower[0] is None
+        return ended and self._lower[0] is None
 
-    def _leave(self) -> None:
+    @property
+    def energy(self) -> dict[str, float]:
+        """The terms "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted."""
+        names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
+        return dict(zip(names, self._work.energies.tolist(), strict=True))
+
+    def _leave(self, targets: Float, weights: Float) -> None:
         """Begin below the ridge that the last frame was found on, where that is better by now."""
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return
+        self._take(targets, weights)
         here = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
         there = gradient(beyond, self._terms, self._planes, self._work.trial)
         if there[5] < here[5]:
@@ -256,19 +251,18 @@ class EmbeddedSolver:
         plain_state(self._x, self._order, linear, positions)
         return linear, positions
 
-    def _take(self, targets: Float, weights: Float | None) -> None:
-        """Copy the frame's usable targets and weights."""
-        terms = self._terms
+    def _take(self, targets: Float, weights: Float) -> None:
+        """Copy the usable targets and weights."""
+        take_usable(targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls)
+
+    def _checked(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
+        """(L, 3) the frame's targets and (L,) weights; or an InputError."""
         targets = np.ascontiguousarray(targets, np.float64)
-        pulls = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
-        if targets.shape != (len(terms.pulls), 3) or pulls.shape != terms.pulls.shape:
+        weights = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
+        count = len(self._ones)
+        if targets.shape != (count, 3) or weights.shape != (count,):
             raise InputError(
-                f"targets {targets.shape} and weights {pulls.shape} for {len(terms.pulls)} constraints",
+                f"targets {targets.shape} and weights {weights.shape} for {count} constraints",
                 where="embedded deformation",
             )
-        take_usable(targets, pulls, self.settings.constraint, terms.targets, terms.pulls)
-
-    def _report(self) -> None:
-        """Fill ``energy`` with each term, weighted, and their sum."""
-        names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
-        self.energy = dict(zip(names, self._work.energies.tolist(), strict=True))
+        return targets, weights

@@ -1,0 +1,90 @@
+"""A frame of the deformation as one call: what is given, the descent, and what is shown."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from enliven.arrays import Float, Int
+from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.inputs import take_usable
+from enliven.deformation.embedded.lbfgs import (
+    Allowance,
+    SolverBuffers,
+    descend,
+    is_aged,
+    note_age,
+    record_energies,
+)
+from enliven.deformation.embedded.node_frame import plain_state
+from enliven.deformation.embedded.preconditioner import refactor
+from enliven.deformation.embedded.safeguards import set_upright, thicken
+from enliven.deformation.embedded.warm_start import choose_start
+from enliven.kernels import njit
+
+_WAKING = 1
+"""Steps that take as long as waking the second thread and fetching the matrix that it made."""
+
+
+class Frame(NamedTuple):
+    """What stays from frame to frame, beside the matrix and the planes.
+
+    Attributes:
+        x, rest: (16 N,) the unknowns, and those of the rest pose.
+        order: (N,) the graph's own number of each node.
+        terms, work: of the energy, and room for the descent.
+        pull: the weight of all constraints.
+        most, tolerance: the settings ``iterations`` and ``tolerance``.
+        allowance: what a frame may cost.
+    """
+
+    x: Float
+    rest: Float
+    order: Int
+    terms: Terms
+    work: SolverBuffers
+    pull: float
+    most: int
+    tolerance: float
+    allowance: Allowance
+
+
+@njit(cache=True, nogil=True)
+def next_frame(held, planes, system, targets, weights, linear, positions):  # type: ignore[no-untyped-def]
+    """Kernel: minimise the energy for new targets; returns the number of iterations, and whether the matrix
+    has aged.
+
+    Args:
+        held, planes, system: a :class:`Frame`, ``Planes`` and a ``RigidSystem``, held.
+        targets, weights: (L, 3) metres and (L,), as they are given.
+        linear, positions: (N, 3, 3) and (N, 3) metres, filled.
+    """
+    f, s = held.values, system.values
+    take_usable(targets, weights, f.pull, f.terms.targets, f.terms.pulls)
+    done = solve_frame(f.x, f.rest, f.terms, planes.values, s, f.work, f.most, f.tolerance, f.allowance)
+    plain_state(f.x.reshape(-1, 4, 4), f.order, linear, positions)
+    return done, is_aged(f.work.age, _WAKING)
+
+
+@njit(cache=True, nogil=True)
+def solve_frame(x, rest, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
+    """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
+
+    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
+    pressed flat at the end is given some volume again.
+    """
+    if not choose_start(x, rest, t, planes, work):
+        record_energies(work, gradient(x, t, planes, work.raw))
+    if set_upright(x, t.edges):
+        record_energies(work, gradient(x, t, planes, work.raw))
+    done = descend(x, t, planes, system, work, most, tolerance, allowance)
+    note_age(work.age, done)
+    if thicken(x):
+        record_energies(work, gradient(x, t, planes, work.raw))
+    return done
+
+
+@njit(cache=True, nogil=True)
+def renew_matrix(held, planes, system):  # type: ignore[no-untyped-def]
+    """Kernel: make the matrix at the last frame's answer; the arguments are those of :func:`next_frame`."""
+    f = held.values
+    refactor(f.x, f.terms, planes.values, f.work.raw, system.values)

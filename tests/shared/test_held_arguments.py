@@ -1,0 +1,70 @@
+"""Held arguments: kernels see the very arrays that were held, and let them go with the pointer."""
+
+import sys
+from collections import namedtuple
+
+import numpy as np
+import pytest
+from numba.core.errors import TypingError
+
+from enliven.held_arguments import hold
+from enliven.kernels import njit
+
+Room = namedtuple("Room", "numbers scale")
+Both = namedtuple("Both", "first second count")
+
+
+@njit()
+def write(held, at):
+    """Write into the first room what the second has there, scaled."""
+    both = held.values
+    both.first.numbers[at] = both.second.scale * both.second.numbers[at]
+    return both.count
+
+
+@njit()
+def passed_on(held):
+    return held
+
+
+def held_pair():
+    first, second = np.zeros(3), np.arange(3.0)
+    return first, second, hold(Both(Room(first, 1.0), Room(second, 10.0), 7))
+
+
+def test_a_kernel_reads_and_writes_the_arrays_that_were_held():
+    first, second, held = held_pair()
+    assert write(held, 2) == 7
+    np.testing.assert_array_equal(first, [0.0, 0.0, 20.0])
+    second[1] = 5.0
+    write(held, 1)
+    np.testing.assert_array_equal(first, [0.0, 50.0, 20.0])
+
+
+def test_arrays_live_as_long_as_they_are_held_and_no_longer():
+    first, second, held = held_pair()
+    alone = sys.getrefcount(np.zeros(3)) + 1
+    assert sys.getrefcount(first) > alone
+    for _ in range(100):
+        write(held, 0)
+    again = passed_on(held)
+    del held
+    second[2] = 4.0
+    write(again, 2)
+    assert first[2] == 40.0
+    del again
+    assert sys.getrefcount(first) == alone
+
+
+def test_what_no_kernel_takes_is_refused():
+    with pytest.raises(TypingError, match="Cannot determine Numba type"):
+        hold(object())
+
+
+def test_a_kernel_is_compiled_once_for_all_of_one_type():
+    _, _, one = held_pair()
+    _, _, other = held_pair()
+    write(one, 0)
+    before = len(write.overloads)
+    write(other, 0)
+    assert len(write.overloads) == before
