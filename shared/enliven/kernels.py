@@ -1,10 +1,14 @@
-"""What compiled kernels have in common: how they are compiled, and copies by loops."""
+"""What compiled kernels have in common: how they are compiled, arguments that stay, and copies by loops."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numba
+from numba.core import types
+from numba.experimental import structref
+from numba.extending import overload
 
 from enliven.kernel_cache import keep
 
@@ -20,6 +24,49 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)
     return (lambda kernel: keep(compiled(kernel))) if cache else compiled
+
+
+@structref.register
+class HeldType(types.StructRef):  # type: ignore[misc]
+    """The type of held arguments in a kernel; ``values``, its one field, is what :func:`hold` was given."""
+
+
+class Held(structref.StructRefProxy):  # type: ignore[misc]
+    """A pointer to arguments that stay, made by :func:`hold`: a kernel reads its ``values``."""
+
+    __slots__ = ()
+
+
+structref.define_boxing(HeldType, Held)
+
+
+def _held(values):  # type: ignore[no-untyped-def]
+    """Holds values where nothing is compiled; kernels compile the following in its place."""
+    return SimpleNamespace(values=values)
+
+
+@overload(_held)
+def _held_in_kernels(values):  # type: ignore[no-untyped-def]
+    """Returns how a kernel makes a structure of values of these types."""
+    kind = HeldType((("values", types.unliteral(values)),))
+
+    def make(values):  # type: ignore[no-untyped-def]
+        held = structref.new(kind)
+        held.values = values
+        return held
+
+    return make
+
+
+@njit(cache=True)
+def hold(values):  # type: ignore[no-untyped-def]
+    """Returns a :class:`Held` of arrays, numbers, and tuples and named tuples of them.
+
+    Numba looks at every array of a call, 0.15 microseconds each. A kernel that takes many of them call after
+    call, 53 in a frame of a deformation graph, takes a pointer to all of them in the time of one. The arrays
+    are not copied: what is written into one is seen by the kernel. Numbers stay as they were.
+    """
+    return _held(values)
 
 
 @njit(cache=True, nogil=True)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from enliven.held_arguments import hold
-from enliven.kernels import njit
+from enliven.kernels import hold, njit
 
 Room = namedtuple("Room", "numbers scale")
 Both = namedtuple("Both", "first second count")

@@ -50,7 +50,7 @@ def kernel(pair):
 """
 
 GIVES = """
-from enliven.held_arguments import hold
+from enliven.kernels import hold
 from kernel import kernel
 from pair import Pair
 

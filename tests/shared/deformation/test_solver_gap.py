@@ -10,7 +10,7 @@ from plain_gauss_newton import PlainGaussNewton
 
 from enliven.deformation.embedded import renewal
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
-from enliven.held_arguments import hold
+from enliven.kernels import hold
 
 GAP = 0.002
 """Share of the minimum by which a frame may end above it."""

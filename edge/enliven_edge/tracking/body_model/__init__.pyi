@@ -23,6 +23,7 @@ from .kinematics import (
 from .model import height_of as height_of, lengths_for_height as lengths_for_height
 from .posture import (
     Posture as Posture,
+    capsules_of as capsules_of,
     continued as continued,
     frames_of as frames_of,
     joints_into as joints_into,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +19,7 @@ _BODY = (model.FRAME_PARENTS, model.PIVOTS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 """The arguments of :func:`_joints` that the model gives."""
 _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
-"""The arguments of :func:`_capsules` that the model gives."""
+"""The arguments of :func:`capsules_of` that the model gives."""
 
 
 @dataclass
@@ -35,6 +35,9 @@ class Posture:
     position: Float
     rotations: Float
     lengths: Float
+    _placed: tuple[tuple[bytes, ...], tuple[Float, Float]] | None = field(
+        default=None, init=False, repr=False, compare=False
+    )
 
     def copy(self) -> Posture:
         """A posture of the same values, with arrays of its own."""
@@ -54,9 +57,15 @@ class Posture:
         return np.asarray(_turns(*state, *_BODY, model.BONE_FRAMES))
 
     def capsules(self) -> tuple[Float, Float]:
-        """(C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres."""
-        ends, radii = _capsules(self.position, self.rotations, self.lengths, *_BODY, *_SURFACE)
-        return ends, radii
+        """(C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres; not to be written into.
+
+        Half of the calls ask for those of a posture that has not changed since the last one.
+        """
+        state = (self.position.tobytes(), self.rotations.tobytes(), self.lengths.tobytes())
+        if self._placed is None or self._placed[0] != state:
+            ends, radii = capsules_of(self.position, self.rotations, self.lengths, *_BODY, *_SURFACE)
+            self._placed = state, (ends, radii)
+        return self._placed[1]
 
 
 def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, Float]:
@@ -118,7 +127,7 @@ def _turns(position, rotations, lengths, parents, offsets, bones):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _capsules(position, rotations, lengths, parents, offsets, frames, local, thickness):  # type: ignore[no-untyped-def]
+def capsules_of(position, rotations, lengths, parents, offsets, frames, local, thickness):  # type: ignore[no-untyped-def]
     """See :meth:`Posture.capsules`, and :func:`kinematics.capsules_into`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))

@@ -16,7 +16,15 @@ from enliven_edge.tracking.body_model import (
     nearest_capsules,
     rotation,
 )
-from enliven_edge.tracking.estimator import FACINGS, MIRRORED, PARTS, BodyPart, Estimate, facing_in_plan
+from enliven_edge.tracking.estimator import (
+    FACINGS,
+    MIRRORED,
+    PARTS,
+    BodyPart,
+    Estimate,
+    facing_in_plan,
+    parts_at_rays,
+)
 from enliven_edge.tracking.frame import Observation
 
 
@@ -88,8 +96,16 @@ class EstimateAtPoints:
 
 def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
     """Samples an estimate of the same frame at the points of an observation."""
-    rays = _rays(observation.pixels, observation.view.camera)
-    return EstimateAtPoints(estimate, observation.surface, estimate.parts_at(rays), rays)
+    at = (observation.pixels, observation.view.camera)
+    rays, shown = _shown_at(*at, estimate.parts, *estimate.crop.place)
+    return EstimateAtPoints(estimate, observation.surface, shown, rays)
+
+
+@njit(cache=True, nogil=True)
+def _shown_at(pixels, camera, parts, axes, centre, scale):  # type: ignore[no-untyped-def]
+    """Returns the (M, 2) rays of pixels and the (P, M) parts there, see :func:`part_map.parts_at_rays`."""
+    rays = _rays(pixels, camera)
+    return rays, parts_at_rays(parts, rays, axes, centre, scale)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

@@ -18,3 +18,4 @@ from .labels import (
     BodyPart as BodyPart,
     facing_in_plan as facing_in_plan,
 )
+from .part_map import parts_at_rays as parts_at_rays

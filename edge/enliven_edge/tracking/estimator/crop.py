@@ -64,9 +64,14 @@ class Crop:
     axes: Float
     centre: Float
 
+    @property
+    def place(self) -> tuple[Float, Float, float]:
+        """The axes, the middle and the cells a unit at unit depth, as :func:`cells_at` takes them."""
+        return self.axes, self.centre, self.depth / self.cell
+
     def cells(self, rays: Float) -> Float:
         """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
-        return np.asarray(cells_at(rays, self.axes, self.centre, self.depth / self.cell))
+        return np.asarray(cells_at(rays, *self.place))
 
     def to_camera(self, points: Float) -> Float:
         """Returns (N, 3) points in the camera's frame of (N, 3) crop coordinates."""

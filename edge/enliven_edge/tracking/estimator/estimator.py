@@ -86,8 +86,7 @@ class Estimate:
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
-        crop = self.crop
-        return np.asarray(parts_at_rays(self.parts, rays, crop.axes, crop.centre, crop.depth / crop.cell))
+        return np.asarray(parts_at_rays(self.parts, rays, *self.crop.place))
 
 
 @njit(cache=True, nogil=True)

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
+from enliven.kernels import Held, hold
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import minimise
-from enliven_edge.tracking.fit.structures import FitModel, FitPrior, weights_of
+from enliven_edge.tracking.fit.structures import FitConstants, FitModel, weights_of
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
@@ -93,8 +94,8 @@ class Fitter:
 
     def __init__(self, settings: FitSettings) -> None:
         self.settings = settings
-        self._weights = weights_of(settings)
         self._stiffness, self._relaxedness = settings.temporal * _STIFF, settings.rest * _RELAXED
+        self._constants: dict[float, Held] = {}
 
     def fit(
         self,
@@ -116,20 +117,27 @@ class Fitter:
         """
         made = start.copy()
         prior = self._prior(start, predicted, proportions)
-        weights = self._weights if width is None else self._weights._replace(width=float(width))
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         information = np.zeros((model.DOFS, model.DOFS))
         energy, explained = minimise(
-            made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
+            made.position, made.rotations, made.lengths, observation.held, self._constants_of(width), *prior,
             self.settings.iterations if iterations is None else iterations, support, violated, information,
         )  # fmt: skip
         return made, FitReport(energy, explained, support, violated, information)
 
-    def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> FitPrior:
-        """The terms besides the frame's: prediction, relaxation, joint ranges and proportions."""
+    def _prior(
+        self, start: Posture, predicted: Posture | None, proportions: Float | None
+    ) -> tuple[Float, Float, Float, Float]:
+        """The prior's part that changes from fit to fit, prediction and proportions: see :func:`minimise`."""
         firmness = _NO_LENGTHS if proportions is None else proportions
-        expected, stiffness = (
-            (start.rotations, _LOOSE) if predicted is None else (predicted.rotations, self._stiffness)
-        )
-        held = (expected, stiffness, joint_limits.RELAXED, self._relaxedness)
-        return FitPrior(*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths, firmness)
+        if predicted is None:
+            return start.rotations, _LOOSE, start.lengths, firmness
+        return predicted.rotations, self._stiffness, start.lengths, firmness
+
+    def _constants_of(self, width: float | None) -> Held:
+        """The lasting part, with weights and body, for a width in metres; the setting's where None."""
+        width = self.settings.width if width is None else float(width)
+        if width not in self._constants:
+            limits = joint_limits.RELAXED, self._relaxedness, joint_limits.MIDDLE, joint_limits.REACH
+            self._constants[width] = hold(FitConstants(_SHAPE, weights_of(self.settings, width), *limits))
+        return self._constants[width]

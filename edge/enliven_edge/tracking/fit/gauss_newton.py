@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model import model, turn
-from enliven_edge.tracking.fit.structures import BodyState
+from enliven_edge.tracking.fit.structures import BodyState, FitPrior
 from enliven_edge.tracking.fit.terms import assemble
 
 _ENOUGH = 1e-4
@@ -30,18 +30,24 @@ MOST_DAMPING = 1e4
 
 @njit(cache=True, nogil=True)
 def minimise(  # type: ignore[no-untyped-def]
-    position, rotations, lengths, seen, shape, prior, weights, iterations, support, violated, information
-):
+    position, rotations, lengths, observed, constants, predicted, stiffness, reference, firmness, iterations,
+    support, violated, information,
+):  # fmt: skip
     """Moves the posture (in place) to lower energy; returns (energy, explained).
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
-        seen, shape, prior, weights: as :func:`terms.assemble` takes them.
+        observed, constants: a :class:`SeenPerson` and :class:`FitConstants`, held.
+        predicted, stiffness, reference, firmness: as of :class:`FitPrior`.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
         information: (30, 30) receives the upper triangle of the Gauss-Newton matrix where the posture ends,
             of translation and rotations alone, without what time predicts.
     """
+    seen, c = observed.values, constants.values
+    shape, weights = c.shape, c.weights
+    held = (c.rest, c.relaxedness, c.middle, c.reach)
+    prior = FitPrior(predicted, stiffness, *held, reference, firmness)
     count = model.DOFS + len(prior.firmness)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)

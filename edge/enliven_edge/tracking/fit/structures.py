@@ -91,11 +91,22 @@ class FitPrior(NamedTuple):
     firmness: Float
 
 
+class FitConstants(NamedTuple):
+    """What all fits of one width have in common: the body, the weights, and the prior's lasting part."""
+
+    shape: FitModel
+    weights: Any
+    rest: Float
+    relaxedness: Float
+    middle: Float
+    reach: Float
+
+
 _NAMES = tuple(field.name for field in fields(FitSettings))
 FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
 """The numbers of :class:`FitSettings` by their names: a new setting is a weight that every term can take."""
 
 
-def weights_of(settings: FitSettings) -> Any:
-    """Returns the weights as the compiled fit takes them, all of one type."""
-    return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))
+def weights_of(settings: FitSettings, width: float) -> Any:
+    """Returns the weights as the compiled fit takes them, all of one type, with another width."""
+    return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))._replace(width=width)

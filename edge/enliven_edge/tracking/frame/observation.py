@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
-from enliven.kernels import njit
+from enliven.kernels import Held, hold, njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.reduction import reduce_depth
 
@@ -92,6 +93,11 @@ class Observation:
     def seen(self) -> SeenPerson:
         """The observation as the compiled fit takes it."""
         return SeenPerson(self.surface, self.affinity, self.view, self.landmarks)
+
+    @cached_property
+    def held(self) -> Held:
+        """The same, looked at once for all fits."""
+        return hold(self.seen)
 
     def guided(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
         """The same with other affinities, and with other landmarks unless they are None."""
@@ -200,11 +206,18 @@ def observe(
         mask: (h, w) the person's pixels.
         points: at most this many surface points are kept, spread evenly over the pixels.
     """
-    pixels = sampled(mask, points)
-    found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
-    view = ImageView(z, mask, nearest_columns(mask), camera.camera, world_from_camera)
+    found, both, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
+    view = ImageView(z, mask, nearest, camera.camera, world_from_camera)
     cut = bool(np.count_nonzero(mask[-2:]) > 0.05 * mask.shape[1])
-    return Observation(found, side_by_side(found, normals), pixels, view, cut)
+    return Observation(found, both, pixels, view, cut)
+
+
+@njit(cache=True, nogil=True)
+def _observed(surface, z, mask, eye, points):  # type: ignore[no-untyped-def]
+    """Points, points beside their normals, pixels and nearest columns, as of :class:`Observation`."""
+    pixels = sampled(mask, points)
+    found, normals = surface_samples(surface, z, pixels, eye)
+    return found, side_by_side(found, normals), pixels, nearest_columns(mask)
 
 
 @njit(cache=True, nogil=True)

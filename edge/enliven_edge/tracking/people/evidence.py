@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.kernels import njit
-from enliven_edge.tracking.body_model import Posture, frames_of, joints_into, model
+from enliven.kernels import Held, hold, njit
+from enliven_edge.tracking.body_model import Posture, capsules_of, frames_of, joints_into, model
 from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import FitReport, PlacedFrames, cholesky, point_row
 from enliven_edge.tracking.frame import Observation
@@ -61,8 +63,16 @@ _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 """Arguments of :func:`_joint_spread` that the model fixes."""
+_SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
+"""Arguments of :func:`capsules_of` that the model fixes."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
 """Joints and spread in place of the network's, where it was not run."""
+
+
+@cache
+def _body() -> Held:
+    """Returns what the model fixes, held."""
+    return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 
 
 def evidence(
@@ -79,11 +89,27 @@ def evidence(
         unsupported: (20,) frames since each joint was last supported.
         estimate: the network's estimate of the frame; None without one.
     """
-    shares = capsule_shares(*posture.capsules(), observation.view)
     network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
     fit = (report.support, report.violated, report.explained)
-    joints, loose = joints_held(posture, report.information)
-    return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *network, _FIRST, _SECOND))
+    state = (posture.position, posture.rotations, posture.lengths)
+    seen, body = observation.held, _body()
+    return np.asarray(_evidence(seen, body, *state, report.information, *fit, unsupported, *network))
+
+
+@njit(cache=True, nogil=True)
+def _evidence(  # type: ignore[no-untyped-def]
+    observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
+    seen, spread,
+):  # fmt: skip
+    """(20, 17) see :func:`evidence`; ``observed`` and ``body`` are held, the second of :func:`_body`."""
+    skeleton, surface, turns, carried, first, second = body.values
+    ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)
+    shares = capsule_shares(ends, radii, observed.values.image)
+    joints, loose = _joint_spread(
+        information, position, rotations, lengths, skeleton[0], skeleton[1], turns, *carried
+    )
+    fit = support, violated, explained
+    return gathered(shares, *fit, loose, unsupported, joints, seen, spread, first, second)
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from functools import cache
 
 from enliven.deformation.embedded.frame import renew_matrix
 from enliven.deformation.embedded.preconditioner import RigidSystem
-from enliven.held_arguments import Held, hold
+from enliven.kernels import Held, hold
 
 _DEAR = 200
 """Nodes from which on a matrix is made after every frame: with fewer, waking the thread and moving the matrix

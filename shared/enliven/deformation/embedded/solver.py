@@ -45,7 +45,7 @@ from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
-from enliven.held_arguments import hold
+from enliven.kernels import hold
 from enliven.settings import setting
 
 _STALE = 1 << 30
