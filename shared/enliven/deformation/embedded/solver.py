@@ -8,7 +8,7 @@ that cannot turn a node inside out (``node_frame``), whole where the energy fall
 The matrix turns with the nodes: each node's rotation since it was made is put before and behind it. Thirty
 frames later its eigenvalues against the true second derivative are then within 0.15 and 5.6; without, within
 0.007 and 91 (a creature of 128 nodes that dances). So it is kept as long as that lowers the mean of the steps
-of its frames, those that making it takes among them (``lbfgs.is_aged``).
+of its frames, what another one costs among them (``lbfgs.is_aged``).
 
 A frame is done after a step that promised little: half of g.Bg, where B is the inverse of the matrix with
 what L-BFGS learnt. That bounds the gap to the minimum where the matrix is right; where the last steps gained

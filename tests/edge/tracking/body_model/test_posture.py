@@ -36,6 +36,21 @@ def test_joints_and_capsules_are_carried_by_their_frames(seed):
     np.testing.assert_allclose(radii, shape.radii * posture.lengths[model.GIRTH], atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_capsules_follow_a_posture_that_is_written_into(seed):
+    """What was found for a posture is kept for the next call, and only as long as no number has changed."""
+    posture, other = random_posture(seed), random_posture(seed + 100)
+    for name in ("position", "rotations", "lengths"):
+        before = posture.capsules()
+        assert posture.capsules() is before
+        getattr(posture, name)[:] = getattr(other, name)
+        for found, expected in zip(posture.capsules(), posture.copy().capsules(), strict=True):
+            np.testing.assert_array_equal(found, expected)
+        assert any((a != b).any() for a, b in zip(before, posture.capsules(), strict=True))
+    posture.position = posture.position + 1.0
+    np.testing.assert_allclose(posture.capsules()[0], other.capsules()[0] + 1.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_orientations_are_those_of_the_bones_frames(seed):
     posture = random_posture(seed)
