@@ -164,8 +164,8 @@ class EmbeddedSolver:
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
             allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._system)
-        limits = settings.iterations, settings.tolerance, allowance
-        return Frame(x, rest, self._order, terms, work, settings.constraint, *limits)
+        limits = int(settings.iterations), float(settings.tolerance), allowance
+        return Frame(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""

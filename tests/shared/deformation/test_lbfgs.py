@@ -1,0 +1,68 @@
+"""The direction of a step: L-BFGS' two loops, beside the plain ones."""
+
+import numpy as np
+import pytest
+from creatures import random_problem
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.deformation.embedded import lbfgs
+from enliven.deformation.embedded.inputs import NO_PLANES
+from enliven.deformation.embedded.lbfgs import SolverBuffers
+from enliven.deformation.embedded.preconditioner import precondition, refactor
+from enliven.deformation.embedded.solver import EmbeddedSolver
+
+_NODES = 21
+"""Nodes of the creature: no multiple of what a vector register takes."""
+
+
+def made_system():
+    """The matrix of a creature at rest."""
+    problem = random_problem(5, _NODES, 1, 1.0)
+    solver = EmbeddedSolver(problem.graph, problem.points)
+    solver._take(problem.targets[0], solver._ones)
+    x = solver._x.reshape(-1)
+    refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._system)
+    return solver._system
+
+
+SYSTEM = made_system()
+
+
+def filled_buffers(count, seed):
+    """Buffers with random pairs of positive curvature, and a random derivative."""
+    work, rng = SolverBuffers.empty(count), np.random.default_rng(seed)
+    used = np.arange(16 * count) % 4 < 3
+    work.now[:] = np.where(used, rng.normal(size=16 * count), 0.0)
+    for m, (step, change) in enumerate(zip(work.steps, work.changes, strict=True)):
+        step[:] = np.where(used, rng.normal(size=16 * count), 0.0)
+        change[:] = step + 0.5 * np.where(used, rng.normal(size=16 * count), 0.0)
+        work.curvatures[m] = step.astype(np.float64) @ change
+    return work
+
+
+def plain_direction(work, kept):
+    """J. Nocedal 1980, in double precision but for the matrix between the loops."""
+    way, shares, room = -work.now.astype(np.float64), {}, len(work.steps)
+    pairs = [k % room for k in range(max(0, kept - room), kept)]
+    for m in reversed(pairs):
+        shares[m] = work.steps[m] @ way / work.curvatures[m]
+        way -= shares[m] * work.changes[m]
+    rounded = way.astype(np.float32)
+    precondition(SYSTEM, rounded)
+    way = rounded.astype(np.float64)
+    for m in pairs:
+        way += (shares[m] - work.changes[m] @ way / work.curvatures[m]) * work.steps[m]
+    return way, work.now @ way
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), kept=st.integers(0, 13))
+def test_a_direction_is_that_of_the_plain_two_loops(seed, kept):
+    """To a ten-thousandth: float32 has seven digits, and the pairs' shares multiply their rounding."""
+    work = filled_buffers(len(SYSTEM.inverse) // 48, seed)
+    expected, slope = plain_direction(work, kept)
+    found = lbfgs._direction(work.now, work, np.int64(kept), SYSTEM)
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(work.own, expected, atol=1e-4 * size)
+    assert found == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))
