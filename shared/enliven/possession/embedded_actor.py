@@ -218,6 +218,8 @@ class EmbeddedActor(Actor):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
             seen = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
             rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: seen})
+            if rehearsal._solver is not None:
+                rehearsal._solver.renew()
 
     @property
     def _stays(self) -> bool:

@@ -16,7 +16,6 @@ from enliven.deformation.embedded.lbfgs import (
     record_energies,
 )
 from enliven.deformation.embedded.node_frame import plain_state
-from enliven.deformation.embedded.preconditioner import refactor
 from enliven.deformation.embedded.safeguards import set_upright, thicken
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import njit
@@ -81,10 +80,3 @@ def solve_frame(x, rest, t, planes, system, work, most, tolerance, allowance):  
     if thicken(x):
         record_energies(work, gradient(x, t, planes, work.raw))
     return done
-
-
-@njit(cache=True, nogil=True)
-def renew_matrix(held, planes, system):  # type: ignore[no-untyped-def]
-    """Kernel: make the matrix at the last frame's answer; the arguments are those of :func:`next_frame`."""
-    f = held.values
-    refactor(f.x, f.terms, planes.values, f.work.raw, system.values)

@@ -10,8 +10,9 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 
-from enliven.deformation.embedded.frame import renew_matrix
-from enliven.deformation.embedded.preconditioner import RigidSystem
+from enliven.arrays import Float
+from enliven.deformation.embedded.energy import Planes, Terms
+from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 from enliven.kernels import Held, hold
 
 _DEAR = 200
@@ -51,12 +52,12 @@ class MatrixRenewal:
         """The matrix in use, held."""
         return self._two[0][1]
 
-    def renew(self, frame: Held, planes: Held) -> None:
-        """Begin to make the matrix at a frame's answer, as :func:`frame.next_frame` takes it.
+    def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
+        """Begin to make the matrix at ``x`` (16 N,), where ``raw`` (16 N,) is dE/dx.
 
         Nothing of these may change until :meth:`latest`.
         """
-        self._under_way = _second().submit(renew_matrix, frame, planes, self._two[1][1])
+        self._under_way = _second().submit(refactor, x, terms, planes, raw, self._two[1][0])
 
     def latest(self) -> bool:
         """Take the matrix that was begun into use, once it is done; False where none was."""

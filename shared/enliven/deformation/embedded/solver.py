@@ -206,8 +206,12 @@ class EmbeddedSolver:
         )
         worn = aged or self._matrix.always
         if worn and self.iterations > _STILL and self._planes is NO_PLANES:
-            self._matrix.renew(self._frame, self._held_planes)
+            self.renew()
         return linear, positions
+
+    def renew(self) -> None:
+        """Begin to make another matrix at the last frame's answer, for the next frame."""
+        self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
 
     @property
     def settled(self) -> bool:
