@@ -52,31 +52,24 @@ def next_frame(held, planes, system, targets, weights, linear, positions):  # ty
     """Kernel: minimise the energy for new targets; returns the number of iterations, and whether the matrix
     has aged.
 
+    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
+    pressed flat at the end is given some volume again.
+
     Args:
         held, planes, system: a :class:`Frame`, ``Planes`` and a ``RigidSystem``, held.
         targets, weights: (L, 3) metres and (L,), as they are given.
         linear, positions: (N, 3, 3) and (N, 3) metres, filled.
     """
-    f, s = held.values, system.values
-    take_usable(targets, weights, f.pull, f.terms.targets, f.terms.pulls)
-    done = solve_frame(f.x, f.rest, f.terms, planes.values, s, f.work, f.most, f.tolerance, f.allowance)
-    plain_state(f.x.reshape(-1, 4, 4), f.order, linear, positions)
-    return done, is_aged(f.work.age, _WAKING)
-
-
-@njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
-    """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
-
-    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
-    pressed flat at the end is given some volume again.
-    """
-    if not choose_start(x, rest, t, planes, work):
-        record_energies(work, gradient(x, t, planes, work.raw))
+    f, p, s = held.values, planes.values, system.values
+    x, t, work = f.x, f.terms, f.work
+    take_usable(targets, weights, f.pull, t.targets, t.pulls)
+    if not choose_start(x, f.rest, t, p, work):
+        record_energies(work, gradient(x, t, p, work.raw))
     if set_upright(x, t.edges):
-        record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance, allowance)
+        record_energies(work, gradient(x, t, p, work.raw))
+    done = descend(x, t, p, s, work, f.most, f.tolerance, f.allowance)
     note_age(work.age, done)
     if thicken(x):
-        record_energies(work, gradient(x, t, planes, work.raw))
-    return done
+        record_energies(work, gradient(x, t, p, work.raw))
+    plain_state(x.reshape(-1, 4, 4), f.order, linear, positions)
+    return done, is_aged(work.age, _WAKING)
