@@ -1,5 +1,7 @@
 """The direction of a step: L-BFGS' two loops, beside the plain ones."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from creatures import random_problem
@@ -12,21 +14,16 @@ from enliven.deformation.embedded.lbfgs import SolverBuffers
 from enliven.deformation.embedded.preconditioner import precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSolver
 
-_NODES = 21
-"""Nodes of the creature: no multiple of what a vector register takes."""
 
-
-def made_system():
-    """The matrix of a creature at rest."""
-    problem = random_problem(5, _NODES, 1, 1.0)
+@cache
+def system():
+    """The matrix of a small creature at rest."""
+    problem = random_problem(5, 21, 1, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points)
     solver._take(problem.targets[0], solver._ones)
     x = solver._x.reshape(-1)
     refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._system)
     return solver._system
-
-
-SYSTEM = made_system()
 
 
 def filled_buffers(count, seed):
@@ -49,7 +46,7 @@ def plain_direction(work, kept):
         shares[m] = work.steps[m] @ way / work.curvatures[m]
         way -= shares[m] * work.changes[m]
     rounded = way.astype(np.float32)
-    precondition(SYSTEM, rounded)
+    precondition(system(), rounded)
     way = rounded.astype(np.float64)
     for m in pairs:
         way += (shares[m] - work.changes[m] @ way / work.curvatures[m]) * work.steps[m]
@@ -60,9 +57,9 @@ def plain_direction(work, kept):
 @given(seed=st.integers(0, 2**32 - 1), kept=st.integers(0, 13))
 def test_a_direction_is_that_of_the_plain_two_loops(seed, kept):
     """To a ten-thousandth: float32 has seven digits, and the pairs' shares multiply their rounding."""
-    work = filled_buffers(len(SYSTEM.inverse) // 48, seed)
+    work = filled_buffers(len(system().inverse) // 48, seed)
     expected, slope = plain_direction(work, kept)
-    found = lbfgs._direction(work.now, work, np.int64(kept), SYSTEM)
+    found = lbfgs._direction(work.now, work, np.int64(kept), system())
     size = np.abs(expected).max()
     np.testing.assert_allclose(work.own, expected, atol=1e-4 * size)
     assert found == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))

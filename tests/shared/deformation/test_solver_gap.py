@@ -135,7 +135,7 @@ def test_a_matrix_made_beside_is_the_one_that_would_be_made_at_once(monkeypatch)
     problem, frames = random_problem(3, 24, 8, 1.0), []
     for beside in (True, False):
         solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
-        solver._frame = hold(solver._frame_of(EmbeddedSettings()))
+        solver._held_state = hold(solver._state_of(EmbeddedSettings()))
         if not beside:
             monkeypatch.setattr(renewal, "_second", AtOnce)
         frames.append([solver.solve(targets)[1] for targets in problem.targets])

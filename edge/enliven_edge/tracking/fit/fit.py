@@ -90,7 +90,7 @@ class FitReport:
 
 
 class Fitter:
-    """Fits the model to observations; keeps nothing between calls but its settings."""
+    """Fits the model to observations; keeps nothing between calls but its settings, held for each width."""
 
     def __init__(self, settings: FitSettings) -> None:
         self.settings = settings
@@ -136,7 +136,7 @@ class Fitter:
 
     def _constants_of(self, width: float | None) -> Held:
         """The lasting part, with weights and body, for a width in metres; the setting's where None."""
-        width = self.settings.width if width is None else float(width)
+        width = float(self.settings.width if width is None else width)
         if width not in self._constants:
             limits = joint_limits.RELAXED, self._relaxedness, joint_limits.MIDDLE, joint_limits.REACH
             self._constants[width] = hold(FitConstants(_SHAPE, weights_of(self.settings, width), *limits))

@@ -46,8 +46,8 @@ def minimise(  # type: ignore[no-untyped-def]
     """
     seen, c = observed.values, constants.values
     shape, weights = c.shape, c.weights
-    held = (c.rest, c.relaxedness, c.middle, c.reach)
-    prior = FitPrior(predicted, stiffness, *held, reference, firmness)
+    lasting = (c.rest, c.relaxedness, c.middle, c.reach)
+    prior = FitPrior(predicted, stiffness, *lasting, reference, firmness)
     count = model.DOFS + len(prior.firmness)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)

@@ -62,7 +62,7 @@ _FIRST, _SECOND = _beside()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
-"""Arguments of :func:`_joint_spread` that the model fixes."""
+"""Arguments of :func:`joints_held` that the model fixes."""
 _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
 """Arguments of :func:`capsules_of` that the model fixes."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
@@ -105,7 +105,7 @@ def _evidence(  # type: ignore[no-untyped-def]
     skeleton, surface, turns, carried, first, second = body.values
     ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)
     shares = capsule_shares(ends, radii, observed.values.image)
-    joints, loose = _joint_spread(
+    joints, loose = joints_held(
         information, position, rotations, lengths, skeleton[0], skeleton[1], turns, *carried
     )
     fit = support, violated, explained
@@ -207,29 +207,18 @@ def _supported(support, violated, ends, radii, count):  # type: ignore[no-untype
     return out
 
 
-def joints_held(posture: Posture, information: Float) -> tuple[Float, Float]:
-    """(20, 3) the joints, world frame, and (20,) how loosely each is held.
-
-    That is the root of the trace of its covariance, relative. The covariance is J H^-1 J' with the
-    Gauss-Newton matrix H of the frame alone, without what time predicts: a joint that nothing in the picture
-    holds is loose, however steadily it has been predicted.
-
-    Args:
-        information: (30, 30) H, as of :class:`FitReport`.
-    """
-    state = (posture.position, posture.rotations, posture.lengths)
-    joints, loose = _joint_spread(information, *state, *_SKELETON, _TURNS, *_JOINTS)
-    return joints, loose
-
-
 @njit(cache=True, nogil=True)
-def _joint_spread(  # type: ignore[no-untyped-def]
+def joints_held(  # type: ignore[no-untyped-def]
     matrix, position, rotations, lengths, parents, offsets, turns, frames, local
 ):
-    """(J, 3) joints and (J,) sqrt(trace(J H^-1 J')) of each, by the Cholesky factor U of H: |U'^-1 J'|.
+    """(J, 3) joints, world frame, and (J,) how loosely each is held, relative: sqrt(trace(J H^-1 J')).
+
+    That is the root of the trace of its covariance. H is the Gauss-Newton matrix of the frame alone, without
+    what time predicts: a joint that nothing in the picture holds is loose, however steadily it has been
+    predicted. By the Cholesky factor U of H it is |U'^-1 J'|.
 
     Args:
-        matrix: (30, 30) upper triangle of H.
+        matrix: (30, 30) the upper triangle of H, as of :class:`FitReport`.
         parents, offsets: as of :func:`kinematics.forward_into`.
         turns: (moves, dof_frame, dof_axis, frame_lengths) as of :func:`terms.point_row`.
         frames, local: as of :func:`posture.joints_into`.

@@ -24,7 +24,7 @@ _WAKING = 1
 """Steps that take as long as waking the second thread and fetching the matrix that it made."""
 
 
-class Frame(NamedTuple):
+class SolverState(NamedTuple):
     """What stays from frame to frame, beside the matrix and the planes.
 
     Attributes:
@@ -48,7 +48,7 @@ class Frame(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def next_frame(held, planes, system, targets, weights, linear, positions):  # type: ignore[no-untyped-def]
+def next_frame(state, planes, system, targets, weights, linear, positions):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy for new targets; returns the number of iterations, and whether the matrix
     has aged.
 
@@ -56,11 +56,11 @@ def next_frame(held, planes, system, targets, weights, linear, positions):  # ty
     pressed flat at the end is given some volume again.
 
     Args:
-        held, planes, system: a :class:`Frame`, ``Planes`` and a ``RigidSystem``, held.
+        state, planes, system: a :class:`SolverState`, ``Planes`` and a ``RigidSystem``, held.
         targets, weights: (L, 3) metres and (L,), as they are given.
         linear, positions: (N, 3, 3) and (N, 3) metres, filled.
     """
-    f, p, s = held.values, planes.values, system.values
+    f, p, s = state.values, planes.values, system.values
     x, t, work = f.x, f.terms, f.work
     take_usable(targets, weights, f.pull, t.targets, t.pulls)
     if not choose_start(x, f.rest, t, p, work):

@@ -150,7 +150,8 @@ def note_age(age, done):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def is_aged(age, worth):  # type: ignore[no-untyped-def]
-    """Whether the last frame took more steps than the mean of all of the matrix, its own making among them.
+    """Whether the last frame took more steps than the mean of all of the matrix, what another one costs, of
+    ``worth`` steps, among them.
 
     From there on the mean would rise: it is least where the next one is as much. That needs no guess of what
     a frame takes with a new matrix.

@@ -30,7 +30,7 @@ from enliven.deformation.embedded.afterwards import lower_state
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Terms, gradient
-from enliven.deformation.embedded.frame import Frame, next_frame
+from enliven.deformation.embedded.frame import SolverState, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,
     checked_stiffness,
@@ -131,7 +131,7 @@ class EmbeddedSolver:
         self.iterations = 0
         self._lower: list[Float | None] = []
         self.reset(start)
-        self._frame = hold(self._frame_of(self.settings))
+        self._held_state = hold(self._state_of(self.settings))
 
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """The energy's constants, with the nodes numbered in elimination order."""
@@ -158,14 +158,14 @@ class EmbeddedSolver:
             hanging=settings.rigidity * along[rigid],
         )
 
-    def _frame_of(self, settings: EmbeddedSettings) -> Frame:
+    def _state_of(self, settings: EmbeddedSettings) -> SolverState:
         """What frames have in common; with a budget, steps are timed at the present state."""
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
             allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._system)
         limits = int(settings.iterations), float(settings.tolerance), allowance
-        return Frame(x, rest, self._order, terms, work, float(settings.constraint), *limits)
+        return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""
@@ -202,7 +202,7 @@ class EmbeddedSolver:
         self._leave(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         self.iterations, aged = next_frame(
-            self._frame, self._held_planes, self._matrix.held, targets, weights, linear, positions
+            self._held_state, self._held_planes, self._matrix.held, targets, weights, linear, positions
         )
         worn = aged or self._matrix.always
         if worn and self.iterations > _STILL and self._planes is NO_PLANES:

@@ -39,11 +39,18 @@ def test_what_a_board_hides_is_hidden_and_what_is_beside_the_image_is_outside():
     assert outside[:, 3].min() == 1.0
 
 
+def looseness(posture, information):
+    """(20,) how loosely each joint is held."""
+    state = (posture.position, posture.rotations, posture.lengths)
+    body = (*of_joints._SKELETON, of_joints._TURNS, *of_joints._JOINTS)
+    return of_joints.joints_held(information, *state, *body)[1]
+
+
 def test_a_joint_that_nothing_holds_is_the_loosest():
     """Behind a board from the hips down, the feet are looser than the hands, and looser than in full view."""
     fitter = Fitter(FitSettings())
     full, hidden = (
-        of_joints.joints_held(standing(), fitter.fit(seen, standing(), iterations=0)[1].information)[1]
+        looseness(standing(), fitter.fit(seen, standing(), iterations=0)[1].information)
         for seen in (observed(standing()), observed(standing(), hide=70))
     )
     feet, head = [15, 19], 3
@@ -85,7 +92,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
             at = Posture(*stepped(posture.position, posture.rotations, posture.lengths, moved, *turns))
             rows[:, :, k] += sign * at.joints() / (2 * h)
     slow = np.sqrt(np.einsum("jak,kl,jal->j", rows, np.linalg.inv(full), rows))
-    np.testing.assert_allclose(of_joints.joints_held(posture, upper)[1], slow, rtol=1e-3)
+    np.testing.assert_allclose(looseness(posture, upper), slow, rtol=1e-3)
 
 
 def test_the_network_is_evidence_where_there_is_one():
