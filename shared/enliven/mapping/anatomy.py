@@ -1,22 +1,26 @@
-"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail; by geometry, and
-by the names of twigs.
+"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail.
 
-Twigs are left out (fingers, ears, a jaw): at a fork, what is called so, or is short beside the whole, or
-beside the way from the root to the fork. What is left falls into chains between forks and ends. Those between
-forks are trunk; those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the
-one that goes most ahead and up is the head, the one that goes most back and down the tail.
+An upright skeleton whose joints are named as a person's (:mod:`enliven.mapping.human_names`) is taken apart by
+its names: weapons, hair, capes and twist bones are no limbs. Every other skeleton is taken apart by geometry.
+
+By geometry, small branches are left out (fingers, ears, a jaw): at a fork, a branch with such a name, or one
+that is short compared with the whole, or with the path from the root to the fork. The rest falls into chains
+between forks and ends. Chains between forks are trunk, chains to an end are limbs. Two limbs that mirror one
+another are a pair; of the others, the one that goes most ahead and up is the head, the one that goes most back
+and down the tail.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, spaced, turned_about_y
+from enliven.mapping.human_names import HumanJoints, HumanLimb, human_joints
 
 _TWIGS = re.compile(
     r"(?<![a-z])(eye|eye ?lid|(eye ?)?brow|ear|jaw|mouth|lip|tongue|tooth|teeth|nose|cheek|hair|finger|thumb)"
@@ -59,6 +63,12 @@ _FLOOR = 0.15
 """Share of the height within which a leg ends above the floor: an ankle does."""
 _DROP = 0.12
 """Share of the height that a leg goes down at least: a low tail goes down less."""
+_HAND = 0.45
+"""Largest share of a limb's length that is a hand: an arm has two segments before it."""
+_FINGERS = 3
+"""Bones that begin at a wrist at least: a joint with two may carry a twist bone."""
+_UPRIGHT = np.cos(np.radians(45.0))
+"""Least cosine between the vertical and the line from hips to chest of a person; animals' names may be human."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +80,17 @@ class SkeletonLimb:
         start: where in the chain the limb proper begins; before it is the girdle (collar bone, hip).
         grounded: it stands on the floor.
         end: (3,) metres, where it ends, with the front at +Z and the left at +X.
+        stop: where in the chain its hand or foot begins (wrist, ankle); None if it has none of its own.
+        knots: where in the chain its segments begin and the last one ends, if names say so: shoulder, elbow
+            and wrist, or hip, knee and ankle; of a head the neck and the head. Else empty.
     """
 
     chain: tuple[int, ...]
     start: int
     grounded: bool
     end: tuple[float, float, float]
+    stop: int | None = None
+    knots: tuple[int, ...] = ()
 
     @property
     def proper(self) -> tuple[int, ...]:
@@ -86,6 +101,16 @@ class SkeletonLimb:
     def girdle(self) -> tuple[int, ...]:
         """The joints from the fork to where the limb proper begins, both included."""
         return self.chain[: self.start + 1]
+
+    @property
+    def main(self) -> tuple[int, ...]:
+        """The limb proper without its hand or foot."""
+        return self.proper if self.stop is None else self.chain[self.start : self.stop + 1]
+
+    @property
+    def tip(self) -> tuple[int, ...]:
+        """The joints of its hand or foot, from the wrist or ankle on; empty if it has none of its own."""
+        return () if self.stop is None else self.chain[self.stop :]
 
 
 Pair = tuple[SkeletonLimb, SkeletonLimb]
@@ -129,9 +154,12 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     """
     facing = facing_of(skeleton) if facing is None else facing
     at = _evened(turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing))
+    human = human_joints(skeleton)
+    if human is not None and _is_upright(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
+        return _human_anatomy(skeleton, human, facing, at)
     below = _major(skeleton, at)
     chains = _chains(below)
-    limbs = [_limb(chain, at) for chain in chains if not below[chain[-1]]]
+    limbs = [_with_hand(_limb(chain, at), skeleton, at) for chain in chains if not below[chain[-1]]]
     trunk = _trunk([chain for chain in chains if below[chain[-1]]], at)
     pairs, single = _paired(limbs, at, skeleton.names)
     head, tail = _ends(single, at)
@@ -139,6 +167,46 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
         trunk, pairs, found = _with_head(trunk, pairs, at)
         head = found or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
+
+
+def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
+    """Where the two legs of a person begin."""
+    return tuple(leg.knots[0] for leg in human.legs)
+
+
+def _is_upright(way: Float) -> bool:
+    """Whether a way (3,) leads up."""
+    return float(way[1]) > _UPRIGHT * float(np.linalg.norm(way))
+
+
+def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
+    """The anatomy of a person whose joints are known by name; ``at`` (N, 3) has the front at +Z."""
+    path = skeleton.path(human.hips, human.chest)
+    # A root may lie on the floor or in the belly: the trunk begins at the joint that is nearest to the hips.
+    middle = at[list(_hip_joints(human))].mean(0)
+    first = min(range(max(len(path) - 1, 1)), key=lambda k: float(np.linalg.norm(at[path[k]] - middle)))
+    arms, legs = (
+        tuple(_human_limb(skeleton, fork, limb, grounded, at) for limb in limbs)
+        for fork, limbs, grounded in ((human.chest, human.arms, False), (human.hips, human.legs, True))
+    )
+    head = None
+    if len(human.head) > 1:
+        knots = tuple(human.head.index(joint) for joint in human.head_knots)
+        head = SkeletonLimb(human.head, 0, False, _point(at[human.head[-1]]), knots=knots)
+    return Anatomy(facing, path[first:], ((arms[0], arms[1]), (legs[0], legs[1])), head, None)
+
+
+def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float) -> SkeletonLimb:
+    """An arm or leg from the joint where both of a pair meet to the end of its hand or foot."""
+    path = skeleton.path(fork, limb.knots[-1])
+    chain = path if limb.tip < 0 else (*path, limb.tip)
+    knots = tuple(path.index(joint) for joint in limb.knots)
+    stop = None if limb.tip < 0 else len(path) - 1
+    return SkeletonLimb(chain, knots[0], grounded, _point(at[chain[-1]]), stop, knots)
+
+
+def _point(place: Float) -> tuple[float, float, float]:
+    return float(place[0]), float(place[1]), float(place[2])
 
 
 def _evened(at: Float) -> Float:
@@ -250,7 +318,20 @@ def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
         _length(chain[: start + 1], at) > _GIRDLE * length or (grounded and len(chain) - start < _KNEED)
     ):
         start -= 1
-    return SkeletonLimb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
+    return SkeletonLimb(chain, start, grounded, _point(end))
+
+
+def _with_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
+    """The limb with its hand told from its arm: what lies beyond a late joint from which fingers spread."""
+    proper = limb.proper
+    if limb.grounded or len(proper) < _KNEED + 1:
+        return limb
+    length = _length(proper, at)
+    for number in range(_KNEED - 1, len(proper) - 1):
+        spreads = len(skeleton.children[proper[number]]) >= _FINGERS
+        if spreads and _length(proper[number:], at) <= _HAND * length:
+            return replace(limb, stop=limb.start + number)
+    return limb
 
 
 def _sideways(points: Float) -> Bool:

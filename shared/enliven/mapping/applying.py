@@ -8,6 +8,7 @@ pose in which the performer's bones point as the model's do at rest: then they a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -121,6 +122,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
             basis = _basis(lines, line, take.skeleton, target, turns)
             project = _bound(project, shape, take, line, basis, plan.stretch)
     assert first is not None
+    project = carried(project, shape.id, [line.theirs for line in lines if line.plan.carries])
     if plan.travel:
         project = _travelling(project, shape.id, first, turns, plan.stride)
     return project, first
@@ -146,10 +148,9 @@ def _rests(
             claimed |= line.bones
             _pose_like(since, clip, line, target, turns)
     for line in group:
-        posed_before = [one for one in group if one.plan.mode == "pose" and _follows(one, line)]
-        if line.plan.mode == "move" and posed_before and not _on_floor(target, line.theirs):
+        arm = _posed_above(group, line, clip.skeleton)
+        if line.plan.mode == "move" and arm is not None and not _on_floor(target, line.theirs):
             # A hand rests in its forearm as it does in the take; a foot rests flat, however its shin slopes.
-            arm = posed_before[0].mine[-1]
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     made = [(since, [line for line in lines if line in group])]
@@ -161,6 +162,29 @@ def _rests(
             other[list(line.bones)] = plain[list(line.bones)]
         made.append((other, [line]))
     return made
+
+
+def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
+    """The bone of the take that a chain hangs on and that is posed as the performer's; None for none."""
+    way = source.path(0, line.mine[0])
+    above = [one.mine[-1] for one in lines if one.plan.mode == "pose" and one.mine[-1] in way and one is not line]
+    return max(above, key=way.index, default=None)
+
+
+def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
+    """A project in which bones that begin at a joint of a chain move as the chain's bone from there does.
+
+    A joint of a rig turns all that hangs on it: fingers with a hand, hair with a head, a twist bone with its
+    forearm. Bones that move already, or carry one that does, stay as they are.
+    """
+    shape = project.shape(shape_id)
+    skeleton, spans = shape.skeleton, list(shape.spans)
+    moving = {up for j, some in enumerate(spans) if any(s.refs for s in some) for up in skeleton.path(0, j)}
+    for bone in (bone for chain in chains for bone in chain[1:]):
+        for other in skeleton.children[int(skeleton.parents[bone])]:
+            if other not in moving:
+                spans[other] = spans[bone]
+    return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
 def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
@@ -234,7 +258,10 @@ def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, 
         mine, theirs = _whole(lines, line)
         way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
-        basis = multiply(_between(way, wanted, turns.across), basis)
+        # On a body that is posed as the performer's, a turn is the same turn: other axes would add up to other
+        # poses beyond. But a tail is no spine.
+        same = _posed_above(lines, line, source) is not None and float(way @ wanted) > 0.0
+        basis = basis if same else multiply(_between(way, wanted, turns.across), basis)
     return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
 
 

@@ -14,10 +14,14 @@ Left goes to left; where all of a kind are in one pair's charge, sides alternate
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
+
+_NEAR = 0.21
+"""Arc length within which two joints of limbs with different numbers of segments count as the same."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class Drive:
         role: the limb's name in the mapping file, for the reader only.
         lead: joints of the source before ``source``; the target's first piece plays their turns too.
         mirrored: the source is of the other side, and taken as seen in a mirror.
+        knots: (source, target) joints inside the two chains that are the same by their names.
     """
 
     source: tuple[int, ...]
@@ -36,6 +41,7 @@ class Drive:
     role: str
     lead: tuple[int, ...] = ()
     mirrored: bool = False
+    knots: tuple[tuple[int, int], ...] = ()
 
 
 def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
@@ -89,13 +95,27 @@ def _exchanged(pair: Pair, times: int) -> Pair:
 
 
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
-    """The limb proper, and the girdle where both have one; else the limb takes the girdle's turn along."""
-    if len(source.girdle) > 1 and len(target.girdle) > 1:
-        return [
-            Drive(source.girdle, target.girdle, f"{role} girdle"),
-            Drive(source.proper, target.proper, role),
-        ]
-    return [Drive(source.proper, target.proper, role, source.girdle[:-1])]
+    """Girdle, limb, and hand or foot, each if both have one.
+
+    A girdle that only the source has turns the limb along. An animal's leg has no foot of its own: it is driven
+    by a leg together with its foot.
+    """
+    girdles = len(source.girdle) > 1 and len(target.girdle) > 1
+    by = source.main if target.tip or target.knots else source.proper
+    lead = () if girdles else source.girdle[:-1]
+    drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
+    drives.append(Drive(by, target.main, role, lead, knots=_shared_knots(source, target)))
+    if source.tip and target.tip:
+        drives.append(Drive(source.tip, target.tip, f"{role} end"))
+    return drives
+
+
+def _shared_knots(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
+    """(source, target) joints inside two limbs that are the same by their names: elbows, knees, heads."""
+    if not source.knots or len(source.knots) != len(target.knots):
+        return ()
+    both = zip(source.knots, target.knots, strict=True)
+    return tuple((source.chain[a], target.chain[b]) for a, b in both)
 
 
 def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
@@ -103,7 +123,12 @@ def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
     head = source.head.chain if source.head else ()
     if len(target.trunk) > 1 and target.head and target.head.chain[0] == target.trunk[-1]:
         if len(source.trunk) > 1 and head and head[0] == source.trunk[-1]:
-            return [Drive(source.trunk, target.trunk, "trunk"), Drive(head, target.head.chain, "head")]
+            assert source.head is not None
+            knots = _shared_knots(source.head, target.head)
+            return [
+                Drive(source.trunk, target.trunk, "trunk"),
+                Drive(head, target.head.chain, "head", knots=knots),
+            ]
         whole = head or source.trunk
         return [Drive(whole, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
     upright = _joined(source.trunk, head)
@@ -134,23 +159,38 @@ def _tail(source: Anatomy, target: Anatomy) -> list[Drive]:
     return [Drive(upright, target.tail.chain, "tail")]
 
 
-def split(drive: Drive, source_arc: list[float], target_arc: list[float], near: float) -> list[Drive]:
-    """A drive in pieces, cut at the joints that are at nearly the same arc length in both chains.
+def split(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
+    """A drive in pieces, cut at inner joints that correspond, so that an elbow drives an elbow.
 
-    So an elbow drives an elbow, though the two are not at quite the same place; within a piece, and where no
-    joints correspond, arc length alone decides, as in AniMesh.
+    Within a piece arc length alone decides, as in AniMesh (section 5.1).
 
     Args:
-        source_arc, target_arc: arc length 0..1 at the joints of the chains.
-        near: how far apart two joints may be and still be the same.
+        cuts: numbers (in ``source``, in ``target``) of joints that correspond, both ascending.
     """
-    cuts = [(0, 0), *_same(source_arc, target_arc, near), (len(source_arc) - 1, len(target_arc) - 1)]
+    ends = [(0, 0), *cuts, (len(drive.source) - 1, len(drive.target) - 1)]
     pieces = [
-        replace(drive, source=drive.source[a : c + 1], target=drive.target[b : d + 1], lead=())
-        for (a, b), (c, d) in pairwise(cuts)
+        replace(drive, source=drive.source[a : c + 1], target=drive.target[b : d + 1], lead=(), knots=())
+        for (a, b), (c, d) in pairwise(ends)
     ]
     first = replace(pieces[0], source=(*drive.lead, *pieces[0].source))
     return [first, *pieces[1:]]
+
+
+def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[float]) -> list[tuple[int, int]]:
+    """Numbers (in the source, in the target) of the inner joints of a drive that correspond, ascending.
+
+    Joints with the names of the same human joint correspond. Else, two limbs of as many segments correspond
+    joint by joint, and others at the joints of nearly the same arc length.
+
+    Args:
+        source_arc, target_arc: arc length 0..1 at the joints of the chains.
+    """
+    if drive.knots:
+        cuts = [(drive.source.index(a), drive.target.index(b)) for a, b in drive.knots]
+        return [(a, b) for a, b in cuts if 0 < a < len(drive.source) - 1 and 0 < b < len(drive.target) - 1]
+    if len(drive.source) == len(drive.target):
+        return [(k, k) for k in range(1, len(drive.source) - 1)]
+    return _same(source_arc, target_arc, _NEAR)
 
 
 def _same(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:

@@ -12,11 +12,10 @@ from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import Drive, assigned, split
+from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
-from enliven.mapping.softening import softened
 from enliven.mapping.steps import leg_of, legs_that_step, step_sizes, stepped
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
@@ -44,8 +43,6 @@ class Retargeted:
     take_facing: float
 
 
-_NEAR = 0.21
-"""Arc length within which two joints of chains count as the same."""
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
 _WRIST = 0.6
@@ -71,9 +68,9 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     for drive in drives:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
         # come off the trunk. So is how a hand or a foot sits.
-        girdle = drive.role.endswith("girdle") and not twins
+        own = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _pieces(drive, drives, clip.skeleton, shape.skeleton):
-            moved = girdle or (not twins and _is_end(piece, drive, shape.skeleton))
+            moved = own or (not twins and _is_end(piece, drive, target, shape.skeleton))
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
@@ -81,6 +78,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
                     piece.role,
                     "move" if moved else mode,
                     mirrored=piece.mirrored,
+                    carries="trunk" not in drive.role and "girdle" not in drive.role,
                 )
             )
     return Plan(level=level, chains=tuple(chains))
@@ -162,7 +160,7 @@ def _short_steps(
 
 def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
     """A limb cut where its joints correspond, on both sides at the same ones; a spine stays whole."""
-    if "trunk" in drive.role or drive.role == "head":
+    if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
     there = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
     role = " ".join([there, *drive.role.split()[1:]])
@@ -171,12 +169,19 @@ def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleto
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
-    return split(drive, mine, theirs, _NEAR)
+    pieces = split(drive, matching_joints(drive, mine, theirs))
+    if not drive.knots or drive.role == "head":
+        return pieces
+    # A segment of several bones (Rigify splits them for their twist) is straight: its first bone turns it.
+    return [replace(piece, target=piece.target[:2]) for piece in pieces]
 
 
-def _is_end(piece: Drive, drive: Drive, target: Skeleton) -> bool:
-    """Whether a piece of a limb is its hand or foot."""
-    if piece.target[0] == drive.target[0] or "trunk" in drive.role:
+def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
+    """Whether a piece of a limb is its hand or foot, in a limb that has none of its own."""
+    limbs = (limb for pair in body.pairs for limb in pair if limb.main == drive.target)
+    if any(limb.tip or limb.knots for limb in limbs):
+        return False
+    if piece.target[0] == drive.target[0] or "trunk" in drive.role or drive.role == "head":
         return False
     return bool(arc_of(target, drive.target)[drive.target.index(piece.target[0])] > _WRIST)
 
@@ -192,13 +197,13 @@ def retarget(
     """A shape that moves by a take.
 
     Args:
-        plan: None finds one, and softens it.
+        plan: None finds one.
         project: where the shape is, with what moves it already; None for one of its own.
 
     Raises:
         InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
     """
-    plan = softened(automatic(clip, shape), clip, shape) if plan is None else plan
+    plan = automatic(clip, shape) if plan is None else plan
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)

@@ -37,6 +37,11 @@ class ChainPlan:
     loop: bool = setting(False, "Begin again at the end.")
     extend: bool = setting(False, "Go on from the last joint of the target along its longest branch.")
     mirrored: bool = setting(False, "Take the performer as seen in a mirror.")
+    carries: bool = setting(
+        False,
+        "Move everything else that begins at the same joints along, unless a chain drives it: fingers, hair, "
+        "twist bones.",
+    )
 
 
 @dataclass(frozen=True)

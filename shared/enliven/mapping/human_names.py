@@ -1,0 +1,226 @@
+"""Finds the limbs of a human skeleton from the names of its joints.
+
+    joints = human_joints(skeleton)      # None where the names follow no known convention
+    joints.arms[0].knots                 # left shoulder, elbow and wrist
+
+Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
+CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They disagree on words: a "Leg" is the shin of Mixamo and the
+thigh of others, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle joint,
+whose words are the clearest, and the words of the others are tried from the clearest to the vaguest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from enliven.document import Skeleton
+
+_ELBOW = (("forearm", "lowerarm", "armlower", "loarm"), ("elbow",))
+"""Names of the joint in the middle of an arm, the clearest first."""
+_SHOULDER = (("upperarm", "uparm", "armupper", "humerus"), ("arm",), ("shldr", "shoulder"))
+"""Names of the joint where an upper arm begins."""
+_WRIST = (("hand", "wrist"), ("palm", "fist"))
+"""Names of the joint where a hand begins."""
+_KNEE = (("lowerleg", "leglower", "loleg", "lowleg", "shin", "calf"), ("knee",), ("leg",))
+"""Names of the joint in the middle of a leg."""
+_HIP = (("upperleg", "legupper", "upleg", "thigh", "femur"), ("leg",), ("hip",))
+"""Names of the joint where a thigh begins."""
+_ANKLE = (("foot", "ankle"),)
+"""Names of the joint where a foot begins."""
+_HEAD = (("head",),)
+"""Names of the joint where a head begins."""
+_NECK = (("neck",),)
+"""Names of the joint where a neck begins."""
+_FINGERS = ("thumb", "index", "middle", "mid", "ring", "pinky", "little")
+"""First words of the names of fingers; those of one finger share a word."""
+_TOES = ("toe", "toes", "toebase", "ball")
+"""Names of the joint where toes begin."""
+_TIP = ("end", "tip", "nub", "top", "site")
+"""Words in the names of joints that only mark where a bone ends."""
+_FILLERS = frozenset(
+    "armature base bip bn bone cc character d def def1 f j jnt joint org rig root s sk skel valve valvebiped b c".split()
+)
+"""Words that say nothing about a joint: prefixes of exporters and rigs."""
+_HELPERS = re.compile(
+    r"(?<![a-z])(twist|roll|ik|fk|pole|target|ctrl|control|helper|tweak|mch|vis|adj|sec|corrective|share|"
+    r"weapon|sword|gun|prop|attach|socket|slot)(?![a-z])"
+)
+"""Words in the names of joints that are no limb's own: twist and roll bones, controllers, weapons."""
+_SIDES = {"left": 1, "l": 1, "right": -1, "r": -1}
+"""The side that a word says: 1 for the left."""
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+"""The words of a name: camel case, or parted by anything that is not a letter."""
+
+
+@dataclass(frozen=True)
+class HumanLimb:
+    """An arm or a leg of a human skeleton.
+
+    Attributes:
+        knots: the joints where the upper segment, the lower segment and the hand or foot begin. Without a
+            joint for the last, the end of the lower segment.
+        tip: the joint where the hand or foot ends, the knuckle of the middle finger or the toes; -1 if unknown.
+    """
+
+    knots: tuple[int, int, int]
+    tip: int
+
+
+@dataclass(frozen=True)
+class HumanJoints:
+    """The joints of a human skeleton that its names give.
+
+    Attributes:
+        hips: where the legs meet.
+        chest: where the arms meet.
+        arms, legs: the left one and the right one.
+        head: from the chest to the end of the head; empty if no name says head.
+        head_knots: joints of ``head`` where the neck and the head begin.
+    """
+
+    hips: int
+    chest: int
+    arms: tuple[HumanLimb, HumanLimb]
+    legs: tuple[HumanLimb, HumanLimb]
+    head: tuple[int, ...]
+    head_knots: tuple[int, ...]
+
+
+def human_joints(skeleton: Skeleton) -> HumanJoints | None:
+    """Returns the joints of a person by name, or None if two arms and two legs cannot be told by names."""
+    words = [_words_of(name) for name in skeleton.names]
+    arms = [_limb(skeleton, words, side, _SHOULDER, _ELBOW, _WRIST) for side in (1, -1)]
+    legs = [_limb(skeleton, words, side, _HIP, _KNEE, _ANKLE) for side in (1, -1)]
+    if arms[0] is None or arms[1] is None or legs[0] is None or legs[1] is None:
+        return None
+    chest = _meeting(skeleton, arms[0].knots[0], arms[1].knots[0])
+    hips = _meeting(skeleton, legs[0].knots[0], legs[1].knots[0])
+    head, head_knots = _head(skeleton, words, chest)
+    return HumanJoints(hips, chest, (arms[0], arms[1]), (legs[0], legs[1]), head, head_knots)
+
+
+def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
+    """Returns the joints of each named finger of a hand, from the wrist to its end; "little" is "pinky"."""
+    found = dict[str, tuple[int, ...]]()
+    for joint in skeleton.below(wrist)[1:]:
+        finger = _finger(_words_of(skeleton.names[joint])[1])
+        path = skeleton.path(wrist, joint)
+        if finger and len(path) > len(found.get(finger, ())):
+            found[finger] = path
+    return found
+
+
+def _finger(word: str) -> str:
+    """Returns which finger a joint's word names, in one spelling; empty for none."""
+    bare = word.removeprefix("hand").removesuffix("finger")
+    bare = bare.removeprefix("finger")
+    named = next((finger for finger in _FINGERS if bare.startswith(finger)), "")
+    return {"mid": "middle", "little": "pinky"}.get(named, named)
+
+
+def _words_of(name: str) -> tuple[int, str]:
+    """Returns the side of a name (1 left, -1 right, 0 none) and its other words in one, in small letters.
+
+    Helpers get an empty word: they are never a limb.
+    """
+    bare = re.sub(r"^.*[:|]", "", name)
+    side, kept = 0, list[str]()
+    parts = [part.lower() for part in _WORDS.findall(bare)]
+    if _HELPERS.search(" ".join(parts)):
+        return 0, ""
+    for part in parts:
+        if part in _SIDES:
+            side = _SIDES[part]
+        elif part not in _FILLERS:
+            kept.append(part)
+    word = "".join(kept)
+    if not side and word[:1] in ("l", "r") and word[1:] in _LIMB_WORDS:
+        return _SIDES[word[0]], word[1:]
+    return side, word
+
+
+_LIMB_WORDS = frozenset(
+    word for tiers in (_ELBOW, _SHOULDER, _WRIST, _KNEE, _HIP, _ANKLE) for tier in tiers for word in tier
+)
+"""Every word for a joint of a limb: "lknee" is a left knee, "lower" is no "ower"."""
+
+
+def _limb(
+    skeleton: Skeleton,
+    words: Sequence[tuple[int, str]],
+    side: int,
+    starts: Sequence[Sequence[str]],
+    middles: Sequence[Sequence[str]],
+    ends: Sequence[Sequence[str]],
+) -> HumanLimb | None:
+    """Returns the limb of a side whose joints have these names, or None."""
+    for names in middles:
+        middle = _first(range(len(words)), words, side, (names,))
+        above = skeleton.path(0, middle)[:-1] if middle >= 0 else ()
+        start = _first(above, words, side, starts)
+        if start >= 0:
+            break
+    else:
+        return None
+    below = skeleton.below(middle)[1:]
+    end = _first(below, words, side, ends)
+    if end < 0:
+        end = _longest(skeleton, middle)
+    if end < 0:
+        return None
+    return HumanLimb((start, middle, end), _tip(skeleton, words, end))
+
+
+def _first(
+    joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
+) -> int:
+    """Returns the first of the joints that has a name of the clearest tier that any has; -1 for none."""
+    joints = tuple(joints)
+    for names in tiers:
+        for joint in joints:
+            if words[joint][0] == side and words[joint][1] in names:
+                return joint
+    return -1
+
+
+def _tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
+    """Returns where a hand or foot ends: at the middle finger's knuckle, the toes, or its longest branch."""
+    children = skeleton.children[end]
+    named = [c for c in children if words[c][1] and (words[c][1] in _TOES or _finger(words[c][1]) == "middle")]
+    plain = [c for c in children if _finger(words[c][1]) != "thumb" and words[c][1]] or list(children)
+    chosen = named or sorted(plain, key=lambda c: -_reach(skeleton, c))[:1]
+    return chosen[0] if chosen else -1
+
+
+def _head(
+    skeleton: Skeleton, words: Sequence[tuple[int, str]], chest: int
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Returns the chain from the chest to the end of the head, and where its neck and head begin."""
+    below = skeleton.below(chest)[1:]
+    head = _first(below, words, 0, _HEAD)
+    if head < 0:
+        return (), ()
+    path = skeleton.path(chest, head)
+    neck = _first(path[1:-1], words, 0, _NECK)
+    tips = [c for c in skeleton.children[head] if words[c][0] == 0 and words[c][1].endswith(_TIP)]
+    tip = tips[0] if tips else _longest(skeleton, head)
+    knots = (neck, head) if neck >= 0 else (head,)
+    return (path if tip < 0 else (*path, tip)), knots
+
+
+def _meeting(skeleton: Skeleton, one: int, other: int) -> int:
+    """Returns the joint that two joints both hang on and that is nearest to them."""
+    return min(skeleton.path(one, other))
+
+
+def _longest(skeleton: Skeleton, joint: int) -> int:
+    """Returns the child of a joint with the longest bone; -1 for a leaf."""
+    return max(skeleton.children[joint], key=lambda child: float(skeleton.lengths[child]), default=-1)
+
+
+def _reach(skeleton: Skeleton, joint: int) -> float:
+    """Returns the metres from a joint's parent along its longest branch."""
+    beyond = max((_reach(skeleton, child) for child in skeleton.children[joint]), default=0.0)
+    return float(skeleton.lengths[joint]) + beyond

@@ -1,0 +1,177 @@
+"""How far the limbs of a written GLB point away from the performer's: an evaluation apart from the mapping.
+
+Positions are read from the files alone: the performer's joints from the motion's reader, the model's nodes by
+forward kinematics on what the GLB holds. Which joint is an elbow is written down here for each convention of
+names; nothing of ``enliven.mapping`` is used. One constant yaw is removed from each pair.
+
+    errors = limb_errors(Path("walk.bvh"), glb_bytes, "mixamo")     # {"upper arm": (F * 2,) degrees, ...}
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+
+from enliven.formats.motion import read_bvh, read_expmap
+
+SEGMENTS = {"upper arm": (0, 1), "forearm": (1, 2), "thigh": (3, 4), "shin": (4, 5)}
+"""Limb segments, as pairs of columns of ``JOINTS``."""
+JOINTS: dict[str, tuple[str, ...]] = {
+    "mixamo": (
+        "mixamorig:{Left}Arm",
+        "mixamorig:{Left}ForeArm",
+        "mixamorig:{Left}Hand",
+        "mixamorig:{Left}UpLeg",
+        "mixamorig:{Left}Leg",
+        "mixamorig:{Left}Foot",
+    ),
+    "quaternius": (
+        "UpperArm.{L}",
+        "LowerArm.{L}",
+        "Hand.{L}|Palm.{L}",
+        "UpperLeg.{L}",
+        "LowerLeg.{L}",
+        "Foot.{L}|LowerLeg.{L}_end",
+    ),
+    "cryptovoxels": (
+        "{Left} arm|{left}UpperArm",
+        "{Left} elbow|{left}LowerArm",
+        "{Left} wrist|{left}Hand",
+        "{Left} leg|{left}UpperLeg",
+        "{Left} knee|{left}LowerLeg",
+        "{Left} ankle|{left}Foot",
+    ),
+    "bandai": ("UpperArm_{L}", "LowerArm_{L}", "Hand_{L}", "UpperLeg_{L}", "LowerLeg_{L}", "Foot_{L}"),
+    "cmu": ("{Left}Arm", "{Left}ForeArm", "{Left}Hand", "{Left}UpLeg", "{Left}Leg", "{Left}Foot"),
+    "biovision": ("{Left}Shoulder", "{Left}Elbow", "{Left}Wrist", "{Left}Hip", "{Left}Knee", "{Left}Ankle"),
+    "mocapnet": ("{l}Shldr|{l}shoulder", "{l}elbow", "{l}hand", "{l}hip", "{l}knee", "{l}foot"),
+}
+"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each convention; alternatives after a bar."""
+SIDES = (
+    {"Left": "Left", "left": "left", "L": "L", "l": "l"},
+    {"Left": "Right", "left": "right", "L": "R", "l": "r"},
+)
+"""How the left and the right side are spelled."""
+YAWS = np.radians(np.arange(-180.0, 180.0, 0.5))
+"""Turns about +Y that are tried as the constant yaw between the two."""
+
+
+def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
+    """Returns the angles (F * 2,) in degrees between the limbs of both, for each segment, left and right.
+
+    Args:
+        motion: the file that was retargeted, from its beginning on.
+        glb: what was made of it.
+        model: the model's convention of names.
+    """
+    capture = read_expmap(motion) if motion.suffix == ".txt" else read_bvh(motion)
+    times, nodes = node_places(glb)
+    frames = np.clip(np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
+    names = {name: k for k, name in enumerate(capture.names)}
+    theirs = _directions({name: capture.positions[frames, k] for name, k in names.items()}, _convention(names))
+    ours = _directions(nodes, model)
+    yaw = _yaw(ours, theirs)
+    return {
+        segment: np.degrees(np.concatenate([_angles(ours[segment, s], theirs[segment, s], yaw) for s in (0, 1)]))
+        for segment in SEGMENTS
+    }
+
+
+def _convention(names: dict[str, int]) -> str:
+    """Returns the convention whose joints are all there."""
+    for convention in ("bandai", "cmu", "biovision", "mocapnet"):
+        if all(_found(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
+            return convention
+    raise ValueError(f"no known convention: {sorted(names)[:12]}")
+
+
+def _found(names, spelled: str, side: dict[str, str]) -> str:
+    """Returns the first of the alternative names that is there, or an empty string."""
+    return next((name for name in spelled.format(**side).split("|") if name in names), "")
+
+
+def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[str, int], np.ndarray]:
+    """Returns (F, 3) unit vectors along each (segment, side)."""
+    made = {}
+    for number, side in enumerate(SIDES):
+        at = [places[_found(places, spelled, side)] for spelled in JOINTS[convention]]
+        for segment, (start, end) in SEGMENTS.items():
+            along = at[end] - at[start]
+            made[segment, number] = along / np.linalg.norm(along, axis=1, keepdims=True)
+    return made
+
+
+def _angles(ours: np.ndarray, theirs: np.ndarray, yaw: float) -> np.ndarray:
+    """Returns (F,) radians between directions, theirs turned by a yaw."""
+    return np.arccos(np.clip(np.sum(ours * _turned(theirs, yaw), axis=1), -1.0, 1.0))
+
+
+def _turned(vectors: np.ndarray, yaw: float) -> np.ndarray:
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y, z = vectors.T
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=1)
+
+
+def _yaw(ours: dict[tuple[str, int], np.ndarray], theirs: dict[tuple[str, int], np.ndarray]) -> float:
+    """Returns the constant turn about +Y that leaves the smallest sum of angles over all segments."""
+    one, other = (np.concatenate([some[key] for key in sorted(some)]) for some in (ours, theirs))
+    return float(min(YAWS, key=lambda yaw: _angles(one, other, yaw).sum()))
+
+
+def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Returns (T,) seconds and (T, 3) metres of each node of a GLB by name, over its one animation.
+
+    A node "A to B" of the exporter begins at joint A; it also counts as A.
+    """
+    document = pygltflib.GLTF2.load_from_bytes(glb)
+    blob, nodes = document.binary_blob(), document.nodes
+    animation = document.animations[0]
+    times = max((_accessor(document, blob, s.input)[:, 0] for s in animation.samplers), key=len)
+    tracks = {}
+    for channel in animation.channels:
+        sampler = animation.samplers[channel.sampler]
+        keys, values = (_accessor(document, blob, k) for k in (sampler.input, sampler.output))
+        tracks[channel.target.node, channel.target.path] = _sampled(times, keys[:, 0], values)
+    parents = {child: k for k, node in enumerate(nodes) for child in node.children or []}
+    worlds: dict[int, np.ndarray] = {}
+
+    def world(k: int) -> np.ndarray:
+        if k not in worlds:
+            own = _local(nodes[k], k, tracks, len(times))
+            worlds[k] = world(parents[k]) @ own if k in parents else own
+        return worlds[k]
+
+    places = {}
+    for k, node in enumerate(nodes):
+        for name in (node.name or f"node {k}", (node.name or "").split(" to ")[0]):
+            places.setdefault(name, world(k)[:, :3, 3])
+    return times, places
+
+
+def _accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.ndarray:
+    accessor = document.accessors[number]
+    view = document.bufferViews[accessor.bufferView]
+    start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
+    return np.frombuffer(blob, np.float32, accessor.count * width, start).reshape(-1, width).astype(float)
+
+
+def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Returns the values at the times, linear in between; quaternions are near enough to be normalised."""
+    made = np.stack([np.interp(times, keys, column) for column in values.T], axis=1)
+    return made / np.linalg.norm(made, axis=1, keepdims=True) if values.shape[1] == 4 else made
+
+
+def _local(node: pygltflib.Node, number: int, tracks: dict, count: int) -> np.ndarray:
+    """Returns (T, 4, 4) a node in its parent."""
+    made = np.tile(np.eye(4), (count, 1, 1))
+    turn = tracks.get((number, "rotation"), np.tile(node.rotation or [0.0, 0.0, 0.0, 1.0], (count, 1)))
+    x, y, z, w = turn.T
+    made[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], 1)
+    made[:, 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], 1)
+    made[:, 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], 1)
+    made[:, :3, :3] *= tracks.get((number, "scale"), np.tile(node.scale or [1.0] * 3, (count, 1)))[:, None]
+    made[:, :3, 3] = tracks.get((number, "translation"), np.tile(node.translation or [0.0] * 3, (count, 1)))
+    return made
