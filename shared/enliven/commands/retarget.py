@@ -57,6 +57,10 @@ def retarget(
         bool,
         typer.Option("--stretch", help="Stretch the model's bones as the take does its own."),
     ] = False,
+    soften: Annotated[
+        bool,
+        typer.Option("--soften", help="Move limbs less, down to 40 %, where the surface would stretch."),
+    ] = False,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
@@ -103,6 +107,7 @@ def retarget(
         floor,
         steps,
         stretch,
+        soften,
     )
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
@@ -125,14 +130,17 @@ def retarget(
 
 def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     """Prints how good the motion is, and warns with a better mapping where it has faults that are seen."""
-    from enliven.mapping import limb_of, next_best, quality_of, write_plan
+    from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
 
-    quality = quality_of(made.project, made.shape_id, made.clip, made.duration)
+    for limb in idle_limbs(made.clip, made.plan):
+        mend = "Give it a chain: --write-map writes the mapping to begin with."
+        typer.echo(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
+    quality = quality_of(made.project, made.shape_id, made.clip, made.duration, made.plan)
     typer.echo(f"enliven: {quality}")
     less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
-        typer.echo(f"enliven: moved less, so that the surface does not stretch: {told}")
+        typer.echo(f"enliven: moved less by the mapping: {told}")
     seen = _seen(quality, made.plan.pin)
     for told in seen:
         typer.echo(f"enliven: {told}", err=True)
@@ -156,8 +164,11 @@ def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
     from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
+    limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
     told = {
-        f"the surface stretches at {', '.join(quality.joints)}": quality.stretch > BOUND,
+        f"limbs point away from the performer's: {limbs}": bool(limbs),
+        f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
+        > BOUND,
         f"it goes below the floor at {feet}": sunk > LEVEL,
         f"it is above the floor at {feet} while the performer stands": afloat > max(LEVEL, sunk),
         f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0) > SLIDE,
@@ -182,6 +193,7 @@ def _plan(
     floor: bool,
     steps: bool,
     stretch: bool,
+    soften: bool,
 ) -> Plan:
     """Returns the mapping from the file, or the one found automatically, with the options of the command
     line."""
@@ -190,7 +202,6 @@ def _plan(
     from enliven.mapping import Plan, automatic, softened
     from enliven.settings import load_settings
 
-    found = plan is None
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
     changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor, "steps": steps and plan.steps}
@@ -201,7 +212,7 @@ def _plan(
     if mode != "auto":
         changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
     plan = replace(plan, **changes)
-    return softened(plan, clip, rig.shape) if found else plan
+    return softened(plan, clip, rig.shape) if soften else plan
 
 
 def _is_number(text: str) -> bool:

@@ -3,6 +3,7 @@ from .applying import apply_plan as apply_plan
 from .automatic_mapping import (
     Retargeted as Retargeted,
     automatic as automatic,
+    idle_limbs as idle_limbs,
     retarget as retarget,
     with_feet_pinned as with_feet_pinned,
 )
@@ -10,9 +11,11 @@ from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
+from .pose_error import LimbError as LimbError
 from .quality import (
     BOUND as BOUND,
     LEVEL as LEVEL,
+    POSE as POSE,
     SLIDE as SLIDE,
     THROUGH as THROUGH,
     MotionQuality as MotionQuality,

@@ -47,7 +47,7 @@ def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBes
 
 def _measured(made: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
     other = retarget(shape, made.clip, plan)
-    return quality_of(other.project, other.shape_id, made.clip, other.duration)
+    return quality_of(other.project, other.shape_id, made.clip, other.duration, other.plan)
 
 
 def _others(made: Retargeted, shape: Shape) -> Iterator[tuple[str, Plan]]:

@@ -65,6 +65,8 @@ _DROP = 0.12
 """Share of the height that a leg goes down at least: a low tail goes down less."""
 _HAND = 0.45
 """Largest share of a limb's length that is a hand: an arm has two segments before it."""
+_WRIST = 0.6
+"""Share of a limb after which a segment of it is a hand or a foot."""
 _FINGERS = 3
 """Bones that begin at a wrist at least: a joint with two may carry a twist bone."""
 _UPRIGHT = np.cos(np.radians(45.0))
@@ -144,6 +146,14 @@ class Anatomy:
     def arms(self) -> tuple[Pair, ...]:
         """The pairs that do not, the uppermost first."""
         return tuple(pair for pair in self.pairs if not pair[0].grounded)
+
+
+def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
+    """Whether a hand or foot begins at a joint, in a limb that has none of its own by name or fingers."""
+    if limb.tip or limb.knots or joint not in limb.main[1:-1]:
+        return False
+    number, bones = limb.main.index(joint), skeleton.lengths[list(limb.main[1:])]
+    return bool(bones[:number].sum() > _WRIST * bones.sum())
 
 
 def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:

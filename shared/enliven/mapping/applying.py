@@ -20,7 +20,15 @@ from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.ground import levelled
 from enliven.mapping.plan import ChainPlan, Plan, Rest
-from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
+from enliven.mapping.resting import (
+    at_moment,
+    first_heading,
+    hanging_pose,
+    mean_pose,
+    posed,
+    rebased,
+    standing_turns,
+)
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
@@ -146,18 +154,23 @@ def _rests(
         group.append(line)
         if line.plan.mode == "pose":
             claimed |= line.bones
-            _pose_like(since, clip, line, target, turns)
+            _pose_like(since, clip, line, group, target, turns)
     for line in group:
         arm = _posed_above(group, line, clip.skeleton)
-        if line.plan.mode == "move" and arm is not None and not _on_floor(target, line.theirs):
-            # A hand rests in its forearm as it does in the take; a foot rests flat, however its shin slopes.
+        if line.plan.mode != "move" or arm is None:
+            continue
+        if _on_floor(target, line.theirs):
+            # A foot rests flat, however its shin slopes.
+            since[list(line.mine[1:])] = standing_turns(clip, line.mine)
+        else:
+            # A hand rests in its forearm as it does in the take.
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     made = [(since, [line for line in lines if line in group])]
     for line in apart:
         other = since.copy()
         if line.plan.mode == "pose":
-            _pose_like(other, clip, line, target, turns)
+            _pose_like(other, clip, line, [line], target, turns)
         else:
             other[list(line.bones)] = plain[list(line.bones)]
         made.append((other, [line]))
@@ -229,12 +242,13 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
     return mean_pose(clip)
 
 
-def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _Turns) -> None:
-    """Let the bones of a source chain rest as the target's do: ``since`` (N, 4) is changed.
+def _pose_like(since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns) -> None:
+    """Sets the rest turns of a source chain, in ``since`` (N, 4), so that its bones point as the target's do.
 
-    The take's own zero pose, turned to its heading, is bent by the least there is to point the same way, so
-    twist about a bone stays as the performer has it. Limbs are bent bone by bone. A spine or a neck, in the
-    middle, is turned as one: how it curves is the model's own affair.
+    The take's own zero pose, turned to its heading, is bent by the least turns that make it point the same way,
+    so twist about a bone stays the performer's. A limb is bent bone by bone from its root on, and each bone takes
+    the next along: a forearm that is bent at rest is stretched about its elbow, as an arm is. A spine or a neck,
+    in the middle, is turned as one: its curve is the model's own.
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     since[list(line.bones)] = heading
@@ -243,12 +257,19 @@ def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _
     arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
     at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
     ways, bones = turns.back(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
-    if turns.middle(skeleton, line):
+    middle = turns.middle(skeleton, line)
+    if middle:
         ways[:], bones[:] = ways.sum(0), bones.sum(0)
-    for joint, way, bone in zip(line.mine[1:], ways, rotate(heading, bones), strict=True):
+    goes_on = any(one.plan.mode == "pose" and one.plan.role == line.plan.role and _follows(one, line) for one in lines)
+    before = since[line.mine[0]] if goes_on and not middle else heading
+    for joint, way, bone in zip(line.mine[1:], ways, bones, strict=True):
+        bone = rotate(before, bone)
         if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(way) > 1e-6:
             bent = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-            since[joint] = multiply(bent, heading)
+            since[joint] = multiply(bent, before)
+        else:
+            since[joint] = before
+        before = heading if middle else since[joint]
 
 
 def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:

@@ -97,11 +97,12 @@ def _exchanged(pair: Pair, times: int) -> Pair:
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
     """Girdle, limb, and hand or foot, each if both have one.
 
-    A girdle that only the source has turns the limb along. An animal's leg has no foot of its own: it is driven
-    by a leg together with its foot.
+    A girdle that only the source has turns the limb along. A leg of more segments than a person's, without a foot
+    of its own, is driven by a leg together with its foot.
     """
     girdles = len(source.girdle) > 1 and len(target.girdle) > 1
-    by = source.main if target.tip or target.knots else source.proper
+    bare = target.tip or target.knots or len(source.main) == len(target.main)
+    by = source.main if bare else source.proper
     lead = () if girdles else source.girdle[:-1]
     drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
     drives.append(Drive(by, target.main, role, lead, knots=_shared_knots(source, target)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,15 +10,22 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
-from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of
+from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_tip
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
-from enliven.mapping.steps import leg_of, legs_that_step, step_sizes, stepped
+from enliven.mapping.steps import (
+    leg_of,
+    legs_that_step,
+    posed_legs_that_step,
+    step_scale,
+    step_sizes,
+    stepped,
+)
 from enliven.motion.contact import pin_feet
-from enliven.motion.layers import arc_of
+from enliven.motion.layers import arc_of, set_travel
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +52,6 @@ class Retargeted:
 
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
-_WRIST = 0.6
-"""Arc length along a limb after which a piece of it is a hand or a foot."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
@@ -82,6 +87,21 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
                 )
             )
     return Plan(level=level, chains=tuple(chains))
+
+
+def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
+    """The performer's arms and legs that drive nothing, such as "left arm"."""
+    skeleton, moving = clip.skeleton, set[int]()
+    for chain in plan.chains:
+        ends = [skeleton.index(name) for name in chain.source]
+        moving |= set(skeleton.path(ends[0], ends[-1])[1:]) if chain.weight > 0.0 else set()
+    idle = list[str]()
+    body = source_anatomy(clip)
+    for kind, pairs in (("arm", body.arms), ("leg", body.legs)):
+        for pair in pairs:
+            sides = zip(("left", "right"), pair, strict=True)
+            idle += [f"{side} {kind}" for side, limb in sides if not moving & set(limb.main[1:])]
+    return tuple(idle)
 
 
 def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool) -> list[ChainPlan]:
@@ -129,6 +149,7 @@ def with_feet_pinned(
     steps: Mapping[SkeletonLimb, float] | None = None,
     level: bool = False,
     above: bool = False,
+    without: Collection[SkeletonLimb] = (),
 ) -> Project:
     """The project with the last joint but one of every leg, where its foot begins, held while it stands.
 
@@ -140,9 +161,10 @@ def with_feet_pinned(
         level: the shape is kept on the floor. Feet keep their height and are held in their place along the
             floor only: an ankle sinks as its foot rolls, and a foot that were held above would be off it.
         above: feet that would go below the floor are brought up to it.
+        without: legs whose feet are not held.
     """
     steps, usual = steps or {}, ContactSettings(sink=float(level), above=above)
-    for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair):
+    for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
         leg = leg_of(limb)
         if len(leg) > 2:
             how = _short_steps(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
@@ -178,12 +200,8 @@ def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleto
 
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
     """Whether a piece of a limb is its hand or foot, in a limb that has none of its own."""
-    limbs = (limb for pair in body.pairs for limb in pair if limb.main == drive.target)
-    if any(limb.tip or limb.knots for limb in limbs):
-        return False
-    if piece.target[0] == drive.target[0] or "trunk" in drive.role or drive.role == "head":
-        return False
-    return bool(arc_of(target, drive.target)[drive.target.index(piece.target[0])] > _WRIST)
+    limb = next((limb for pair in body.pairs for limb in pair if limb.main == drive.target), None)
+    return limb is not None and begins_tip(target, limb, piece.target[0])
 
 
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
@@ -207,12 +225,15 @@ def retarget(
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
+    stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     project, based = apply_plan(project or Project(), shape, clip, plan)
+    if posed and plan.travel:
+        scale = step_scale(shape, clip, based, plan)
+        project = set_travel(project, shape.id, project.shape(shape.id).travel, scale)
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
     itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
-    stepping = legs_that_step(shape, clip, plan)
     upright = stands(shape) and not itself
     level = plan.floor and upright
     if level:
@@ -220,6 +241,6 @@ def retarget(
         project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
     if plan.pin:
         steps = step_sizes(shape, clip, based, plan)
-        project = with_feet_pinned(project, shape, steps, level, above=upright and not level)
+        project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)

@@ -1,8 +1,10 @@
-"""How good a retargeted motion is, measured on the surface: stretch, floor, slide, and parts in one another.
+"""How good a retargeted motion is: pose, and on the surface stretch, floor, slide, and parts in one another.
+
+Pose is how far the limbs point away from the performer's (:mod:`enliven.mapping.pose_error`).
 
 Stretch is the length of an edge of the mesh over its length at rest. Above ``BOUND`` skin begins to look like
-a sheet; a motion is judged by the 99th percentile over all edges and moments, which a few slivers do not
-sway.
+a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and of crumbs,
+parts of a few faces, do not count: their stretch is not seen.
 """
 
 from __future__ import annotations
@@ -11,12 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.ground import clearance, floor_of, stands, surfaces
 from enliven.mapping.overlap import Overlap
+from enliven.mapping.plan import Plan
+from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers import Player, travel_scale
 
 BOUND = 1.4
@@ -27,10 +32,20 @@ LEVEL = 0.03
 """Share of the height that the lowest point is off the floor above which feet are seen to sink or hover."""
 SLIDE = 20.0
 """cm/s that feet slide while they stand above which it is seen: half of the data's pairs have up to 8."""
+POSE = 8.0
+"""Degrees (median) that a limb points away from the performer's above which the pose looks like another one."""
+POSE_P90 = 15.0
+"""The same for the 90th percentile over the motion."""
 _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
 """Share of the size below which an edge is too short for its stretch to be seen."""
+_THIN = 0.02
+"""Height over length below which a triangle is a sliver: it is a line on the screen."""
+_CRUMB = 8
+"""Faces of a connected part of a mesh below which it is a crumb that modelling left behind."""
+_SAME = 1e-5
+"""Share of the size within which vertices are at one place."""
 _TOUCH = 0.03
 """Share of the height within which a vertex counts as on the floor."""
 _APART = 1.0 / 60.0
@@ -48,6 +63,8 @@ class MotionQuality:
     """What was measured of a motion on a shape.
 
     Attributes:
+        limbs: how far each limb segment that the take drives points away from the performer's; see
+            :func:`enliven.mapping.pose_error.limb_errors`.
         stretch: of its edges, at the 99th percentile of all edges and moments.
         stretch_most: of the edge that is stretched most.
         joints: where most edges are stretched beyond the bound, by name, the worst first.
@@ -70,6 +87,13 @@ class MotionQuality:
     through: float
     parts: tuple[str, ...]
     feet: tuple[str, ...] = ()
+    limbs: tuple[LimbError, ...] = ()
+
+    @property
+    def worst_limbs(self) -> tuple[LimbError, ...]:
+        """The limb segments whose pose is beyond its bounds, the worst first."""
+        beyond = [limb for limb in self.limbs if limb.median > POSE or limb.p90 > POSE_P90]
+        return tuple(sorted(beyond, key=lambda limb: -limb.median))
 
     @property
     def beyond(self) -> float:
@@ -83,13 +107,21 @@ class MotionQuality:
 
     @property
     def _ratios(self) -> tuple[float, ...]:
-        """Each measure in its bound: stretch, floor, slide, and what goes through other parts."""
+        """Each measure in its bound: pose, stretch, floor, slide, and the share that goes through other parts."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (BOUND - 1.0)
-        return stretch, off / LEVEL, (self.slide or 0.0) / SLIDE, self.through / THROUGH
+        pose = max((max(limb.median / POSE, limb.p90 / POSE_P90) for limb in self.limbs), default=0.0)
+        return pose, stretch, off / LEVEL, (self.slide or 0.0) / SLIDE, self.through / THROUGH
 
     def __str__(self) -> str:
-        told = [f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"]
+        told = list[str]()
+        if self.limbs:
+            median, p90 = (max(values) for values in zip(*((v.median, v.p90) for v in self.limbs), strict=True))
+            told.append(
+                f"every limb points within {median:.0f}\u00b0 of the performer's (median; 90 % of the time "
+                f"within {p90:.0f}\u00b0)"
+            )
+        told.append(f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most")
         if self.sunk is not None and self.afloat is not None:
             told.append(
                 f"the lowest point is at most {self.sunk:.1%} of the height below the floor, "
@@ -101,14 +133,35 @@ class MotionQuality:
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
-    """(E, 2) the edges of a mesh that are no slivers, and (E,) metres at rest; none without one."""
+    """(E, 2) the edges of a mesh whose stretch can be seen, and (E,) metres at rest; none without a mesh.
+
+    Left out are very short edges, edges of slivers alone, and edges of crumbs.
+    """
     if shape.mesh is None:
         return np.empty((0, 2), np.int32), np.empty(0)
-    faces, at = shape.mesh.faces, shape.mesh.vertices
+    at = shape.mesh.vertices
+    faces = shape.mesh.faces[_is_seen(shape.mesh.faces, at)]
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = _lengths(at, edges)
     kept = lengths > _SLIVER * np.linalg.norm(np.ptp(at, axis=0))
     return edges[kept], lengths[kept]
+
+
+def _is_seen(faces: Int32, at: Float) -> Bool:
+    """(F,) which faces are neither slivers nor part of a crumb, at rest; all, if that would leave nothing."""
+    corners = at[faces]
+    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    wide = doubled > _THIN * sides.max(1) ** 2
+    # Vertices of one place are one: flat-shaded models have a vertex for each face, seams have two.
+    _, place = np.unique(np.round(at / (_SAME * max(float(np.ptp(at, axis=0).max()), 1e-300))), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    pairs = place[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
+    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(place.max() + 1,) * 2)
+    part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][place[faces[:, 0]]]
+    whole = np.bincount(part)[part] >= min(_CRUMB, len(faces))
+    seen = wide & whole
+    return np.asarray(seen if seen.any() else np.ones(len(faces), bool))
 
 
 def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
@@ -118,17 +171,21 @@ def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, 
     return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
 
 
-def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> MotionQuality:
+def quality_of(
+    project: Project, shape_id: str, clip: Clip, duration: float, plan: Plan | None = None
+) -> MotionQuality:
     """How good a shape's motion is.
 
     Args:
         clip: the performer's.
         duration: seconds.
+        plan: the mapping by which the shape moves; without one, its pose is not compared.
     """
     shape = project.shape(shape_id)
     edges, stretch = stretches(project, shape_id, duration)
+    limbs = () if plan is None else limb_errors(project, shape_id, clip, plan, duration)
     if not len(edges):
-        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, ())
+        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
     times = np.linspace(0.0, duration, _MOMENTS)
     sunk, afloat, feet = None, None, ()
     moments = list(surfaces(project, shape_id, times))
@@ -152,6 +209,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         through,
         parts,
         feet,
+        limbs,
     )
 
 

@@ -13,13 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.document import Clip, Skeleton
+from enliven.document import Clip, Skeleton, joint_places
 from enliven.rotation import conjugate, multiply, normalized, rotate, turned_strain
 
 _STRIDE = 1.0
 """Seconds of a stride: the mean heading over one does not sway with the hips."""
 _HANGING = 0.12
 """Share of a take's frames, an eighth, that the hanging pose is the mean of."""
+_STANDING = 0.25
+"""Share of a take's frames in which a foot stands at least."""
 
 
 def heading_of(turns: Float) -> Float:
@@ -62,6 +64,25 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     bones = [joint for limb in limbs for joint in limb[1:]]
     height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
     return _mean_pose(clip, height <= np.quantile(height, _HANGING))
+
+
+def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
+    """(K, 4) world turns of a foot's bones while it stands flat: their mean over the frames in which it stands.
+
+    The pose in which limbs hang most has feet that point down. A foot stands in the frames in which its joints
+    are slow and low, compared with the rest of the take. Its heading is the first frame's.
+
+    Args:
+        foot: joints from the ankle to the end of the foot; K is one less.
+    """
+    places = joint_places(clip, foot)[:, list(foot)]
+    speed = np.linalg.norm(np.gradient(places, axis=0), axis=2).max(1) if len(places) > 1 else np.zeros(1)
+    height = places[..., 1].mean(1)
+    low = height <= np.quantile(height, 2.0 * _STANDING)
+    stands = low & (speed <= np.quantile(speed[low], 0.5))
+    back = conjugate(heading_of(clip.turns[stands, 0]))
+    turns = [mean_turn(multiply(back, clip.turns[stands, j])) for j in foot[1:]]
+    return np.asarray(multiply(first_heading(clip), np.array(turns)))
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:

@@ -1,11 +1,14 @@
-"""Steps: the feet of what is of another build go as the performer's feet go, in its own size.
+"""Steps: the feet of a model go where the performer's feet go, in the model's own size.
 
 stepped(project, shape_id, clip, based, plan)      # its legs bend so; a take of their own plays them
 
-A leg that is swung by a performer's angles neither reaches the floor nor stays on it: it is of other bones.
-Where its foot is, is told by where the performer's is beside their hips; so it stands while theirs stands. An
-animal with more legs than the performer takes theirs again, each pair in turn with the one behind it. A
-foreleg that the performer's arm drives steps while they walk with hanging arms, and is the arm's else.
+A leg of another build that is swung by a performer's angles neither reaches the floor nor stays on it. So its foot
+goes where the performer's foot goes, relative to their hips: it stands while theirs stands. An animal with more
+legs than the performer takes theirs again, each pair in turn with the one behind it. A foreleg that the
+performer's arm drives steps while they walk with hanging arms, and follows the arm otherwise.
+
+The legs of a person are posed as the performer's. With ``pin`` their feet step too: each leg keeps its pose and is
+bent by as much as its foot needs to be where the performer's is, so that feet stand still at any proportions.
 """
 
 from __future__ import annotations
@@ -16,13 +19,14 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton, joint_places, unused
+from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton, joint_places, unused
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.plan import Plan
+from enliven.mapping.ground import floor_of
+from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.resting import first_heading, heading_of
-from enliven.motion.contact import bend_of, pin_limb
+from enliven.motion.contact import bend_of, contacts_of, hold, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain, travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate, slerp
 
@@ -44,6 +48,16 @@ _FOOT = 0.15
 """Share of the performer's height within which a joint of a leg is part of the foot."""
 _STANDING = 25.0
 """Per cent of a take in which a foot stands at least: the joint of it that is slowest then is its place."""
+_PLANTED = ContactSettings(height=0.1, speed=0.4, shortest=0.08, blend=0.1)
+"""When a performer's foot stands: floors of captures drift, so that its speed says more than its height."""
+_FOOT_WEIGHT = 0.5
+"""Share of a vertex's weight from which it is part of a foot."""
+_STRETCHED = 0.998
+"""Share of its length that a leg is stretched to at most: a knee that locks jerks."""
+_LOWERED = 0.15
+"""Share of a leg's length that the body comes down by at most, to reach where feet stand."""
+_EASING = 0.1
+"""Seconds over which the body comes down before a foot that it would not reach."""
 _LOWEST = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
 
@@ -56,11 +70,13 @@ class _Step:
         limb: the model's.
         by: the performer's leg that it goes with.
         arm: the performer's arm that it obeys while they stand or raise it, or None.
+        posed: it keeps the performer's pose, as nearly as its foot allows.
     """
 
     limb: SkeletonLimb
     by: SkeletonLimb
     arm: SkeletonLimb | None
+    posed: bool
 
 
 def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan) -> Project:
@@ -76,9 +92,14 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
         return project
     times = np.linspace(0.0, duration, int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1)
     turns, joints = Player(project, shape_id).sample(times)
-    performer = _Performer(shape, clip, plan, times, _scale(shape, based, plan))
-    for step in steps:
-        _bend(shape.skeleton, step, performer, turns, joints)
+    performer = _Performer(shape, clip, based, plan, times, step_scale(shape, clip, based, plan))
+    goals = [_goals(shape, step, performer, turns, joints) for step in steps]
+    reach = zip(steps, goals, strict=True)
+    drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in reach if step.posed]
+    # The body comes down to feet that it would not reach: here the feet come up, the floor is kept afterwards.
+    up = _evenly(np.max(drops, axis=0), performer.step) if drops else np.zeros(len(times))
+    for step, at in zip(steps, goals, strict=True):
+        _bend(shape.skeleton, step, performer, at + up[:, None] * [0.0, 1.0, 0.0], turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
     for chain in (chain for step in steps for chain in _played(shape.skeleton, step.limb)):
@@ -93,18 +114,34 @@ def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, 
     return tuple(step.limb for step in _steps(shape, clip, plan))
 
 
+def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
+    """Those of them that keep the performer's pose as well."""
+    return tuple(step.limb for step in _steps(shape, clip, plan) if step.posed)
+
+
+def _leg_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
+    """Metres of a leg without girdle and foot."""
+    return max(float(skeleton.lengths[list(leg_of(limb)[1:])].sum()), 1e-9)
+
+
 def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
     """The legs that step, and metres of a performer's leg in the size of the model's steps.
 
     A model with long legs that takes short steps lifts its feet by little of their length.
     """
-    scale = _scale(shape, based, plan)
+    scale = step_scale(shape, clip, based, plan)
     return {step.limb: scale * _length(clip.skeleton, step.by) for step in _steps(shape, clip, plan)}
 
 
-def _scale(shape: Shape, based: Clip, plan: Plan) -> float:
-    """Metres that a foot of a shape goes for one of the performer's."""
-    return plan.stride * travel_scale(shape.with_changes(travel_scale=None), based)
+def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
+    """Metres that a foot of a shape goes for one of the performer's.
+
+    For legs that are posed as well it is the ratio of their lengths, which leaves them the performer's angles.
+    """
+    posed = [step for step in _steps(shape, clip, plan) if step.posed]
+    ours = sum(_leg_length(shape.skeleton, step.limb) for step in posed)
+    theirs = sum(_leg_length(clip.skeleton, step.by) for step in posed)
+    return plan.stride * (ours / theirs if posed else travel_scale(shape.with_changes(travel_scale=None), based))
 
 
 def _length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
@@ -116,21 +153,23 @@ def _steps(shape: Shape, clip: Clip, plan: Plan) -> list[_Step]:
     ours, theirs = anatomy_of(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
         return []
-    driven, made = _driven(shape.skeleton, plan), list[_Step]()
+    driven, made = _driven(shape.skeleton, plan, "move"), list[_Step]()
+    posed = _driven(shape.skeleton, plan, "pose") if plan.pin else set[int]()
     for number, pair in enumerate(reversed(ours.legs)):
         fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
         arms = theirs.arms[0] if fore else (None, None)
         for limb, by, arm in zip(pair, _legs_of(theirs, number), arms, strict=True):
-            if len(leg_of(limb)) > 2 and set(leg_of(limb)[1:]) <= driven:
-                made.append(_Step(limb, by, arm))
+            bones = set(leg_of(limb)[1:])
+            if len(bones) > 1 and (bones <= driven or bones <= posed):
+                made.append(_Step(limb, by, arm, bones <= posed))
     return made
 
 
-def _driven(skeleton: Skeleton, plan: Plan) -> set[int]:
-    """The bones that chains move from the model's own rest pose, at the take's own pace."""
+def _driven(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
+    """The bones that chains of a mode move at the take's own pace."""
     found = set[int]()
     for chain in plan.chains:
-        plain = (chain.mode, chain.offset, chain.speed) == ("move", 0.0, 1.0)
+        plain = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)
         plain = plain and not (chain.loop or chain.flip)
         ends = [skeleton.names.index(name) for name in chain.target if name in skeleton.names]
         if plain and ends and chain.weight > 0.0:
@@ -149,6 +188,8 @@ def _legs_of(theirs: Anatomy, number: int) -> Pair:
 
 def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
     """The joints of a leg down to where its foot begins."""
+    if limb.knots:
+        return limb.main
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
 
 
@@ -163,6 +204,7 @@ class _Performer:
 
     Attributes:
         skeleton: at rest.
+        posed: (N, 3) metres from the root to the joints, in the pose in which their bones point as the model's.
         beside: (T, N, 3) metres from the root to the joints; without the turning of the whole where the model
             does not turn.
         tall: (T,) metres from the root to the floor that they stood on.
@@ -170,8 +212,12 @@ class _Performer:
         step: seconds between two times.
     """
 
-    def __init__(self, shape: Shape, clip: Clip, plan: Plan, times: Float, scale: float) -> None:
+    def __init__(
+        self, shape: Shape, clip: Clip, based: Clip, plan: Plan, times: Float, scale: float
+    ) -> None:
         theirs, ours = facings(clip, shape, plan)
+        rest = based.skeleton.positions
+        self.posed = turned_about_y(rest - rest[0], ours - theirs)
         self._legs = source_anatomy(clip).legs[0]
         self.rest = plan.rest
         self.skeleton, self.step, self.scale = clip.skeleton, float(times[1]), scale
@@ -186,6 +232,11 @@ class _Performer:
         between = (1.0 - part) * beside[below] + part * beside[np.minimum(below + 1, len(beside) - 1)]
         self.beside = turned_about_y(between, ours - theirs)
         self.tall = np.interp(times, number, clip.root[:, 1]) - low
+
+    def floor(self, shape: Shape, root: Float) -> Float:
+        """(T,) metres: the height of the floor under a posed shape, whose root is ``root`` (T,) metres high."""
+        standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_of(shape)
+        return np.asarray(root - standing - self.scale * (self.tall + self.posed[:, 1].min()))
 
     def foot(self, leg: SkeletonLimb) -> int:
         """The joint of a leg's foot that stands stillest while it stands."""
@@ -222,25 +273,101 @@ class _Performer:
         return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
 
 
-def _bend(skeleton: Skeleton, step: _Step, performer: _Performer, turns: Float, joints: Float) -> None:
-    """Lets a leg reach where its foot is to be; changes turns (T, N, 4) and joints (T, N, 3) in place."""
-    chain = leg_of(step.limb)
-    heading, foot = heading_of(turns[:, 0]), performer.foot(step.by)
-    beside = performer.beside[:, foot]
-    home = performer.home(foot, heading)
-    rest = skeleton.positions[chain[-1]] - skeleton.positions[0]
+def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joints: Float) -> Float:
+    """(T, 3) metres where the end of a leg is to be, for turns (T, N, 4) and joints (T, N, 3) of the model."""
+    skeleton, ankle, foot = shape.skeleton, leg_of(step.limb)[-1], performer.foot(step.by)
+    heading, scale = heading_of(turns[:, 0]), performer.scale
+    # Of a posed leg, only its proportions differ from the performer's.
+    home = performer.posed[foot] if step.posed else performer.home(foot, heading)
+    # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
+    toes = _beyond(step.limb)
+    held = toes[0] if step.posed and toes and foot in _beyond(step.by) else ankle
+    rest = skeleton.positions[held] - skeleton.positions[0]
     even = _even(heading, round(_STRIDE / performer.step))
-    goals = joints[:, 0] + performer.scale * beside + rotate(even, rest - performer.scale * home)
+    goals = joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home)
+    if not step.posed:
+        return goals
+    length = float(skeleton.lengths[list(leg_of(step.limb)[1:])].sum())
+    goals, stands = _standing_still(goals, performer.step, length)
+    if held != ankle:
+        goals = goals - rotate(turns[:, held], skeleton.vectors[held])
+    below = _sole(shape, step.limb, turns) + goals[:, 1] - performer.floor(shape, joints[:, 0, 1])
+    # A foot that stands is on the floor; one that swings is not below it.
+    return np.asarray(goals - np.where(below < 0.0, below, stands * below)[:, None] * [0.0, 1.0, 0.0])
+
+
+def _sole(shape: Shape, limb: SkeletonLimb, turns: Float) -> Float:
+    """(T,) metres from the ankle of a leg up to the lowest point of its foot, which is below: negative."""
+    skeleton, ankle = shape.skeleton, leg_of(limb)[-1]
+    bones = sorted(_below(skeleton, ankle))
+    lowest = floor_of(shape) - shape.place[1] - skeleton.positions[ankle, 1]
+    if not bones:
+        return np.full(len(turns), lowest)
+    points = skeleton.positions[bones]
+    if shape.mesh is not None and shape.skin is not None:
+        share = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0).sum(1)
+        own = shape.mesh.vertices[: len(share)][share > _FOOT_WEIGHT]
+        points = own if len(own) else points
+    ways = points - skeleton.positions[ankle]
+    return np.array([rotate(turn, ways)[:, 1].min() for turn in turns[:, bones[0]]])
+
+
+def _beyond(limb: SkeletonLimb) -> tuple[int, ...]:
+    """The joints of a leg beyond its ankle."""
+    return limb.proper[len(leg_of(limb)) :]
+
+
+def _standing_still(goals: Float, step: float, length: float) -> tuple[Float, Float]:
+    """Goals (T, 3) of a foot, kept in their place over the floor while the performer's foot stands.
+
+    Captured feet creep by some centimetres a second.
+
+    Args:
+        step: seconds between them.
+        length: metres of the leg.
+
+    Returns:
+        The goals, and (T,) how much the foot stands: 1 while it does.
+    """
+    contacts = contacts_of(goals, step, length, _PLANTED)
+    times, weights, places = np.arange(len(goals)) * step, np.empty(len(goals)), np.empty_like(goals)
+    hold(times, contacts.starts, contacts.ends, contacts.places, _PLANTED.blend, weights, places)
+    level = np.array([1.0, 0.0, 1.0])
+    return np.asarray(goals + weights[:, None] * level * (places - goals)), weights
+
+
+def _out_of_reach(skeleton: Skeleton, step: _Step, goals: Float, joints: Float) -> Float:
+    """(T,) metres that a leg's goals are to come up, so that the leg is not stretched to them."""
+    chain = leg_of(step.limb)
+    far = _STRETCHED * float(skeleton.lengths[list(chain[1:])].sum())
+    way = goals - joints[:, chain[0]]
+    level = np.hypot(way[:, 0], way[:, 2])
+    reach = -np.sqrt(np.maximum(far**2 - level**2, 0.0))
+    return np.asarray(np.clip(reach - way[:, 1], 0.0, _LOWERED * far))
+
+
+def _bend(
+    skeleton: Skeleton, step: _Step, performer: _Performer, goals: Float, turns: Float, joints: Float
+) -> None:
+    """Lets a leg reach its goals (T, 3); changes turns (T, N, 4) and joints (T, N, 3) in place."""
+    chain, heading = leg_of(step.limb), heading_of(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walks(step.arm)
     moved = {bone for path in _played(skeleton, step.limb) for bone in path[1:]}
     for j in sorted(moved | _below(skeleton, chain[-1])):
-        if j in moved:
+        if j in moved and not step.posed:
             turns[:, j] = slerp(turns[:, j], heading, weights)
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
     middle, side = bend_of(skeleton, chain)
     kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
     tree, bones = (skeleton.parents, skeleton.vectors[None]), (np.array(chain, np.int32), middle, side, kept)
     pin_limb(*tree, *bones, 0.0, 0.0, weights, goals, none, turns, joints)
+
+
+def _evenly(drops: Float, step: float) -> Float:
+    """(T,) drops (T,) that nowhere are less, without corners."""
+    wide = max(round(_EASING / step), 1)
+    widest = scipy.ndimage.maximum_filter1d(drops, 2 * wide + 1, mode="nearest")
+    return np.asarray(scipy.ndimage.uniform_filter1d(widest, 2 * wide + 1, mode="nearest"))
 
 
 def _even(headings: Float, count: int) -> Float:

@@ -26,7 +26,9 @@ from enliven.motion.kinematics import conj, load, mul, row, store, turn, two_bon
 _STRAIGHT = 1e-3
 """Share of its length below which the bulge of a limb at rest says nothing."""
 _FRONT = np.array([0.0, 0.0, 1.0])
-"""(3,) where knees go that rest straight."""
+"""(3,) where knees go that rest straight, above a foot that does not say where its front is."""
+_TOES = 0.05
+"""Share of a limb's length that its foot leads ahead at least, to say where the front is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,16 @@ def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
     share = line @ (at[middle] - at[0]) / max(float(line @ line), 1e-300)
     side = at[middle] - at[0] - share * line
     straight = float(np.linalg.norm(side)) < _STRAIGHT * along[-1]
-    return middle, _FRONT if straight else np.asarray(side)
+    return middle, _front(skeleton, chain[-1], line) if straight else np.asarray(side)
+
+
+def _front(skeleton: Skeleton, foot: int, limb: Float) -> Float:
+    """(3,) the way that a foot's toes point, across its limb (3,); ahead for a limb that ends in no foot."""
+    ahead = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
+    length = max(float(np.linalg.norm(limb)), 1e-300)
+    across = [way - (way @ limb) / length**2 * limb for way in ahead]
+    longest = max(across, key=lambda way: float(np.linalg.norm(way)), default=_FRONT)
+    return longest if np.linalg.norm(longest) > _TOES * length else _FRONT
 
 
 def _number(skeleton: Skeleton, joint: int | str) -> int:

@@ -18,7 +18,7 @@ _SHARE = 0.56
 """Share of the side panel that the view of sources takes: the list of shapes still fits above."""
 _ROWS = 34.0
 """Pixels under the picture of the take: a row of buttons."""
-_SAID = 3 * 20.0
+_SAID = 4 * 20.0
 """Pixels of the lines that say how good a motion is."""
 _THUMB = ImVec2(92, 92)
 
@@ -95,9 +95,13 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
 
 def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     """How good a mapped motion is, line by line."""
+    pose = max((limb.median for limb in quality.limbs), default=0.0)
+    worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
+    pose_line = f"Limbs point within {pose:.0f}\u00b0 of the performer's" + (f": see {worst}" if worst else "")
     good = quality.stretch <= BOUND
     where = "good" if good else f"too much, at {', '.join(quality.joints[:2])}"
-    said = [f"The surface stretches by {quality.stretch - 1.0:.0%}: {where}"]
+    said = [pose_line] if quality.limbs else []
+    said.append(f"The surface stretches by {quality.stretch - 1.0:.0%}: {where}")
     floor = [] if quality.sunk is None else [f"off the floor {max(quality.sunk, quality.afloat or 0.0):.1%}"]
     if quality.slide is not None:
         floor.append(f"feet slide {quality.slide:.0f} cm/s")

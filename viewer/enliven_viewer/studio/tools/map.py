@@ -56,7 +56,7 @@ class MapTool(Tool):
         self.loop = True
         self.offered: list[Offer] = []
         self.lit: Offer | None = None
-        self.whole, self.gentle = WholeBody(), True
+        self.whole, self.gentle = WholeBody(), False
         self.made: tuple[str, str, Plan, MotionQuality] | None = None
         self._start: tuple[str, int] | None = None
         self._last: MappedChain | None = None
@@ -141,7 +141,7 @@ class MapTool(Tool):
 
         def work() -> tuple[Retargeted, MotionQuality]:
             made = retarget(shape, clip, softened(plan, clip, shape) if self.gentle else plan, before)
-            return made, quality_of(made.project, made.shape_id, clip, made.duration)
+            return made, quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
 
         def then(found: tuple[Retargeted, MotionQuality]) -> None:
             made, quality = found

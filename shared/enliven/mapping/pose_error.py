@@ -1,0 +1,149 @@
+"""How far the limbs of a shape point away from the performer's.
+
+    limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left upper arm", median=0.4, p90=1.2), ...)
+
+For each segment of a limb that a chain of the take drives, the direction from its first joint to its last is
+compared with the performer's, in the shape's axes. A chain of the mode "pose" should match it. A chain of the mode
+"move" should turn from the shape's own rest pose as the performer turns from theirs: its expected direction is the
+rest direction, turned by the least turn between the performer's two. Both are one formula, since a posed chain's
+performer rests where the shape does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Clip, Layer, Project, Shape, joint_places
+from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, begins_tip
+from enliven.mapping.applying import apply_plan, source_anatomy
+from enliven.mapping.plan import Plan
+from enliven.mapping.steps import legs_that_step
+from enliven.motion.layers import Player
+from enliven.rotation import rotate, swing, unit
+
+_MOMENTS = 120
+"""Moments of a motion that are compared: the 90th percentile of a limb is then of a dozen."""
+_SEGMENTS = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
+"""Names of the segments of a limb, by whether it stands on the floor and how many it has."""
+
+
+@dataclass(frozen=True)
+class LimbError:
+    """The angle between a limb segment and the performer's, in degrees over the motion.
+
+    Attributes:
+        limb: its name: "left forearm".
+        median, p90: of the angle.
+    """
+
+    limb: str
+    median: float
+    p90: float
+
+
+def limb_errors(
+    project: Project, shape_id: str, clip: Clip, plan: Plan, duration: float
+) -> tuple[LimbError, ...]:
+    """Returns the errors of all limb segments that the take drives by itself, at its own pace.
+
+    Legs that step on another body than a person's are left out: they do not follow the performer's angles.
+
+    Args:
+        project: in which the shape moves as the plan says.
+        clip: the performer's.
+        plan: the mapping.
+        duration: seconds that are compared.
+    """
+    moved = project.shape(shape_id)
+    stepping = {limb.proper for limb in legs_that_step(moved, clip, plan) if not limb.knots}
+    # What the plan asks for, before legs step and feet are held.
+    asked, _ = apply_plan(Project(), moved.at_rest(moved.mesh)[0], clip, plan)
+    shape = asked.shape(shape_id)
+    times = np.linspace(0.0, duration, _MOMENTS)
+    joints = Player(project, shape_id).sample(times)[1]
+    made = list[LimbError]()
+    starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
+    for name, layer, chain in _driven_segments(asked, shape, clip, stepping):
+        wanted = _expected(asked.takes[layer.take], layer, starts, shape, chain, times)
+        angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], wanted)
+        made.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
+    return tuple(made)
+
+
+def _driven_segments(
+    project: Project, shape: Shape, clip: Clip, without: set[tuple[int, ...]]
+) -> Iterator[tuple[str, Layer, tuple[int, ...]]]:
+    """Yields the name, layer and joints of each limb segment that one layer of the performer's take drives.
+
+    Args:
+        without: limbs that are left out, by their joints.
+    """
+    for number, pair in enumerate(anatomy_of(shape.skeleton).pairs, 1):
+        for side, limb in zip(("left", "right"), pair, strict=True):
+            if limb.proper in without:
+                continue
+            layers = _layers_along(project, shape, clip, limb.main)
+            segments = list(dict.fromkeys(layer.id for layer in layers if layer is not None))
+            for k, name in enumerate(segments):
+                bones = [j for j, layer in zip(limb.main[1:], layers, strict=True) if layer and layer.id == name]
+                layer = shape.layer(name)
+                chain = shape.skeleton.path(int(shape.skeleton.parents[bones[0]]), bones[-1])
+                if begins_tip(shape.skeleton, limb, chain[0]):
+                    continue  # A hand or foot rests in the model's own way.
+                yield f"{side} {_segment_name(limb, number, k, len(segments))}", layer, chain
+
+
+def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> str:
+    """Returns the name of a segment of a limb of the pair ``number``, from 1."""
+    names = _SEGMENTS.get((limb.grounded, count), ()) if limb.knots else ()
+    if names:
+        return names[segment]
+    kind = "leg" if limb.grounded else "arm"
+    return f"{kind} {number}" if count == 1 else f"{kind} {number}, segment {segment + 1}"
+
+
+def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
+    """Returns for each bone of a chain the one layer that plays the performer on it as it is; None for others."""
+    made = list[Layer | None]()
+    for bone in chain[1:]:
+        named = {ref.layer for span in shape.spans[bone] for ref in span.refs}
+        layers = [shape.layer(name) for name in named]
+        plain = [layer for layer in layers if _plays_plainly(project, layer, clip)]
+        made.append(plain[0] if len(layers) == len(plain) == 1 else None)
+    return made
+
+
+def _plays_plainly(project: Project, layer: Layer, clip: Clip) -> bool:
+    """Returns whether a layer plays the performer's take at its own pace."""
+    own = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
+    return own and project.takes[layer.take].skeleton.names == clip.skeleton.names
+
+
+def _expected(
+    take: Clip, layer: Layer, starts: set[int], shape: Shape, chain: tuple[int, ...], times: Float
+) -> Float:
+    """Returns (T, 3) directions that a chain of the shape should point in, in the shape's axes.
+
+    Args:
+        starts: joints where limbs of the performer begin; a girdle that a limb takes along is no part of it.
+    """
+    first = next((joint for joint in layer.chain[:-1] if joint in starts), layer.chain[0])
+    last = layer.chain[-1]
+    places, rest = joint_places(take, (first, last)), take.skeleton.positions
+    mirror = np.array([-1.0 if layer.mirrored else 1.0, 1.0, 1.0])
+    ways = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
+    rest_way = unit(rotate(layer.basis, mirror * (rest[last] - rest[first])))
+    frames = np.arange(len(ways)) * take.step
+    at = np.stack([np.interp(times, frames, ways[:, k]) for k in range(3)], axis=1)
+    own = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
+    return np.asarray(rotate(swing(rest_way, unit(at)), own))
+
+
+def _degrees_between(one: Float, other: Float) -> Float:
+    """Returns (T,) the angles between vectors (T, 3)."""
+    cosines = np.sum(unit(one) * unit(other), axis=1)
+    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
