@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def retarget(
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
-    model: Annotated[Path, typer.Argument(help="The model: .glb or .gltf, rigged or not.")],
+    model: Annotated[Path, typer.Argument(help="The model: .glb, .gltf or .vrm, rigged or not.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
     mapping: Annotated[
         Path | None, typer.Option("--map", help="A mapping file; without one, the mapping is found.")

@@ -1,13 +1,13 @@
 """The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail.
 
-An upright skeleton whose joints are named as a person's (:mod:`enliven.mapping.human_names`) is taken apart by
-its names: weapons, hair, capes and twist bones are no limbs. Every other skeleton is taken apart by geometry.
+An upright skeleton with the joint names of a person (:mod:`enliven.mapping.human_names`) is divided by
+its names: weapons, hair, capes and twist bones are not limbs. Every other skeleton is divided by geometry.
 
 By geometry, small branches are left out (fingers, ears, a jaw): at a fork, a branch with such a name, or one
 that is short compared with the whole, or with the path from the root to the fork. The rest falls into chains
 between forks and ends. Chains between forks are trunk, chains to an end are limbs. Two limbs that mirror one
-another are a pair; of the others, the one that goes most ahead and up is the head, the one that goes most back
-and down the tail.
+another are a pair. Of the others, the one that goes most ahead and up is the head, and the one that goes most
+back and down the tail.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ _WRIST = 0.6
 _FINGERS = 3
 """Bones that begin at a wrist at least: a joint with two may carry a twist bone."""
 _UPRIGHT = np.cos(np.radians(45.0))
-"""Least cosine between the vertical and the line from hips to chest of a person; animals' names may be human."""
+"""Least cosine between the vertical and a person's line from hips to chest: animals may have human names."""
 
 
 @dataclass(frozen=True)
@@ -186,11 +186,11 @@ def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
 
 def _is_upright(way: Float) -> bool:
     """Whether a way (3,) leads up."""
-    return float(way[1]) > _UPRIGHT * float(np.linalg.norm(way))
+    return bool(float(way[1]) > _UPRIGHT * float(np.linalg.norm(way)))
 
 
 def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
-    """The anatomy of a person whose joints are known by name; ``at`` (N, 3) has the front at +Z."""
+    """The anatomy of a person from the names of the joints; ``at`` (N, 3) has the front at +Z."""
     path = skeleton.path(human.hips, human.chest)
     # A root may lie on the floor or in the belly: the trunk begins at the joint that is nearest to the hips.
     middle = at[list(_hip_joints(human))].mean(0)

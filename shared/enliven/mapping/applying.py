@@ -180,7 +180,9 @@ def _rests(
 def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """The bone of the take that a chain hangs on and that is posed as the performer's; None for none."""
     way = source.path(0, line.mine[0])
-    above = [one.mine[-1] for one in lines if one.plan.mode == "pose" and one.mine[-1] in way and one is not line]
+    above = [
+        one.mine[-1] for one in lines if one.plan.mode == "pose" and one.mine[-1] in way and one is not line
+    ]
     return max(above, key=way.index, default=None)
 
 
@@ -242,13 +244,15 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
     return mean_pose(clip)
 
 
-def _pose_like(since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns) -> None:
+def _pose_like(
+    since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
+) -> None:
     """Sets the rest turns of a source chain, in ``since`` (N, 4), so that its bones point as the target's do.
 
-    The take's own zero pose, turned to its heading, is bent by the least turns that make it point the same way,
-    so twist about a bone stays the performer's. A limb is bent bone by bone from its root on, and each bone takes
-    the next along: a forearm that is bent at rest is stretched about its elbow, as an arm is. A spine or a neck,
-    in the middle, is turned as one: its curve is the model's own.
+    The take's own zero pose, turned to its heading, is bent by the least turns that make it point the same
+    way, so twist about a bone stays the performer's. A limb is bent bone by bone from its root on, and each
+    bone takes the next along: a forearm that is bent at rest is stretched about its elbow. A spine or a neck
+    is turned as one: its curve is the model's own.
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     since[list(line.bones)] = heading
@@ -260,7 +264,9 @@ def _pose_like(since: Float, clip: Clip, line: _Line, lines: list[_Line], target
     middle = turns.middle(skeleton, line)
     if middle:
         ways[:], bones[:] = ways.sum(0), bones.sum(0)
-    goes_on = any(one.plan.mode == "pose" and one.plan.role == line.plan.role and _follows(one, line) for one in lines)
+    goes_on = any(
+        one.plan.mode == "pose" and one.plan.role == line.plan.role and _follows(one, line) for one in lines
+    )
     before = since[line.mine[0]] if goes_on and not middle else heading
     for joint, way, bone in zip(line.mine[1:], ways, bones, strict=True):
         bone = rotate(before, bone)
@@ -279,11 +285,18 @@ def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, 
         mine, theirs = _whole(lines, line)
         way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
-        # On a body that is posed as the performer's, a turn is the same turn: other axes would add up to other
-        # poses beyond. But a tail is no spine.
-        same = _posed_above(lines, line, source) is not None and float(way @ wanted) > 0.0
+        # On a body that is posed as the performer's, turns have the same axes: others would add up to another
+        # pose of what hangs on the chain. But a tail, which points the other way, is not a spine.
+        carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
+        same = carries and _posed_above(lines, line, source) is not None
         basis = basis if same else multiply(_between(way, wanted, turns.across), basis)
     return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
+
+
+def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
+    """Whether a chain carries one that is posed: a girdle carries its limb."""
+    after = [one for one in lines if _follows(line, one)]
+    return any(one.plan.mode == "pose" or _leads_to_posed(lines, one) for one in after)
 
 
 def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:

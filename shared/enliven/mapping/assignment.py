@@ -97,12 +97,12 @@ def _exchanged(pair: Pair, times: int) -> Pair:
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
     """Girdle, limb, and hand or foot, each if both have one.
 
-    A girdle that only the source has turns the limb along. A leg of more segments than a person's, without a foot
-    of its own, is driven by a leg together with its foot.
+    A girdle that only the source has turns the limb along. An animal's leg has no foot of its own: it is
+    driven by a leg together with its foot.
     """
     girdles = len(source.girdle) > 1 and len(target.girdle) > 1
-    bare = target.tip or target.knots or len(source.main) == len(target.main)
-    by = source.main if bare else source.proper
+    arms = not target.grounded and len(source.main) == len(target.main)
+    by = source.main if target.tip or target.knots or arms else source.proper
     lead = () if girdles else source.girdle[:-1]
     drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
     drives.append(Drive(by, target.main, role, lead, knots=_shared_knots(source, target)))
@@ -191,11 +191,16 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
         return [(a, b) for a, b in cuts if 0 < a < len(drive.source) - 1 and 0 < b < len(drive.target) - 1]
     if len(drive.source) == len(drive.target):
         return [(k, k) for k in range(1, len(drive.source) - 1)]
-    return _same(source_arc, target_arc, _NEAR)
+    return joints_at_one_arc(source_arc, target_arc, _NEAR)
 
 
-def _same(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:
-    """The most pairs of inner joints that correspond, in order, and of those the nearest ones."""
+def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:
+    """Numbers of inner joints at nearly one arc length: the most pairs in order, and of those the nearest.
+
+    Args:
+        one, other: arc length 0..1 at the joints of two chains.
+        near: how far apart two joints may be and still be the same.
+    """
     rows, columns = len(one) - 2, len(other) - 2
     best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
+from enliven.mapping.human_names import finger_joints
 from enliven.mapping.plan import ChainPlan, Mode, Plan
+from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import (
     leg_of,
     legs_that_step,
@@ -26,6 +29,7 @@ from enliven.mapping.steps import (
 )
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of, set_travel
+from enliven.rotation import conjugate, multiply
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,8 @@ _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
+_BENDS = np.radians(5.0)
+"""Radians that a finger turns from its mean at least, to count as moving."""
 _STANDS = np.radians(45.0)
 """Radians from the vertical to the line from root to head within which a body counts as upright."""
 
@@ -86,7 +92,43 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
                     carries="trunk" not in drive.role and "girdle" not in drive.role,
                 )
             )
+    if mode == "pose":
+        chains += _finger_chains(clip, source, shape.skeleton, target)
     return Plan(level=level, chains=tuple(chains))
+
+
+def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> list[ChainPlan]:
+    """The chains of the fingers that move in a take and have names on both sides; others follow the hand."""
+    made, source = list[ChainPlan](), clip.skeleton
+    for side, by, limb in _named_arms(theirs, ours):
+        wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
+        for finger, chain in finger_joints(source, wrist).items():
+            if finger not in hand or not _bends(clip, chain):
+                continue
+            pairs = zip(pairwise(chain), pairwise(hand[finger]), strict=False)
+            for number, (mine, other) in enumerate(pairs):
+                # The first link of a finger lies in the palm, which sits in the model's own way.
+                how: Mode = "pose" if number else "move"
+                names = _named(source, mine), _named(target, other)
+                made.append(ChainPlan(*names, f"{side} {finger}", how))
+    return made
+
+
+def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
+    """Yields the side and the arms, of take and model, of each side if both are known by name."""
+    for by, pair in zip(theirs.arms[:1], ours.arms[:1], strict=False):
+        for side, arm, limb in zip(("left", "right"), by, pair, strict=True):
+            if arm.knots and limb.knots:
+                yield side, arm, limb
+
+
+def _bends(clip: Clip, finger: Sequence[int]) -> bool:
+    """Whether a finger moves against its hand; many takes have fingers that never do."""
+    if len(finger) < 3:
+        return False
+    local = multiply(conjugate(clip.turns[:, finger[1]]), clip.turns[:, finger[2]])
+    apart = np.abs(np.sum(local * mean_turn(local), axis=1)).min()
+    return bool(2.0 * np.arccos(min(float(apart), 1.0)) > _BENDS)
 
 
 def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
@@ -161,7 +203,7 @@ def with_feet_pinned(
         level: the shape is kept on the floor. Feet keep their height and are held in their place along the
             floor only: an ankle sinks as its foot rolls, and a foot that were held above would be off it.
         above: feet that would go below the floor are brought up to it.
-        without: legs whose feet are not held.
+        without: legs that are not held by their feet.
     """
     steps, usual = steps or {}, ContactSettings(sink=float(level), above=above)
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):

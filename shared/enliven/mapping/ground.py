@@ -84,23 +84,33 @@ def kept_on_floor(
         own_stride: go as far as the shape's legs carry it, and not as far as the performer in its size.
     """
     shape = project.shape(shape_id)
-    count = int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1
-    times = np.linspace(0.0, duration, count)
+    watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
+    low, steps = _watched(surfaces(project, shape_id, watched), len(watched))
+    # The way is as fine as the take: feet that stand would tremble against a coarser one.
+    times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
-    low, steps = _watched(surfaces(project, shape_id, times), count)
-    root[:, 1] += floor_of(shape) - low
+    root[:, 1] += np.interp(times, watched, floor_of(shape) - low)
     if shape.travel is not None:
-        leapt = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip))
-        root[:, 1] += travel_scale(shape, clip) * leapt
+        leapt = clearance(clip)
+        frames = np.arange(len(clip.turns)) * clip.step
+        root[:, 1] += travel_scale(shape, clip) * np.interp(times, frames, leapt)
         level = root[:, [0, 2]]
-        stride = _stride(np.diff(level, axis=0), steps, leapt > 0.0) if own_stride else 1.0
+        coarse = np.stack([np.interp(watched, times, level[:, k]) for k in range(2)], axis=1)
+        leaping = np.interp(watched, frames, leapt) > 0.0
+        stride = _stride(np.diff(coarse, axis=0), steps, leaping) if own_stride else 1.0
         root[:, [0, 2]] = level[0] + stride * (level - level[0])
     still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
+    count = len(times)
     step = duration / (count - 1) if count > 1 else clip.step
     way = Clip(unused(f"{clip.id}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)
     layer = Layer(unused(way.id, project.layer_names), way.id, (0,))
     moved = shape.with_changes(layers=(*shape.layers, layer), travel=layer.id)
     return set_travel(project.with_takes(way).with_characters(moved), shape_id, layer.id, 1.0)
+
+
+def moments_of(duration: float, rate: float) -> Float:
+    """(T,) seconds from 0 to the end of a duration, at a rate (Hz) or a little more."""
+    return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
 
 def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:

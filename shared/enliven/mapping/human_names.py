@@ -4,9 +4,9 @@
     joints.arms[0].knots                 # left shoulder, elbow and wrist
 
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
-CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They disagree on words: a "Leg" is the shin of Mixamo and the
-thigh of others, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle joint,
-whose words are the clearest, and the words of the others are tried from the clearest to the vaguest.
+CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They disagree on words: a "Leg" is the shin in Mixamo and
+the thigh elsewhere, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle
+joint, which has the clearest names, and the names of the others are tried from the clearest to the vaguest.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _TOES = ("toe", "toes", "toebase", "ball")
 """Names of the joint where toes begin."""
 _TIP = ("end", "tip", "nub", "top", "site")
 """Words in the names of joints that only mark where a bone ends."""
-_FILLERS = frozenset(
-    "armature base bip bn bone cc character d def def1 f j jnt joint org rig root s sk skel valve valvebiped b c".split()
-)
+_EXPORTERS = ("armature", "base", "bip", "bone", "cc", "character", "def", "org", "rig", "root", "valvebiped")
+_LETTERS = ("b", "bn", "c", "d", "f", "j", "jnt", "joint", "s", "sk", "skel", "valve")
+_FILLERS = frozenset((*_EXPORTERS, *_LETTERS))
 """Words that say nothing about a joint: prefixes of exporters and rigs."""
 _HELPERS = re.compile(
     r"(?<![a-z])(twist|roll|ik|fk|pole|target|ctrl|control|helper|tweak|mch|vis|adj|sec|corrective|share|"
@@ -61,7 +61,7 @@ class HumanLimb:
     Attributes:
         knots: the joints where the upper segment, the lower segment and the hand or foot begin. Without a
             joint for the last, the end of the lower segment.
-        tip: the joint where the hand or foot ends, the knuckle of the middle finger or the toes; -1 if unknown.
+        tip: the joint where the hand or foot ends: the middle finger's knuckle, or the toes; -1 if unknown.
     """
 
     knots: tuple[int, int, int]
@@ -155,7 +155,7 @@ def _limb(
     middles: Sequence[Sequence[str]],
     ends: Sequence[Sequence[str]],
 ) -> HumanLimb | None:
-    """Returns the limb of a side whose joints have these names, or None."""
+    """Returns the limb of a side with these joint names, or None."""
     for names in middles:
         middle = _first(range(len(words)), words, side, (names,))
         above = skeleton.path(0, middle)[:-1] if middle >= 0 else ()
@@ -188,7 +188,9 @@ def _first(
 def _tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
     """Returns where a hand or foot ends: at the middle finger's knuckle, the toes, or its longest branch."""
     children = skeleton.children[end]
-    named = [c for c in children if words[c][1] and (words[c][1] in _TOES or _finger(words[c][1]) == "middle")]
+    named = [
+        c for c in children if words[c][1] and (words[c][1] in _TOES or _finger(words[c][1]) == "middle")
+    ]
     plain = [c for c in children if _finger(words[c][1]) != "thumb" and words[c][1]] or list(children)
     chosen = named or sorted(plain, key=lambda c: -_reach(skeleton, c))[:1]
     return chosen[0] if chosen else -1

@@ -1,12 +1,12 @@
 """How far the limbs of a shape point away from the performer's.
 
-    limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left upper arm", median=0.4, p90=1.2), ...)
+    limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left shin", median=0.4, p90=1.2), ...)
 
 For each segment of a limb that a chain of the take drives, the direction from its first joint to its last is
-compared with the performer's, in the shape's axes. A chain of the mode "pose" should match it. A chain of the mode
-"move" should turn from the shape's own rest pose as the performer turns from theirs: its expected direction is the
-rest direction, turned by the least turn between the performer's two. Both are one formula, since a posed chain's
-performer rests where the shape does.
+compared with the performer's, in the shape's axes. A chain of the mode "pose" should match it. A chain of the
+mode "move" should turn from the shape's own rest pose as the performer turns from theirs: its expected
+direction is the rest direction, turned by the least turn between the performer's two. Both are one formula,
+since the performer of a posed chain rests as the shape does.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
 _MOMENTS = 120
-"""Moments of a motion that are compared: the 90th percentile of a limb is then of a dozen."""
+"""Frames of a motion that are compared at most: the 90th percentile of a limb is then of a dozen."""
 _SEGMENTS = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of the segments of a limb, by whether it stands on the floor and how many it has."""
 
@@ -63,7 +63,9 @@ def limb_errors(
     # What the plan asks for, before legs step and feet are held.
     asked, _ = apply_plan(Project(), moved.at_rest(moved.mesh)[0], clip, plan)
     shape = asked.shape(shape_id)
-    times = np.linspace(0.0, duration, _MOMENTS)
+    # At frames of the take: between two, directions and turns do not mix alike.
+    last = min(round(duration / clip.step), len(clip.turns) - 1)
+    times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MOMENTS, last + 1))))
     joints = Player(project, shape_id).sample(times)[1]
     made = list[LimbError]()
     starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
@@ -89,7 +91,9 @@ def _driven_segments(
             layers = _layers_along(project, shape, clip, limb.main)
             segments = list(dict.fromkeys(layer.id for layer in layers if layer is not None))
             for k, name in enumerate(segments):
-                bones = [j for j, layer in zip(limb.main[1:], layers, strict=True) if layer and layer.id == name]
+                bones = [
+                    j for j, layer in zip(limb.main[1:], layers, strict=True) if layer and layer.id == name
+                ]
                 layer = shape.layer(name)
                 chain = shape.skeleton.path(int(shape.skeleton.parents[bones[0]]), bones[-1])
                 if begins_tip(shape.skeleton, limb, chain[0]):
@@ -107,7 +111,7 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
 
 
 def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
-    """Returns for each bone of a chain the one layer that plays the performer on it as it is; None for others."""
+    """Returns for each bone of a chain the one layer that plays the performer on it; None for others."""
     made = list[Layer | None]()
     for bone in chain[1:]:
         named = {ref.layer for span in shape.spans[bone] for ref in span.refs}

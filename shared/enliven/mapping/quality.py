@@ -4,7 +4,7 @@ Pose is how far the limbs point away from the performer's (:mod:`enliven.mapping
 
 Stretch is the length of an edge of the mesh over its length at rest. Above ``BOUND`` skin begins to look like
 a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and of crumbs,
-parts of a few faces, do not count: their stretch is not seen.
+tiny parts of their own, do not count: their stretch is not seen.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ LEVEL = 0.03
 SLIDE = 20.0
 """cm/s that feet slide while they stand above which it is seen: half of the data's pairs have up to 8."""
 POSE = 8.0
-"""Degrees (median) that a limb points away from the performer's above which the pose looks like another one."""
+"""Largest median angle (degrees) between a limb and the performer's at which the pose is still theirs."""
 POSE_P90 = 15.0
-"""The same for the 90th percentile over the motion."""
+"""Largest 90th percentile of that angle (degrees)."""
 _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
 """Share of the size below which an edge is too short for its stretch to be seen."""
 _THIN = 0.02
 """Height over length below which a triangle is a sliver: it is a line on the screen."""
-_CRUMB = 8
-"""Faces of a connected part of a mesh below which it is a crumb that modelling left behind."""
+_CRUMB = 1e-4
+"""Share of the surface below which a part of the mesh of its own is a crumb that modelling left behind."""
 _SAME = 1e-5
 """Share of the size within which vertices are at one place."""
 _TOUCH = 0.03
@@ -91,7 +91,7 @@ class MotionQuality:
 
     @property
     def worst_limbs(self) -> tuple[LimbError, ...]:
-        """The limb segments whose pose is beyond its bounds, the worst first."""
+        """The limb segments with a pose beyond its bounds, the worst first."""
         beyond = [limb for limb in self.limbs if limb.median > POSE or limb.p90 > POSE_P90]
         return tuple(sorted(beyond, key=lambda limb: -limb.median))
 
@@ -107,7 +107,7 @@ class MotionQuality:
 
     @property
     def _ratios(self) -> tuple[float, ...]:
-        """Each measure in its bound: pose, stretch, floor, slide, and the share that goes through other parts."""
+        """Each measure over its bound: pose, stretch, floor, slide, and the share inside other parts."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (BOUND - 1.0)
         pose = max((max(limb.median / POSE, limb.p90 / POSE_P90) for limb in self.limbs), default=0.0)
@@ -116,12 +116,16 @@ class MotionQuality:
     def __str__(self) -> str:
         told = list[str]()
         if self.limbs:
-            median, p90 = (max(values) for values in zip(*((v.median, v.p90) for v in self.limbs), strict=True))
+            median, p90 = (
+                max(values) for values in zip(*((v.median, v.p90) for v in self.limbs), strict=True)
+            )
             told.append(
                 f"every limb points within {median:.0f}\u00b0 of the performer's (median; 90 % of the time "
                 f"within {p90:.0f}\u00b0)"
             )
-        told.append(f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most")
+        told.append(
+            f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"
+        )
         if self.sunk is not None and self.afloat is not None:
             told.append(
                 f"the lowest point is at most {self.sunk:.1%} of the height below the floor, "
@@ -133,7 +137,7 @@ class MotionQuality:
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
-    """(E, 2) the edges of a mesh whose stretch can be seen, and (E,) metres at rest; none without a mesh.
+    """(E, 2) the edges of a mesh that count for its stretch, and (E,) metres at rest; none without a mesh.
 
     Left out are very short edges, edges of slivers alone, and edges of crumbs.
     """
@@ -154,12 +158,14 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     wide = doubled > _THIN * sides.max(1) ** 2
     # Vertices of one place are one: flat-shaded models have a vertex for each face, seams have two.
-    _, place = np.unique(np.round(at / (_SAME * max(float(np.ptp(at, axis=0).max()), 1e-300))), axis=0, return_inverse=True)
+    _, place = np.unique(
+        np.round(at / (_SAME * max(float(np.ptp(at, axis=0).max()), 1e-300))), axis=0, return_inverse=True
+    )
     place = place.reshape(-1)
     pairs = place[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
     graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(place.max() + 1,) * 2)
     part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][place[faces[:, 0]]]
-    whole = np.bincount(part)[part] >= min(_CRUMB, len(faces))
+    whole = np.bincount(part, doubled)[part] >= _CRUMB * doubled.sum()
     seen = wide & whole
     return np.asarray(seen if seen.any() else np.ones(len(faces), bool))
 

@@ -67,10 +67,10 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 
 
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
-    """(K, 4) world turns of a foot's bones while it stands flat: their mean over the frames in which it stands.
+    """(K, 4) mean world turns of a foot's bones over the frames in which it stands flat.
 
-    The pose in which limbs hang most has feet that point down. A foot stands in the frames in which its joints
-    are slow and low, compared with the rest of the take. Its heading is the first frame's.
+    The pose in which limbs hang most has feet that point down. A foot stands in the frames in which its
+    joints are slow and low, compared with the rest of the take. Its heading is the first frame's.
 
     Args:
         foot: joints from the ankle to the end of the foot; K is one less.

@@ -2,13 +2,13 @@
 
 stepped(project, shape_id, clip, based, plan)      # its legs bend so; a take of their own plays them
 
-A leg of another build that is swung by a performer's angles neither reaches the floor nor stays on it. So its foot
-goes where the performer's foot goes, relative to their hips: it stands while theirs stands. An animal with more
-legs than the performer takes theirs again, each pair in turn with the one behind it. A foreleg that the
-performer's arm drives steps while they walk with hanging arms, and follows the arm otherwise.
+A leg of another build that is swung by a performer's angles neither reaches the floor nor stays on it. So its
+foot goes where the performer's foot goes, relative to their hips: it stands while theirs stands. An animal
+with more legs than the performer takes theirs again, each pair in turn with the one behind it. A foreleg that
+the performer's arm drives steps while they walk with hanging arms, and follows the arm otherwise.
 
-The legs of a person are posed as the performer's. With ``pin`` their feet step too: each leg keeps its pose and is
-bent by as much as its foot needs to be where the performer's is, so that feet stand still at any proportions.
+The legs of a person are posed as the performer's. With ``pin`` their feet step too: each leg keeps its pose,
+and bends by as much as its foot needs to be where the performer's is. So feet stand still at any proportions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton, jo
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import floor_of
+from enliven.mapping.ground import floor_of, moments_of
 from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.resting import first_heading, heading_of
 from enliven.motion.contact import bend_of, contacts_of, hold, pin_limb
@@ -52,11 +52,11 @@ _PLANTED = ContactSettings(height=0.1, speed=0.4, shortest=0.08, blend=0.1)
 """When a performer's foot stands: floors of captures drift, so that its speed says more than its height."""
 _FOOT_WEIGHT = 0.5
 """Share of a vertex's weight from which it is part of a foot."""
-_STRETCHED = 0.998
+_STRETCHED = 1.0
 """Share of its length that a leg is stretched to at most: a knee that locks jerks."""
 _LOWERED = 0.15
 """Share of a leg's length that the body comes down by at most, to reach where feet stand."""
-_EASING = 0.1
+_EASING = 0.05
 """Seconds over which the body comes down before a foot that it would not reach."""
 _LOWEST = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
@@ -90,13 +90,14 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
     steps, duration = _steps(shape, clip, plan), clip.duration
     if not steps or duration <= 0.0:
         return project
-    times = np.linspace(0.0, duration, int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1)
+    posed = any(step.posed for step in steps)
+    times = moments_of(duration, max(_RATE, 1.0 / clip.step) if posed else min(_RATE, 1.0 / clip.step))
     turns, joints = Player(project, shape_id).sample(times)
     performer = _Performer(shape, clip, based, plan, times, step_scale(shape, clip, based, plan))
     goals = [_goals(shape, step, performer, turns, joints) for step in steps]
     reach = zip(steps, goals, strict=True)
     drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in reach if step.posed]
-    # The body comes down to feet that it would not reach: here the feet come up, the floor is kept afterwards.
+    # The body comes down to feet that it would not reach: the feet come up here, then the floor is kept.
     up = _evenly(np.max(drops, axis=0), performer.step) if drops else np.zeros(len(times))
     for step, at in zip(steps, goals, strict=True):
         _bend(shape.skeleton, step, performer, at + up[:, None] * [0.0, 1.0, 0.0], turns, joints)
@@ -136,12 +137,14 @@ def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[Skelet
 def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
     """Metres that a foot of a shape goes for one of the performer's.
 
-    For legs that are posed as well it is the ratio of their lengths, which leaves them the performer's angles.
+    For posed legs it is the ratio of their lengths, which leaves them the performer's angles.
     """
     posed = [step for step in _steps(shape, clip, plan) if step.posed]
     ours = sum(_leg_length(shape.skeleton, step.limb) for step in posed)
     theirs = sum(_leg_length(clip.skeleton, step.by) for step in posed)
-    return plan.stride * (ours / theirs if posed else travel_scale(shape.with_changes(travel_scale=None), based))
+    return plan.stride * (
+        ours / theirs if posed else travel_scale(shape.with_changes(travel_scale=None), based)
+    )
 
 
 def _length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
@@ -204,7 +207,7 @@ class _Performer:
 
     Attributes:
         skeleton: at rest.
-        posed: (N, 3) metres from the root to the joints, in the pose in which their bones point as the model's.
+        posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's.
         beside: (T, N, 3) metres from the root to the joints; without the turning of the whole where the model
             does not turn.
         tall: (T,) metres from the root to the floor that they stood on.
@@ -212,9 +215,7 @@ class _Performer:
         step: seconds between two times.
     """
 
-    def __init__(
-        self, shape: Shape, clip: Clip, based: Clip, plan: Plan, times: Float, scale: float
-    ) -> None:
+    def __init__(self, shape: Shape, clip: Clip, based: Clip, plan: Plan, times: Float, scale: float) -> None:
         theirs, ours = facings(clip, shape, plan)
         rest = based.skeleton.positions
         self.posed = turned_about_y(rest - rest[0], ours - theirs)
@@ -234,7 +235,7 @@ class _Performer:
         self.tall = np.interp(times, number, clip.root[:, 1]) - low
 
     def floor(self, shape: Shape, root: Float) -> Float:
-        """(T,) metres: the height of the floor under a posed shape, whose root is ``root`` (T,) metres high."""
+        """(T,) metres: the height of the floor under a posed shape with its root at heights ``root``."""
         standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_of(shape)
         return np.asarray(root - standing - self.scale * (self.tall + self.posed[:, 1].min()))
 
@@ -274,21 +275,25 @@ class _Performer:
 
 
 def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joints: Float) -> Float:
-    """(T, 3) metres where the end of a leg is to be, for turns (T, N, 4) and joints (T, N, 3) of the model."""
-    skeleton, ankle, foot = shape.skeleton, leg_of(step.limb)[-1], performer.foot(step.by)
+    """(T, 3) metres where the end of a leg is to be; turns (T, N, 4) and joints (T, N, 3) are the model's."""
+    skeleton, ankle, toes = shape.skeleton, leg_of(step.limb)[-1], _beyond(step.limb)
+    # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
+    rolls = step.posed and bool(toes and _beyond(step.by))
+    held = toes[0] if rolls else ankle
+    foot = performer.foot(step.by)
+    if step.posed:
+        foot = _beyond(step.by)[0] if rolls else leg_of(step.by)[-1]
     heading, scale = heading_of(turns[:, 0]), performer.scale
     # Of a posed leg, only its proportions differ from the performer's.
     home = performer.posed[foot] if step.posed else performer.home(foot, heading)
-    # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
-    toes = _beyond(step.limb)
-    held = toes[0] if step.posed and toes and foot in _beyond(step.by) else ankle
     rest = skeleton.positions[held] - skeleton.positions[0]
     even = _even(heading, round(_STRIDE / performer.step))
     goals = joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home)
     if not step.posed:
         return goals
-    length = float(skeleton.lengths[list(leg_of(step.limb)[1:])].sum())
-    goals, stands = _standing_still(goals, performer.step, length)
+    ball = (_beyond(step.by) or step.by.chain[-1:])[0]
+    rolling = goals if rolls else joints[:, 0] + scale * performer.beside[:, ball]
+    goals, stands = _standing_still(goals, rolling, performer.step, _leg_length(skeleton, step.limb))
     if held != ankle:
         goals = goals - rotate(turns[:, held], skeleton.vectors[held])
     below = _sole(shape, step.limb, turns) + goals[:, 1] - performer.floor(shape, joints[:, 0, 1])
@@ -317,21 +322,25 @@ def _beyond(limb: SkeletonLimb) -> tuple[int, ...]:
     return limb.proper[len(leg_of(limb)) :]
 
 
-def _standing_still(goals: Float, step: float, length: float) -> tuple[Float, Float]:
+def _standing_still(goals: Float, ball: Float, step: float, length: float) -> tuple[Float, Float]:
     """Goals (T, 3) of a foot, kept in their place over the floor while the performer's foot stands.
 
     Captured feet creep by some centimetres a second.
 
     Args:
+        ball: (T, 3) metres, where the performer's foot rolls off: it stands while this is slow and low.
         step: seconds between them.
         length: metres of the leg.
 
     Returns:
         The goals, and (T,) how much the foot stands: 1 while it does.
     """
-    contacts = contacts_of(goals, step, length, _PLANTED)
+    contacts = contacts_of(ball, step, length, _PLANTED)
     times, weights, places = np.arange(len(goals)) * step, np.empty(len(goals)), np.empty_like(goals)
-    hold(times, contacts.starts, contacts.ends, contacts.places, _PLANTED.blend, weights, places)
+    spans = zip(contacts.starts, contacts.ends, strict=True)
+    kept = [np.median(goals[(times >= start) & (times <= end)], axis=0) for start, end in spans]
+    stays = np.array(kept).reshape(-1, 3)
+    hold(times, contacts.starts, contacts.ends, stays, _PLANTED.blend, weights, places)
     level = np.array([1.0, 0.0, 1.0])
     return np.asarray(goals + weights[:, None] * level * (places - goals)), weights
 

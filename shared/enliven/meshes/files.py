@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from enliven.errors import InputError
 from enliven.files import need_folder, read_file, write_file
-from enliven.meshes.gltf_json import gltf_tree
+from enliven.meshes.gltf_json import GLTF_SUFFIXES, gltf_tree
 from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.repair import repair
@@ -15,7 +15,7 @@ from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
 
-READABLE = (".obj", ".off", ".ply", ".stl", ".glb", ".gltf", ".mesh", ".pcd")
+READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 
@@ -76,7 +76,7 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
         up: its own axis that points up; None guesses it, except for a glTF, which has +Y up.
     """
     mesh, notes = load_mesh(path)
-    if up is None and Path(path).suffix.lower() not in (".glb", ".gltf"):
+    if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:
         up, note = guess_up(mesh)
         notes = [*notes, note] if note else notes
     return LoadedMesh(upright(mesh, up or "y"), notes)
@@ -89,7 +89,7 @@ def _read(path: Path, suffix: str, data: bytes) -> Mesh:
         return Mesh(vertices, faces, path.stem)
     if suffix == ".pcd":
         return surface_through(*parse_pcd(data, str(path)), name=path.stem)
-    if suffix in (".glb", ".gltf"):
+    if suffix in GLTF_SUFFIXES:
         gltf_tree(data)
     elif suffix == ".ply":
         check_ply(data)

@@ -10,6 +10,8 @@ import json
 import struct
 from typing import Any
 
+GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
+"""Endings of glTF files; a VRM avatar is a GLB with a map of its human bones."""
 MOST_LISTED = 1 << 16
 """Entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms each."""
 MOST_DEEP = 512

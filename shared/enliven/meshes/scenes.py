@@ -14,6 +14,7 @@ import trimesh
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
 from enliven.files import Beside
+from enliven.meshes.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Mesh
 
 _VERTICES = 34962
@@ -34,8 +35,13 @@ def read_scene(data: bytes, path: Path) -> Mesh:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            beside = _Named(Beside(path), uris=suffix in (".glb", ".gltf"))
-            scene = trimesh.load_scene(BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
+            beside = _Named(Beside(path), uris=suffix in GLTF_SUFFIXES)
+            scene = trimesh.load_scene(
+                BytesIO(data),
+                file_type="glb" if suffix == ".vrm" else suffix[1:],
+                resolver=beside,
+                process=False,
+            )
     finally:
         log.setLevel(level)
     return _flattened(scene, path.stem)

@@ -14,6 +14,7 @@ from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import playing
+from enliven.meshes import GLTF_SUFFIXES
 from enliven.modeling.edits import rig_of
 from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
@@ -78,7 +79,7 @@ def exportables_of(path: Path | str) -> Exportables:
         found, sounds = _of_project(project), tuple(project.sounds.values())
     elif kind == ".mcap":
         found = _of_recording(path)
-    elif kind in (".glb", ".gltf"):
+    elif kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
         found, notes = _of_model(rig.shape, rig.clips), rig.notes
     else:

@@ -14,12 +14,12 @@ from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
 from enliven.formats.motion import read_bvh, read_expmap
 from enliven.formats.project import read_project
+from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import between_times, clip_of_capture
 from enliven.takes.recorded import clips_of_recording
 
-_KNOWN = (
-    "Known: .bvh, .txt (CMU's exponential maps), .mcap, .glb and .gltf with animations, .enliven with takes."
-)
+_MODELS = ", ".join(GLTF_SUFFIXES)
+_KNOWN = f"Known: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with takes; with animations {_MODELS}."
 
 
 def read_take(
@@ -46,7 +46,7 @@ def read_take(
 
 def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     kind = path.suffix.lower()
-    if kind in (".glb", ".gltf"):
+    if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
         return _named(rig.clips, path, animation), tuple(rig.notes)
     if kind == ".mcap":

@@ -70,17 +70,21 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
     times, nodes = node_places(glb)
     frames = np.clip(np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
     names = {name: k for k, name in enumerate(capture.names)}
-    theirs = _directions({name: capture.positions[frames, k] for name, k in names.items()}, _convention(names))
+    theirs = _directions(
+        {name: capture.positions[frames, k] for name, k in names.items()}, _convention(names)
+    )
     ours = _directions(nodes, model)
     yaw = _yaw(ours, theirs)
     return {
-        segment: np.degrees(np.concatenate([_angles(ours[segment, s], theirs[segment, s], yaw) for s in (0, 1)]))
+        segment: np.degrees(
+            np.concatenate([_angles(ours[segment, s], theirs[segment, s], yaw) for s in (0, 1)])
+        )
         for segment in SEGMENTS
     }
 
 
 def _convention(names: dict[str, int]) -> str:
-    """Returns the convention whose joints are all there."""
+    """Returns the first convention with all of its joints there."""
     for convention in ("bandai", "cmu", "biovision", "mocapnet"):
         if all(_found(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
             return convention

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from made_bodies import horse, man, snake, spider
 
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.assignment import Drive, assigned, split
+from enliven.mapping.assignment import Drive, assigned, joints_at_one_arc, matching_joints, split
 
 
 def told(source, target):
@@ -34,8 +34,8 @@ def test_a_man_on_a_horse():
 
 def test_a_horse_on_a_man_lends_its_forelegs_to_the_arms():
     pairs = told(horse(), man())
-    assert pairs["left leg"] == ("Left hind hoof", "Left toe")
-    assert pairs["left arm"] == ("Left fore hoof", "Left finger")
+    assert pairs["left leg"] == ("Left hind hoof", "Left ankle")
+    assert pairs["left arm"] == ("Left fore hoof", "Left wrist")
 
 
 def test_a_man_on_a_spider_steps_in_turn():
@@ -64,7 +64,7 @@ def test_a_split_is_in_order_and_covers_both(seed):
     random = np.random.default_rng(seed)
     one, other = ([0.0, *np.sort(random.uniform(0, 1, random.integers(0, 5))).tolist(), 1.0] for _ in "ab")
     drive = Drive(tuple(range(len(one))), tuple(range(100, 100 + len(other))), "limb", (77,))
-    pieces = split(drive, one, other, 0.15)
+    pieces = split(drive, joints_at_one_arc(one, other, 0.15))
     assert pieces[0].source[:2] == (77, 0)
     rebuilt = list(pieces[0].source[1:])
     for piece in pieces[1:]:
@@ -88,7 +88,17 @@ def most(one, other, near):
     return best
 
 
-def test_elbow_to_elbow_and_where_none_corresponds_arc_length():
-    drive = Drive((0, 1, 2), (5, 6, 7), "arm")
-    assert [d.target for d in split(drive, [0, 0.45, 1], [0, 0.55, 1], 0.17)] == [(5, 6), (6, 7)]
-    assert [d.target for d in split(drive, [0, 0.2, 1], [0, 0.8, 1], 0.17)] == [(5, 6, 7)]
+def test_equal_numbers_of_segments_map_one_to_one():
+    arm = Drive((0, 1, 2), (5, 6, 7), "arm")
+    assert matching_joints(arm, [0, 0.2, 1], [0, 0.8, 1]) == [(1, 1)]
+
+
+def test_other_numbers_of_segments_map_by_arc_length():
+    arm = Drive((0, 1, 2), (5, 6, 7, 8), "arm")
+    assert matching_joints(arm, [0, 0.45, 1], [0, 0.1, 0.55, 1]) == [(1, 2)]
+    assert matching_joints(arm, [0, 0.45, 1], [0, 0.1, 0.8, 1]) == []
+
+
+def test_joints_of_one_name_match_whatever_their_place():
+    arm = Drive((0, 1, 2), (5, 6, 7, 8), "arm", knots=((1, 6),))
+    assert matching_joints(arm, [0, 0.5, 1], [0, 0.1, 0.5, 1]) == [(1, 1)]

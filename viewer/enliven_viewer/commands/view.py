@@ -80,7 +80,7 @@ _OTHERS = {
     ".enliven": "Open it: enliven studio {0}",
     ".mp4": "Any player of films shows it",
 }
-_OTHERS |= dict.fromkeys((".gltf", ".bvh"), _OTHERS[".glb"])
+_OTHERS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHERS[".glb"])
 """By ending, what to do with a file that is no take."""
 
 

@@ -14,6 +14,7 @@ from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
 from enliven.matching import Board, MatchRow, ScreenView
+from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parts_named
 from enliven.possession import Cues, Mode, cues_of
 from enliven_edge.stage.actor import ChosenActor
@@ -183,8 +184,8 @@ def cast_rig(spec: str, settings: MatchingSettings | None = None, name: str = ""
         InputError: for a file that is no glTF, or cannot be used.
     """
     settings = settings or MatchingSettings()
-    if Path(spec).suffix.lower() not in (".glb", ".gltf"):
-        mend = "Give a rigged .glb or .gltf, or drive the mesh by a graph."
+    if Path(spec).suffix.lower() not in GLTF_SUFFIXES:
+        mend = "Give a rigged .glb, .gltf or .vrm, or drive the mesh by a graph."
         raise InputError("it has no skeleton of its own", where=spec, mend=mend)
     rig = read_gltf(Path(spec), name=name or name_of(spec), height=settings.height or None, floor=True)
     for note in rig.notes:

@@ -12,7 +12,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 from enliven.files import DAMAGE, Beside, read_file
-from enliven.meshes import Entry, gltf_document
+from enliven.formats.gltf.vrm import human_bones
+from enliven.meshes import GLTF_SUFFIXES, Entry, gltf_document
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Components of each accessor type (glTF 2.0, table 3.6.2.2)."""
@@ -43,6 +44,7 @@ class GltfFile:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.document, self.parents, self._blob = _parsed(self.path)
+        self._human = human_bones(self.document)
         self._beside = Beside(self.path)
         self._buffers: dict[int, bytes] = {}
         needed = set(self.document.extensionsRequired or []) - _KNOWN_EXTENSIONS
@@ -55,8 +57,11 @@ class GltfFile:
         return InputError(what, where=str(self.path), mend=mend)
 
     def name(self, node: int) -> str:
-        """Returns a node's name; a nameless node gets its number."""
-        return str(self.document.nodes[node].name or f"joint {node}")
+        """Returns a node's name; a nameless node gets its number.
+
+        A human bone of a VRM has its name in VRM's map, which every tool knows, whatever the node is called.
+        """
+        return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
     def accessor(self, index: int) -> AnyArray:
         """Returns (N, C) the elements of an accessor: sparse ones filled in, normalised integers as -1..1 or
@@ -146,8 +151,8 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
 
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     """Parses the document, the parents of its nodes and the bytes of a GLB; raises one clear message."""
-    if path.suffix.lower() not in (".glb", ".gltf") and path.is_file():
-        raise InputError("it is no glTF file", where=str(path), mend="Give a .glb or .gltf file.")
+    if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
+        raise InputError("it is no glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     try:
         found = gltf_document(data)

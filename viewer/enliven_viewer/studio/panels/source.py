@@ -97,7 +97,9 @@ def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     """How good a mapped motion is, line by line."""
     pose = max((limb.median for limb in quality.limbs), default=0.0)
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
-    pose_line = f"Limbs point within {pose:.0f}\u00b0 of the performer's" + (f": see {worst}" if worst else "")
+    pose_line = f"Limbs point within {pose:.0f}\u00b0 of the performer's" + (
+        f": see {worst}" if worst else ""
+    )
     good = quality.stretch <= BOUND
     where = "good" if good else f"too much, at {', '.join(quality.joints[:2])}"
     said = [pose_line] if quality.limbs else []

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
-from enliven.meshes import Mesh, fit_height, load_mesh
+from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
 from enliven.samples import dancing_cactus, load_sample
@@ -21,7 +21,7 @@ from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
 
-MODELS = (".glb", ".gltf")
+MODELS = GLTF_SUFFIXES
 MESHES = (".obj", ".ply", ".stl", ".off")
 TAKES = (".bvh", ".txt")
 PERFORMANCES = (".mcap",)

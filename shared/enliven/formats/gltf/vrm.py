@@ -1,0 +1,32 @@
+"""The humanoid map of a VRM avatar, versions 0 and 1: which node is which bone of a person."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from enliven.meshes import Entry
+
+
+def human_bones(document: Entry) -> dict[int, str]:
+    """Returns the VRM name of each node that the map names, such as "leftUpperArm"; empty without a map.
+
+    Entries that are damaged are left out: a model without its map is still a model.
+    """
+    extensions = document.extensions
+    listed = _listed(getattr(extensions, "VRMC_vrm", None)) or _listed(getattr(extensions, "VRM", None))
+    count = len(document.nodes)
+    return {
+        node: bone
+        for bone, node in listed
+        if isinstance(node, int) and 0 <= node < count and isinstance(bone, str) and bone
+    }
+
+
+def _listed(extension: Any) -> list[tuple[Any, Any]]:
+    """Returns (bone, node) of all entries of a map: a list in version 0, a table in version 1."""
+    bones = getattr(getattr(extension, "humanoid", None), "humanBones", None)
+    if isinstance(bones, list):
+        return [(entry.bone, entry.node) for entry in bones if isinstance(entry, Entry)]
+    if isinstance(bones, Entry):
+        return [(bone, getattr(entry, "node", None)) for bone, entry in vars(bones).items()]
+    return []
