@@ -1,7 +1,10 @@
-"""Retargeting where nobody tuned: every model with every clip of the data, and models made at random.
+"""Retargeting: people onto people, every model with every clip of the data, and models made at random.
 
-Each pair is what the command makes with ``--travel --pin``, of the first seconds of the clip. A table of all
-pairs goes to out/retarget.txt. Pairs that are sealed were left alone while the mapping was worked on.
+People onto people: the pose of the written GLB is compared with the performer's, limb by limb, by
+:mod:`limb_directions`, which shares nothing with the mapping. A table goes to out/retarget_people.txt.
+
+Every other pair is what the command makes with ``--travel --pin``, of the first seconds of the clip. A table
+of all pairs goes to out/retarget.txt. Sealed pairs were left alone while the mapping was worked on.
 """
 
 from __future__ import annotations
@@ -17,11 +20,14 @@ from pathlib import Path
 
 import numpy as np
 from figure import Figure
+from limb_directions import limb_errors
 from random_rigs import random_rig
 
 from enliven.document import Clip, Shape, Skeleton
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
-from enliven.mapping import MotionQuality, Plan, automatic, quality_of, retarget, softened
+from enliven.mapping import MotionQuality, Plan, automatic, quality_of, retarget
 from enliven.takes import read_take
 
 HERE = Path(__file__).parents[2]
@@ -42,8 +48,49 @@ SAID = {True: "symmetric", False: "ASYMMETRIC", None: "none to mirror"}
 """What the table says of a mapping."""
 
 
+CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
+"""The names that a human model's joints have, by the first word of its file; others have Quaternius'."""
+
+
 def figures() -> Iterator[Figure]:
-    """Stretch, floor, slide and symmetry of all pairs."""
+    """Pose of people; stretch, floor, slide and symmetry of all other pairs."""
+    yield from _people_figures()
+    yield from _model_figures()
+
+
+def _people_figures() -> Iterator[Figure]:
+    """How far limbs point away from the performer's, and how much planted feet slide, in all human pairs."""
+    lines, medians, p90s, slides = list[str](), list[float](), list[float](), list[float]()
+    takes = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
+    for model in sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")]):
+        shape = read_gltf(model).shape
+        convention = CONVENTIONS.get(model.stem.split("_")[0], "quaternius")
+        for path in takes:
+            take = _take(path)
+            made = retarget(shape, take)
+            rate = min(60.0, 1.0 / take.step)
+            glb = glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
+            errors = limb_errors(path, glb, convention)
+            medians.append(max(float(np.median(some)) for some in errors.values()))
+            p90s.append(max(float(np.percentile(some, 90)) for some in errors.values()))
+            pinned = retarget(shape, take, replace(made.plan, travel=True, pin=True))
+            quality = quality_of(pinned.project, shape.id, take, pinned.duration, pinned.plan)
+            slides.append(quality.slide or 0.0)
+            told = ", ".join(f"{limb} {np.median(some):.1f}" for limb, some in errors.items())
+            lines.append(f"{model.stem:26s} {path.stem:38s} {told}; with --travel --pin: {quality}")
+    if not medians:
+        return
+    out = HERE / "out" / "retarget_people.txt"
+    out.parent.mkdir(exist_ok=True)
+    out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    yield Figure("retarget.pose_deg_median", max(medians), "deg (worst limb of the worst pair)")
+    yield Figure("retarget.pose_deg_p90", max(p90s), "deg (worst limb of the worst pair)")
+    yield Figure("retarget.people_slide_cm_s", float(np.median(slides)), "cm/s (median pair, pinned)")
+    yield Figure("retarget.people_slide_cm_s_p90", float(np.percentile(slides, 90)), "cm/s (pinned)")
+
+
+def _model_figures() -> Iterator[Figure]:
+    """Stretch, floor, slide and symmetry of all pairs of a model and a clip."""
     rows = [(model, clip, *_measured(shape, take)) for model, shape, clip, take in _pairs()]
     if not rows:
         return
@@ -86,9 +133,9 @@ def _take(path: Path) -> Clip:
 
 
 def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
-    plan = replace(softened(automatic(take, shape), take, shape), travel=True, pin=True)
+    plan = replace(automatic(take, shape), travel=True, pin=True)
     made = retarget(shape, take, plan)
-    quality = quality_of(made.project, made.shape_id, take, made.duration)
+    quality = quality_of(made.project, made.shape_id, take, made.duration, plan)
     return quality, _symmetric(plan, shape.skeleton, made.model_facing)
 
 

@@ -86,7 +86,7 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.gltf import read_gltf
-    from enliven.mapping import read_plan, write_plan
+    from enliven.mapping import is_own_take, play_own_take, read_plan, write_plan
     from enliven.mapping import retarget as retarget_shape
     from enliven.takes import read_take
 
@@ -95,23 +95,28 @@ def retarget(
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
-    plan = _plan(
-        read_plan(mapping) if mapping else None,
-        rig,
-        clip,
-        rest,
-        mode,
-        travel,
-        turn,
-        pin,
-        floor,
-        steps,
-        stretch,
-        soften,
+    own = mapping is None and rest is None and mode == "auto" and not soften and is_own_take(clip, rig.shape)
+    plan = (
+        None
+        if own
+        else _plan(
+            read_plan(mapping) if mapping else None,
+            rig,
+            clip,
+            rest,
+            mode,
+            travel,
+            turn,
+            pin,
+            floor,
+            steps,
+            stretch,
+            soften,
+        )
     )
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
-    made = retarget_shape(rig.shape, clip, plan)
+    made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")
@@ -119,6 +124,11 @@ def retarget(
         write_plan(made.plan, write_map)
     if sheet and draw:
         draw(sheet, made, f"{take.stem} on {model.stem}")
+    if own:
+        typer.echo(
+            f"enliven: the take is the model's own: copied joint by joint, {made.duration:.2f} s in {output}"
+        )
+        return
     modes = {chain.mode for chain in made.plan.chains}
     how = {frozenset({"pose"}): "posed as the performer", frozenset({"move"}): "moved from its own pose"}
     typer.echo(

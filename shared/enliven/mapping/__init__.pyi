@@ -4,6 +4,8 @@ from .automatic_mapping import (
     Retargeted as Retargeted,
     automatic as automatic,
     idle_limbs as idle_limbs,
+    is_own_take as is_own_take,
+    play_own_take as play_own_take,
     retarget as retarget,
     with_feet_pinned as with_feet_pinned,
 )

@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
+from enliven.formats.rig import playing
 from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_tip
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
@@ -56,6 +57,8 @@ class Retargeted:
 
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
+_SAME = 1e-6
+"""Share of the size by which joints of one skeleton are apart at most: the rounding of files."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _BENDS = np.radians(5.0)
@@ -185,6 +188,15 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
+def is_own_take(clip: Clip, shape: Shape) -> bool:
+    """Whether a take was made for this very skeleton: the same joints, in the same places at rest."""
+    mine, theirs = clip.skeleton, shape.skeleton
+    if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
+        return False
+    apart = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
+    return bool(apart < _SAME * float(np.ptp(theirs.positions, axis=0).max()))
+
+
 def with_feet_pinned(
     project: Project,
     shape: Shape,
@@ -249,6 +261,23 @@ def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     """First and last, which is enough where the chain is the way between them."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
+
+
+def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> Retargeted:
+    """A shape that plays a take of its own, joint by joint and wherever the take goes.
+
+    Args:
+        project: where the shape is; None for one of its own.
+
+    Raises:
+        InputError: if the take was made for another skeleton; see :func:`is_own_take`.
+    """
+    if not is_own_take(clip, shape):
+        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+    plan = replace(automatic(clip, shape), travel=True, floor=False)
+    played, _ = playing(project or Project(), shape, clip)
+    theirs, ours = facings(clip, shape, plan)
+    return Retargeted(played, shape.id, clip, plan, clip.duration, ours, theirs)
 
 
 def retarget(

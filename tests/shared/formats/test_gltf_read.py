@@ -7,6 +7,7 @@ import json
 import struct
 
 import numpy as np
+import pygltflib
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,6 +22,7 @@ from enliven.errors import InputError
 from enliven.formats.gltf.parts import strongest
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing
+from enliven.meshes import load_mesh
 from enliven.motion.layers.evaluate import Player
 
 
@@ -286,3 +288,25 @@ def test_a_damaged_file_is_read_or_refused_and_never_worse(tmp_path_factory, see
         assert "damaged.gltf" in error.where or "shape" in error.where or "clip" in error.where
         return
     assert np.isfinite(rig.shape.skeleton.positions).all()
+
+
+@pytest.mark.parametrize("version", [0, 1])
+def test_a_vrm_names_its_human_bones(tmp_path, version):
+    """Entries of the map that are damaged are left out."""
+    plain = two_joints().write(tmp_path / "plain.gltf")
+    document = json.loads(plain.read_text())
+    table = {"hips": 0, "leftUpperArm": 1, "rightHand": 10_000, "leftHand": "x"}
+    if version:
+        humanoid = {"humanBones": {bone: {"node": node} for bone, node in table.items()}}
+        document["extensions"] = {"VRMC_vrm": {"humanoid": humanoid}}
+    else:
+        entries = [{"bone": bone, "node": node} for bone, node in table.items()]
+        document["extensions"] = {"VRM": {"humanoid": {"humanBones": [*entries, 7]}}}
+    avatar = tmp_path / "avatar.vrm"
+    avatar.write_text(json.dumps(document))
+    assert read_gltf(plain).shape.skeleton.names[:2] == ("root", "child")
+    assert read_gltf(avatar).shape.skeleton.names[:2] == ("hips", "leftUpperArm")
+    packed = tmp_path / "packed.vrm"
+    pygltflib.GLTF2().load(str(plain)).save_binary(str(tmp_path / "packed.glb"))
+    (tmp_path / "packed.glb").rename(packed)
+    np.testing.assert_array_equal(load_mesh(packed).mesh.faces, load_mesh(plain).mesh.faces)

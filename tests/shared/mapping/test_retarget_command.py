@@ -138,11 +138,20 @@ def test_another_rest_pose_is_another_movement(files, rest):
 
 
 def test_an_animation_of_a_model_is_a_take(files, capsys):
-    assert retarget(files, "-o", files / "a.glb", take="horse.glb") == 0
+    assert retarget(files, "-o", files / "a.glb", "--mode", "pose", take="horse.glb") == 0
     assert "posed as the performer" in capsys.readouterr().out
     assert retarget(files, "-o", files / "a.glb", "--animation", "graze", take="horse.glb") == 0
     assert retarget(files, "-o", files / "a.glb", "--animation", "fly", take="horse.glb") == 3
     assert "Known: graze" in capsys.readouterr().err
+
+
+def test_a_models_own_take_is_copied_joint_by_joint(files, capsys):
+    assert retarget(files, "-o", files / "a.glb", take="horse.glb") == 0
+    assert "copied joint by joint" in capsys.readouterr().out
+    (own,), (copied,) = (read_gltf(files / name).clips for name in ("horse.glb", "a.glb"))
+    assert copied.step == own.step
+    np.testing.assert_allclose(np.abs(np.sum(own.turns * copied.turns, axis=-1)), 1.0, atol=1e-6)
+    np.testing.assert_allclose(copied.root, own.root, atol=1e-6)
 
 
 @pytest.mark.parametrize(

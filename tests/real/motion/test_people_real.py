@@ -1,0 +1,79 @@
+"""People onto people: seven human rigs of other makers, with motions of every convention."""
+
+import os
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
+from enliven.mapping.quality import quality_of
+from enliven.takes.files import read_take
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
+from limb_directions import limb_errors
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
+MODELS = sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")])
+TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
+CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
+OTHERS = 7
+"""Each model gets every so many of the takes, the next model others."""
+
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not (MODELS and TAKES), reason=f"no human rigs in {DATA} (set ENLIVEN_DATA)"),
+]
+
+
+@cache
+def take(path):
+    """The first moments."""
+    return read_take(path, None, 0.0, 1.5)[0]
+
+
+@pytest.mark.parametrize("number", range(len(MODELS)), ids=lambda n: MODELS[n].stem)
+def test_every_limb_of_the_written_file_points_as_the_performers(number):
+    shape = read_gltf(MODELS[number]).shape
+    convention = CONVENTIONS.get(MODELS[number].stem.split("_")[0], "quaternius")
+    for path in TAKES[number % OTHERS :: OTHERS]:
+        clip = take(path)
+        made = retarget(shape, clip)
+        assert idle_limbs(clip, made.plan) == ()
+        rate = min(60.0, 1.0 / clip.step)
+        glb = glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
+        for limb, angles in limb_errors(path, glb, convention).items():
+            # The pose is exact but for the frame rates of the two files.
+            assert np.median(angles) < 2.0 and np.percentile(angles, 90) < 4.0, (path.stem, limb)
+
+
+@pytest.mark.parametrize("number", range(len(MODELS)), ids=lambda n: MODELS[n].stem)
+def test_a_planted_walk_does_not_slide(number):
+    shape = read_gltf(MODELS[number]).shape
+    path = next(path for path in TAKES if path.stem == "dataset-1_walk_normal_001")
+    clip, _ = read_take(path, None, 0.0, 4.0)
+    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    quality = quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
+    assert quality.slide < 4.0
+    # Feet that stand where the performer's do bend the legs of a rig with boots of half a leg's length.
+    assert max(limb.median for limb in quality.limbs) < 14.0
+    assert all("arm" not in limb.limb for limb in quality.worst_limbs)
+
+
+def test_the_humanoid_map_of_a_vrm_names_its_joints():
+    path = next((path for path in MODELS if path.suffix == ".vrm"), None)
+    if path is None:
+        pytest.skip("no VRM")
+    skeleton = read_gltf(path).shape.skeleton
+    assert {"hips", "leftUpperArm", "rightLowerLeg", "head"} <= set(skeleton.names)
+    found = anatomy_of(skeleton)
+    # VRM 0 faces -Z.
+    assert abs(abs(found.facing) - np.pi) < 0.1
+    assert [skeleton.names[j] for j in found.arms[0][0].main] == ["leftUpperArm", "leftLowerArm", "leftHand"]
