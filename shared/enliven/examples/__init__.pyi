@@ -34,3 +34,7 @@ from .suggest import (
     suggest_poses as suggest_poses,
 )
 from .symmetric import mirrored_places as mirrored_places, partners_of as partners_of, reflected as reflected
+from .travel import (
+    PuppetTravel as PuppetTravel,
+    travel_of as travel_of,
+)
