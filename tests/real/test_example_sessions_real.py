@@ -1,7 +1,9 @@
-"""Real meshes become puppets of real motions by the command line."""
+"""Real meshes become puppets of real motions by the command line, and stay where their performers are."""
 
+import importlib
 import os
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,8 @@ from enliven.examples.puppet_examples import examples_of
 from enliven.examples.puppet_motion import motion_of
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "examples"))
+travel = importlib.import_module("example_travel")
 TAKE = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"
 pytestmark = [
     pytest.mark.real,
@@ -59,3 +63,30 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
     assert (motion.places.min(0) > reached.min(0) - room).all()
     assert (motion.places.max(0) < reached.max(0) + room).all()
     assert np.ptp(motion.places, axis=0).max() > 0.05
+
+
+def in_place(mesh, take):
+    """How a mesh travels, if its files are there."""
+    for file in (travel.MESHES[mesh].file, {**travel.STAYS, **travel.GOES}[take]):
+        if not (DATA / file).exists():
+            pytest.skip(f"no {file}")
+    return travel.travelled(mesh, take)
+
+
+@pytest.mark.parametrize("mesh", ["fish", "manta", "cow", "armadillo", "trex"])
+def test_hands_that_direct_traffic_are_followed_on_both_sides(mesh):
+    joints = in_place(mesh, "traffic").pairs.split(", ")
+    assert {"LeftHandIndex1 end", "RightHandIndex1 end"} <= set(joints)
+    if mesh in ("fish", "manta"):
+        assert not any(joint.endswith("*") for joint in joints), "what swims has no feet"
+
+
+@pytest.mark.parametrize(
+    "mesh", ["fish", "octopus", "spider", "cow", "cactus", "humanoid", "armadillo", "trex"]
+)
+@pytest.mark.parametrize("take", ["traffic", "waves", "strolls"])
+def test_it_is_where_its_performer_is_after_a_minute(mesh, take):
+    found = in_place(mesh, take)
+    assert found.offset < 0.2
+    if take == "strolls":
+        assert found.slide < 0.1, "centimetres a second"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import os
+import sys
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +33,8 @@ TRACKED = (
 )
 """The joints of CMU's performers that are most like the twenty of a tracked person, in their order."""
 SECONDS = 6.0
+sys.path.insert(0, str(SESSIONS.parent))
+travel = importlib.import_module("example_travel")
 
 
 def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
@@ -38,6 +43,30 @@ def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
     every = round(1 / 30 / clip.step)
     frames = range(0, min(len(places), round(SECONDS / clip.step)), every)
     return [(f * clip.step, Body(1, size * places[f], np.ones(20))) for f in frames]
+
+
+@pytest.mark.parametrize(("mesh", "take"), [("fish", "traffic"), ("humanoid", "walks"), ("cow", "walks")])
+def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
+    """Also of a mesh without feet, and by a performer of another size."""
+    if not (DATA / travel.MESHES[mesh].file).is_file():
+        pytest.skip(f"no {mesh}")
+    # The first frames are of a pose to calibrate by, from which the performer turns within a frame.
+    clip = travel.clip_named(take).mapped(itemgetter(slice(8, None)))
+    project = travel.posed(travel.mesh_named(mesh), clip)
+    puppet = project.puppet("it")
+    motion = motion_of(project, puppet, 0)
+    extent = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    for size in (0.65, 1.0):
+        actor = PuppetActor(project, puppet, PuppetSettings(fade=0.0, meet=False))
+        apart = []
+        for k, (seconds, body) in enumerate(bodies_of(clip, size)):
+            actor.perform([body], round((seconds + 1) * 1e9))
+            if k == 0:
+                actor.possess(body)
+            frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / motion.step
+            apart.append(np.linalg.norm((actor._state.root - motion.way_at(frame)[1])[[0, 2]]))
+        # Each is within two leashes (0.06) of the same path.
+        assert max(apart) < 0.12 * extent
 
 
 @pytest.mark.parametrize("size", [0.65, 1.0])

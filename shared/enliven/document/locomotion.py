@@ -37,8 +37,8 @@ class LocomotionSettings:
         high=1.0,
     )
     leash: float = setting(
-        0.5,
-        "How far its own steps may lead it from the performer's way, before it is drawn back.",
+        0.03,
+        "How far from the performer's path, in its own strides, it may be before it is drawn back.",
         unit="mesh sizes",
         low=0.0,
         high=1000.0,

@@ -1,9 +1,17 @@
 from .coverage import coverage_of as coverage_of, unposed as unposed
 from .live import LiveExamples as LiveExamples
 from .mapping import ExampleMap as ExampleMap
-from .pairing import guess_joints as guess_joints, still_joints as still_joints
+from .pairing import (
+    JointMotion as JointMotion,
+    foot_joints as foot_joints,
+    guess_joints as guess_joints,
+    joint_motion as joint_motion,
+    mirror_joint as mirror_joint,
+    one_a_hand as one_a_hand,
+)
 from .performer import performed as performed, yaw_of as yaw_of
 from .puppet_examples import (
+    Weak as Weak,
     examples_of as examples_of,
     frame_at as frame_at,
     material_of as material_of,
@@ -26,3 +34,7 @@ from .suggest import (
     suggest_poses as suggest_poses,
 )
 from .symmetric import mirrored_places as mirrored_places, partners_of as partners_of, reflected as reflected
+from .travel import (
+    PuppetTravel as PuppetTravel,
+    travel_of as travel_of,
+)

@@ -1,34 +1,39 @@
-"""Which joint of a performer a control point is meant to follow: a first guess, by side and height.
+"""Suggests a performer's joint for each control point, by side, height and how much the joint moves.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
-guess_joints(clip.skeleton, puppet.rest, still=still_joints(clip))    # none that does not move in that take
+guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers joints that act in that take
 
-Both are looked at from the front (+Z, left at +X), each scaled to its own width and height; a mesh that is
-wider from the side is taken to look at +X. Ends of limbs are taken before what is between them, and no joint
-twice while there are others.
+Skeleton and mesh are compared from the front (+Z, left at +X), each scaled to its own width and height. A
+mesh that is wider from the side is taken to look at +X. Ends of limbs come before the joints between them,
+and no joint is suggested twice while others are left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
+from enliven.examples.puppet_examples import Weak
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
-_MIDDLE = 0.25
+_MIDDLE = 0.65
 """Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
-_TRUNK = 0.35
+_TRUNK = 0.5
 """The same, of following the trunk: it moves less than a limb."""
-_OTHER = 0.6
+_OTHER = 0.9
 """The same, of following any other joint, such as a finger's."""
 _END = 0.4
 """Share of a limb, from its end, that counts as its end."""
+_ACROSS = 0.5
+"""Weight of width relative to height. Arms held out are wider than legs; those of a mesh may not be."""
 _DEPTH = 0.3
 """How much depth counts beside width and height."""
 _SIDE = 0.3
@@ -47,6 +52,22 @@ _NEVER = 1000.0
 """Cost of a joint that is not to be taken while there is any other."""
 _ASIDE = 0.15
 """Share of half the width from which a place is on a side."""
+_GROUNDED = 0.3
+"""Cost of a foot for a point above the ground, and of any other joint for a point on it, if the feet act."""
+_QUIET = 0.8
+"""Cost, in widths and heights, of a joint that hardly moves; the joint that moves most costs nothing."""
+_SAME_END = 5.0
+"""Cost of a wrist or a finger beside the end of the hand: it moves as the end does."""
+_CROSSED = 100.0
+"""Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
+_KEPT = 16
+"""Takes in the cache of :func:`joint_motion`; the least lately used goes."""
+_HAND = 0.35
+"""Share of a limb, from its end, that is its hand or foot."""
+
+
+_Unit = tuple[int, ...]
+"""Rows or columns that are assigned together: one, or two mirror images."""
 
 
 class _Candidate(NamedTuple):
@@ -55,12 +76,36 @@ class _Candidate(NamedTuple):
     side: int
 
 
-def still_joints(clip: Clip) -> frozenset[str]:
-    """The joints that do not move in a take, seen from the hips as a mesh sees them: the hips themselves."""
-    names = clip.skeleton.names
-    poses = performed(clip, names).poses
-    far, tall = np.ptp(poses, axis=0).max(1), float(np.ptp(clip.skeleton.positions, axis=0).max())
-    return frozenset(name for name, moved in zip(names, far, strict=True) if moved <= _STILL * tall)
+@dataclass(frozen=True)
+class JointMotion:
+    """The motion of a performer's joints in a take, relative to the hips and without the yaw.
+
+    Attributes:
+        still: names of the joints that do not move, including the hips.
+        shares: by name, 0 to 1: the variance of the joint's place, divided by the largest of all joints. A
+            joint and its mirror image have the same share, the larger of both.
+    """
+
+    still: frozenset[str]
+    shares: Mapping[str, float]
+
+
+def joint_motion(clip: Clip) -> JointMotion:
+    """Returns how much each joint moves in a take, from a cache if possible."""
+    return _motion(Weak(clip))
+
+
+@lru_cache(maxsize=_KEPT)
+def _motion(take: Weak[Clip]) -> JointMotion:
+    clip = take()
+    skeleton = clip.skeleton
+    poses = performed(clip, skeleton.names).poses
+    far, tall = np.ptp(poses, axis=0).max(1), float(np.ptp(skeleton.positions, axis=0).max())
+    variance = np.var(poses, axis=0).sum(1)
+    variance = np.maximum(variance, variance[_mirror_images(anatomy_of(skeleton), len(skeleton))])
+    shares = variance / max(float(variance.max()), 1e-12)
+    still = frozenset(name for name, moved in zip(skeleton.names, far, strict=True) if moved <= _STILL * tall)
+    return JointMotion(still, dict(zip(skeleton.names, shares.tolist(), strict=True)))
 
 
 def guess_joints(
@@ -68,7 +113,8 @@ def guess_joints(
     rest: Float,
     taken: Collection[str] = (),
     wanted: Sequence[int] | None = None,
-    still: Collection[str] = (),
+    motion: JointMotion | None = None,
+    partners: Sequence[int] | None = None,
 ) -> tuple[str, ...]:
     """(P,) names of joints for control points at ``rest`` (P, 3) metres, in the mesh's own frame.
 
@@ -78,13 +124,18 @@ def guess_joints(
         taken: joints that others follow already.
         wanted: numbers of the control points that need one; None for all. The others only say how large
             and how wide the mesh is.
-        still: joints that do not move: none is guessed, but for the base of what stands on one foot.
+        motion: how much the joints move in the take. Joints that move more are preferred, and a joint that is
+            still is suggested only for the base of a mesh that stands on one foot.
+        partners: (P,) numbers of the control points' mirror images, a point's own number on the plane of
+            symmetry. Mirror images follow the same joint of both sides, points on the plane middle joints.
     """
+    still = frozenset[str]() if motion is None else motion.still
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
         return ()
     deep = np.ptp(rest, axis=0)
-    if deep[2] > _DEEPER * deep[0]:
+    # Mirror images show where left and right are, also on a fish that is longer than wide.
+    if partners is None and deep[2] > _DEEPER * deep[0]:
         rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
@@ -97,7 +148,8 @@ def guess_joints(
     whole, ours = level, _normal(rest, rest[rows_wanted])
     base = np.zeros(len(ours), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
-    if not _on_feet(_normal(rest, rest)) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
+    sides = _sides(_normal(rest, rest), partners)
+    if not _on_feet(_normal(rest, rest), sides) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
         # What stands on one foot, as a chess piece does, has a head and hips, and no legs.
         kept = _upper(found, anatomy, skeleton)
         if len(kept) >= len(ours):
@@ -105,22 +157,141 @@ def guess_joints(
             base[ours[:, 1].argmin()] = True
     joints = [one.joint for one in found]
     theirs = _normal(whole, level[joints])
-    away = np.abs(ours[:, None] - theirs[None]) @ [1.0, 1.0, _DEPTH]
-    apart = np.abs(_sides(ours)[:, None] - [one.side for one in found])
-    cost = away + [one.cost for one in found] + _SIDE * apart
+    away = np.abs(ours[:, None] - theirs[None]) @ [_ACROSS, 1.0, _DEPTH]
+    apart = np.abs(sides[rows_wanted][:, None] - [one.side for one in found])
+    feet = foot_joints(skeleton)
+    unlike = (ours[:, 1] < _BASE)[:, None] != [skeleton.names[joint] in feet for joint in joints]
+    acting = 1.0 if motion is None else max((motion.shares[name] for name in feet), default=0.0)
+    cost = away + [one.cost for one in found] + _SIDE * apart + _GROUNDED * acting * unlike
+    if motion is not None:
+        quiet = [_QUIET * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
+        cost += np.where(base[:, None], 0.0, quiet)
     for column, joint in enumerate(joints):
         if skeleton.names[joint] in still:
             cost[~base | (ours[:, 1] > _BASE), column] += _NEVER
-    times = max(-(-len(ours) // len(joints)), 1)
-    rows, columns = scipy.optimize.linear_sum_assignment(
-        np.concatenate([cost + 10.0 * _NEVER * k for k in range(times)], axis=1)
+    rows, columns = _units(rows_wanted, partners), [(column,) for column in range(len(joints))]
+    if partners is not None:
+        columns = _joint_units(joints, anatomy, skeleton)
+    chosen = _assigned(cost, rows, columns)
+    return tuple(skeleton.names[joints[chosen[row]]] for row in range(len(rows_wanted)))
+
+
+def mirror_joint(skeleton: Skeleton, name: str) -> str:
+    """Returns the same joint of the other side, or the joint itself if it is in the middle."""
+    return skeleton.names[int(_mirror_images(anatomy_of(skeleton), len(skeleton))[skeleton.index(name)])]
+
+
+def foot_joints(skeleton: Skeleton) -> frozenset[str]:
+    """Returns the names of the joints of feet: the last part of each leg and all joints below it."""
+    limbs = [limb for pair in anatomy_of(skeleton).legs for limb in pair]
+    return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand(skeleton, limb))
+
+
+def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
+    """Numbers of the control points without those at a hand or foot where another joint is followed already.
+
+    Points that share a joint, for want of others, stay.
+
+    Args:
+        joints: (P,) what each follows, the most important first.
+        partners: (P,) the mirror image of each, which goes with it.
+    """
+    anatomy = anatomy_of(skeleton)
+    parts = {joint: limb.chain[-1] for limb in _limbs(anatomy) for joint in _hand(skeleton, limb)}
+    taken, dropped = dict[int, str](), set[int]()
+    for own, joint in enumerate(joints):
+        part = parts.get(skeleton.index(joint))
+        if part is not None and taken.get(part, joint) != joint:
+            dropped |= {own, partners[own]}
+        elif part is not None and own not in dropped:
+            taken[part] = joint
+    return [own for own in range(len(joints)) if own not in dropped]
+
+
+def _assigned(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
+    """Returns the column of each row of a cost matrix (R, C) at least cost, assigned unit by unit."""
+    units, ways = np.empty((len(rows), len(columns))), dict[tuple[int, int], tuple[int, ...]]()
+    for r, row in enumerate(rows):
+        for c, column in enumerate(columns):
+            units[r, c], ways[r, c] = _unit_cost(cost, row, column)
+    times = max(-(-len(rows) // len(columns)), 1)
+    found = scipy.optimize.linear_sum_assignment(
+        np.concatenate([units + 10.0 * _NEVER * k for k in range(times)], axis=1)
     )
-    return tuple(skeleton.names[joints[column % len(joints)]] for column in columns[np.argsort(rows)])
+    chosen = dict[int, int]()
+    for r, c in zip(*found, strict=True):
+        chosen.update(zip(rows[r], ways[r, c % len(columns)], strict=True))
+    return chosen
 
 
-def _on_feet(points: Float) -> bool:
-    """Whether there are points (N, 3), as shares, at the foot on both sides; or none at the foot at all."""
-    low = _sides(points[points[:, 1] < _BASE])
+def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int, ...]]:
+    """Returns the cost of a unit of columns for a unit of rows, and the column of each row."""
+    if len(row) == len(column) == 1:
+        return float(cost[row[0], column[0]]), column
+    if len(row) == len(column):
+        ways = [column, column[::-1]]
+        least = min(ways, key=lambda way: cost[row, way].sum())
+        return float(cost[row, least].sum()), least
+    alone = [(one,) * len(row) for one in column]
+    least = min(alone, key=lambda way: cost[row, way].sum())
+    return float(cost[row, least].sum()) + _CROSSED, least
+
+
+def _units(wanted: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
+    """Returns the rows of the wanted control points, in pairs if both mirror images are wanted."""
+    row = {point: number for number, point in enumerate(wanted)}
+    units = list[_Unit]()
+    for point, number in row.items():
+        other = row.get(point if partners is None else partners[point], number)
+        if number <= other:
+            units.append((number,) if number == other else (number, other))
+    return units
+
+
+def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) -> list[_Unit]:
+    """Returns the columns of middle joints one by one, and those of the sides in pairs."""
+    column = {joint: number for number, joint in enumerate(joints)}
+    images = _mirror_images(anatomy, len(skeleton))
+    aside = {joint for limb in _limbs(anatomy) for joint in skeleton.below(_own(limb)[0])}
+    units = list[_Unit]()
+    for joint, number in column.items():
+        other = int(images[joint])
+        if joint not in aside:
+            units.append((number,))
+        elif other > joint and other in column:
+            units.append((number, column[other]))
+    return units or [(number,) for number in column.values()]
+
+
+def _mirror_images(anatomy: Anatomy, count: int) -> Int:
+    """Returns (J,) for each joint of a paired limb the joint of the other side; other joints themselves."""
+    images = np.arange(count)
+    for left, right in anatomy.pairs:
+        for one, other in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
+            images[one], images[other] = other, one
+    return images
+
+
+def _limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
+    return (limb for pair in anatomy.pairs for limb in pair)
+
+
+def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
+    """The joints of the last part of a limb: a hand with its fingers, a foot with its toes."""
+    proper = limb.proper
+    left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
+    first = next((j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND * left[0]), None)
+    return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
+
+
+def _own(limb: SkeletonLimb) -> tuple[int, ...]:
+    """The joints of a limb without the fork that it leaves."""
+    return limb.chain[max(limb.start, 1) :]
+
+
+def _on_feet(points: Float, sides: Float) -> bool:
+    """Whether the points (N, 3) at the foot, as shares, are on both sides (N,), or there are none."""
+    low = sides[points[:, 1] < _BASE]
     return not len(low) or {1.0, -1.0} <= set(low.tolist())
 
 
@@ -154,9 +325,11 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     for limb in limbs:
         proper = list(limb.proper)
         left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
-        middle = [joint for joint, rest in zip(proper, left, strict=False) if rest > _END * left[0]]
+        # The first, a hip or a shoulder, moves with the trunk.
+        middle = [joint for joint, rest in zip(proper[1:], left[1:], strict=False) if rest > _END * left[0]]
         cost[middle] = _MIDDLE
     for limb in limbs:
+        cost[list(_hand(skeleton, limb))] = _SAME_END
         cost[limb.chain[-1]] = 0.0
     if anatomy.head is None:  # too short for a limb
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
@@ -177,6 +350,10 @@ def _normal(all_points: Float, points: Float) -> Float:
     return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
 
 
-def _sides(points: Float) -> Float:
-    """(N,) 1 at the left, -1 at the right, 0 in the middle."""
-    return np.asarray(np.sign(points[:, 0]) * (np.abs(points[:, 0]) > _ASIDE))
+def _sides(points: Float, partners: Sequence[int] | None) -> Float:
+    """(N,) 1 at the left, -1 at the right, 0 in the middle: on the plane of symmetry where that is known."""
+    if partners is None:
+        aside = np.abs(points[:, 0]) > _ASIDE
+    else:
+        aside = np.asarray(partners) != np.arange(len(points))
+    return np.asarray(np.sign(points[:, 0]) * aside)

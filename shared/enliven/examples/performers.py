@@ -21,7 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, anatomy_of, facing_of, turned_about_y
+from enliven.mapping import Anatomy, anatomy_of, turned_about_y
 
 _SAME = 1e-9
 """Share of its size by which the joints of one skeleton may differ from another's to be the same."""
@@ -36,12 +36,14 @@ class Role:
         factors: (P,) the reference's size to the performer's.
         turn: radians about +Y from the performer's front to the reference's.
         notes: which joints were found by what they are in the body.
+        size: the length of the reference's legs over the performer's; of all without legs.
     """
 
     joints: tuple[str, ...]
     factors: Float
     turn: float
     notes: tuple[str, ...] = ()
+    size: float = 1.0
 
     def seen(self, poses: Float) -> Float:
         """(..., P, 3) poses in the body frame as the reference would have made them."""
@@ -82,7 +84,9 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
         if name in reference.names:
             theirs, here = _reach(reference, name), _reach(skeleton, mine)
             factors[k] = theirs / here if theirs > 0.0 and here > 0.0 else 1.0
-    return Role(tuple(own), factors, facing_of(reference) - facing_of(skeleton), tuple(notes))
+    parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
+    turn, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
+    return Role(tuple(own), factors, turn, tuple(notes), size)
 
 
 def _alike(a: Skeleton, b: Skeleton) -> bool:
@@ -90,6 +94,23 @@ def _alike(a: Skeleton, b: Skeleton) -> bool:
     if a.names != b.names or not np.array_equal(a.parents, b.parents):
         return False
     return bool(np.allclose(a.vectors, b.vectors, rtol=0.0, atol=_SAME * (float(a.lengths.sum()) or 1.0)))
+
+
+def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy) -> float:
+    """The reference's size over a performer's: of their legs, or of all where either has none."""
+    legs = _leg_length(reference, theirs), _leg_length(skeleton, ours)
+    if min(legs) <= 0.0:
+        legs = (
+            float(np.ptp(reference.positions, axis=0).max()),
+            float(np.ptp(skeleton.positions, axis=0).max()),
+        )
+    return legs[0] / legs[1] if min(legs) > 0.0 else 1.0
+
+
+def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
+    """Metres along the bones of a leg, the mean of all; 0 without legs."""
+    legs = [skeleton.lengths[list(limb.proper[1:])].sum() for pair in anatomy.legs for limb in pair]
+    return float(np.mean(legs)) if legs else 0.0
 
 
 def _known(skeleton: Skeleton, name: str, who: str) -> None:

@@ -7,26 +7,26 @@ from functools import cached_property
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Bool, Complex, Float, Int
 from enliven.document import Constraint, Coupling, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import PerformerClip, performed
+from enliven.examples.performer import PerformerClip
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime import (
+    Following,
     PlacedMotion,
     check_switches,
     conditions_of,
-    drawn_back,
-    find_switches,
-    locate,
+    from_floor,
+    on_floor,
     planted,
-    standing_feet,
 )
-from enliven.mapping import turned_about_y
+from enliven.examples.travel import Stepping, seen_as, stepping, travel_with
+from enliven.mapping import facing_of, turned_about_y
 
 
 def solved(material: Material) -> PuppetMotion:
@@ -46,7 +46,9 @@ def solved(material: Material) -> PuppetMotion:
     if level:
         places = solve.places(level, places)
         placed = solve.located(places, yaw)
-    return solve.motion(solve.planted(places, placed, yaw), placed, yaw)
+    placed, held = solve.followed(placed)
+    places = solve.planted(solve.moved(places, held, yaw), placed, yaw)
+    return solve.motion(places, placed, yaw)
 
 
 def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
@@ -79,7 +81,11 @@ class _Solve:
         self._feet = [k for k in self._moved if points[k].foot]
         mesh = material.mesh()
         self._rest = mesh.vertices[[point.vertex for point in points]]
-        self.travels = self._layer.travel and bool(self._feet) and self._layer.weight > 0.0
+        travel = travel_with(material)
+        steps = tuple(k for k in travel.feet if k in self._moved)
+        self._travel = travel if steps == travel.feet else replace(travel, feet=())
+        footed = bool(self._feet) or not any(point.foot for point in points)
+        self.travels = self._layer.travel and footed and self._layer.weight > 0.0
         shown = [one() for one in material.shown]
         how = material.puppet, mesh, points, material.poses, shown, material.symmetry
         self.examples = some_of(examples_with(*how), self._moved)
@@ -96,8 +102,7 @@ class _Solve:
     @cached_property
     def took(self) -> PerformerClip:
         """The layer's take as the reference performer would have made it."""
-        took = performed(self._take, self._role.joints)
-        return replace(took, poses=self._role.seen(took.poses))
+        return seen_as(self._take, self._role)
 
     def check(self) -> None:
         """Check that constraints and switches can be met."""
@@ -114,42 +119,90 @@ class _Solve:
         return out
 
     def located(self, places: Float, yaw: Float) -> PlacedMotion:
-        """The way of places (F, P, 3) in the world."""
-        switches, how, step = self._layer.switches, self._material.locomotion, self.took.step
-        if switches is None:
-            switches = find_switches(self._seen, step, self._legs(), how)
+        """Returns the motion of places (F, P, 3) in the world, moved only by the mesh's own feet."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
-        placed = locate(mixed, yaw, step, switches, self._feet, how, self._stands)
-        spread, theirs = (float(np.linalg.norm(p - p.mean(0))) for p in (self._rest, self.took.world[0]))
-        leash = how.leash * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
-        across = np.array([-1.0 if self._layer.mirrored else 1.0, 1.0, 1.0])
-        way = turned_about_y(self.took.root, -self.took.yaw[0]) * across
-        placed = drawn_back(placed, way, step, spread / max(theirs, 1e-9), leash)
+        if self._by is None:
+            still = np.zeros((len(places), 3))
+            return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _nothing_stands(places), ())
+        placed = self._by.locate(mixed, yaw, self._stands, self._layer.switches)
         # The mesh stands at rest: that control points of feet are a little above its soles stays so.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
-        return placed
+        if self._travel.feet:
+            return placed
+        # Feet that do not alternate are a base, whose middle stays.
+        turned = placed.world - placed.root[:, None]
+        middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
+        root = np.where([True, False, True], -middle, placed.root)
+        return replace(placed, root=root, world=turned + root[:, None], anchors=_nothing_stands(places))
+
+    @cached_property
+    def path(self) -> Complex:
+        """Returns (F,) metres on the floor, the path that the mesh follows."""
+        facing, mirrored = facing_of(self._take.skeleton), self._layer.mirrored
+        return self._layer.weight * self._travel.path_of(self.took, facing, self._role.size, mirrored)
+
+    def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
+        """Returns the motion near the performer's path, and (F, K) metres that feet give way by."""
+        size, feet = float(np.linalg.norm(np.ptp(self._rest, axis=0))), self._held_feet
+        following = Following(size, self._material.locomotion, self.took.step, len(feet))
+        how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
+        if feet:
+            down = self._stands | (placed.anchors[:, None] == feet)
+            down &= (placed.anchors >= 0)[:, None]
+        pulls, held, pull = np.empty(len(down), np.complex128), np.empty(down.shape, np.complex128), 0j
+        off = self.path - (on_floor(placed.root) - on_floor(placed.root[0]))
+        for frame, (wanted, stands) in enumerate(zip(off.tolist(), down.tolist(), strict=True)):
+            pull += following.next(wanted - pull, stands)
+            pulls[frame], held[frame] = pull, following.held
+        if self.took.step < how.blend:
+            # The feet end in their places in the mesh, as they began, so that the take can be looped.
+            held *= np.minimum(np.arange(len(held))[::-1] * self.took.step / how.blend, 1.0)[:, None]
+        by = from_floor(pulls)
+        placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])
+        placed.world[:, feet] += from_floor(held)
+        return placed, held
+
+    def moved(self, places: Float, held: Complex, yaw: Float) -> Float:
+        """Returns places (F, P, 3) in the mesh's frame, with feet that give way by (F, K) metres."""
+        if held.shape[1] == 0 or not held.any():
+            return places
+        out = places.copy()
+        out[:, self._held_feet] += turned_about_y(from_floor(held), -yaw[:, None]) / self._layer.weight
+        return out
 
     def planted(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
         """The same places (F, P, 3) with feet that stand still."""
         how, weight = self._material.locomotion, self._layer.weight
-        if how.plant <= 0.0:
+        if how.plant <= 0.0 or not self._travel.feet:
             return places
-        still = planted(places, yaw, placed, self._feet, self._stands, self.took.step, how)
-        return places + (still - places) / weight
+        mixed = self._rest + weight * (places - self._rest)
+        still = planted(mixed, yaw, placed, self._feet, self._stands, self.took.step, how)
+        return places + (still - mixed) / weight
+
+    @property
+    def _held_feet(self) -> list[int]:
+        """Returns the feet that stay in place while the mesh is drawn back: all, if it steps."""
+        return self._feet if self._travel.feet else []
 
     @cached_property
-    def _seen(self) -> Float:
-        """(F, K, 3) metres, the performer's feet in the world."""
-        return np.asarray(self.took.world[:, [self._moved.index(k) for k in self._feet]])
+    def _by(self) -> Stepping | None:
+        """Returns the performer's feet, or None if no control point is a foot."""
+        if not self._feet:
+            return None
+        rows = [self._moved.index(k) for k in self._feet]
+        return stepping(
+            self._take.skeleton, self._role, self.took, self._feet, self._material.locomotion, rows
+        )
 
     @cached_property
     def _stands(self) -> Bool:
-        """(F, K) which of them stand."""
-        return standing_feet(self._seen, self.took.step, self._legs(), self._material.locomotion)
+        """Returns (F, K) which of the alternating feet stand."""
+        assert self._by is not None
+        return self._by.stands() & np.isin(self._feet, self._travel.feet)
 
     def level(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
         """Feet of equal height where the anchor changes, unless that contradicts what the user asked for."""
-        if not self._layer.level_feet:
+        if not self._layer.level_feet or not self._travel.feet:
             return ()
         wanted = placed.couplings([point.name for point in self._material.points])
         room = self.examples, len(self.took.poses), self.took.step
@@ -163,19 +216,19 @@ class _Solve:
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """The solved motion, with read-only arrays: all callers share it."""
-        still, none = np.zeros((len(places), 3)), np.full(len(places), -1, np.int64)
-        way = (placed.root, placed.anchors, placed.switches) if placed else (still, none, ())
+        still, path = np.zeros((len(places), 3)), from_floor(self.path)
+        way = (still, still, _nothing_stands(places), ())
+        if placed:
+            way = (placed.root, path, placed.anchors, placed.switches)
         kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
-        for array in (places, self._rest, yaw, way[0], way[1]):
+        for array in (places, self._rest, yaw, *way[:3]):
             array.setflags(write=False)
         return PuppetMotion(*kept, *way, self.travels, self._role.notes)
 
-    def _legs(self) -> float:
-        """Metres along the bones from the root to the feet, on the average."""
-        skeleton = self._take.skeleton
-        joints = [self._role.joints[self._moved.index(k)] for k in self._feet]
-        ways = [skeleton.path(0, skeleton.index(name)) for name in joints]
-        return float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
+
+def _nothing_stands(places: Float) -> Int:
+    """Returns (F,) anchors for places (F, P, 3) without a standing foot."""
+    return np.full(len(places), -1, np.int64)
 
 
 def _agree(constraints: tuple[Constraint, ...], examples: Examples, frames: int, step: float) -> bool:

@@ -23,7 +23,8 @@ class PuppetMotion:
         weight: of the layer.
         yaw: (F,) radians since the first frame; 0 where it does not travel.
         root: (F, 3) metres; 0 where it does not travel.
-        anchors: (F,) which control point stands; -1 in flight and where it does not travel.
+        path: (F, 3) metres on the floor, the performer's way in its strides: the root stays near it.
+        anchors: (F,) which control point stands; -1 in flight and where it does not step.
         switches: where contact and flight begin, as used; none where it does not travel.
         travels: whether it goes through the world.
         notes: what was guessed, as sentences for the user.
@@ -36,6 +37,7 @@ class PuppetMotion:
     weight: float
     yaw: Float
     root: Float
+    path: Float
     anchors: Int
     switches: tuple[Switch, ...]
     travels: bool
@@ -79,35 +81,41 @@ class PuppetMotion:
                 _turned(place - self.root[f], -self.yaw[f]) for place, f in ((one, before), (other, after))
             ]
             root = at - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
-        return self._gone(yaw, np.asarray(root), rounds, ends)
+        return self._gone(yaw, np.asarray(root), frame, rounds, ends)
 
     def _gone(
-        self, yaw: float, root: Float, rounds: int, ends: tuple[float, float] | None
+        self, yaw: float, root: Float, frame: float, rounds: int, ends: tuple[float, float] | None
     ) -> tuple[float, Float]:
-        """The yaw and the root after whole rounds; each round begins where the one before ended.
+        """Returns the yaw and the root after whole rounds. Each round continues where the previous one ended.
 
-        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
-        holds for n < 0 too.
+        Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. This
+        geometric series also holds for n < 0. The offset is that of the path, so the root's distance from the
+        path does not add up over rounds. The step at the seam that remains is eased out within the round.
         """
         if rounds == 0 or not self.travels:
             return yaw, root
-        turn, offset = self._round(ends)
+        a, b = (0, -1) if ends is None else (round(self.frame_of(end)) for end in ends)
+        turn = float(self.yaw[b] - self.yaw[a])
+        offset = self.path[b] - _turned(self.path[a], turn)
         half = np.sin(0.5 * turn)
         series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
         gone = series * _turned(offset, 0.5 * (rounds - 1) * turn)
-        return yaw + rounds * turn, _turned(root, rounds * turn) + gone
+        off = self._joined(a, b, turn) - offset
+        done = _eased((frame - a) / max((b % self.frames) - a, 1))
+        back = 1.0 - done if rounds > 0 else -done
+        off = back * _turned(off, (rounds - 1 if rounds > 0 else rounds) * turn)
+        return yaw + rounds * turn, _turned(root, rounds * turn) + gone + off
 
-    def _round(self, ends: tuple[float, float] | None = None) -> tuple[float, Float]:
-        """What a place in the world becomes with the next round: its turn about +Y, and an offset (3,).
+    def _joined(self, a: int, b: int, turn: float) -> Float:
+        """Returns (3,) the offset of a round that begins at frame ``a`` where the last one ended at ``b``.
 
-        The anchor of the last frame stays where it is; in flight the root does. Heights stay.
+        The anchor of the last frame stays in place, or the root in flight. Heights stay.
         """
-        a, b = (0, -1) if ends is None else (round(self.frame_of(end)) for end in ends)
-        turn, anchor = float(self.yaw[b] - self.yaw[a]), int(self.anchors[b])
+        anchor = int(self.anchors[b])
         last, first = self.root[b], self.root[a]
         if anchor >= 0:
             last, first = self._standing(b, anchor), self._standing(a, anchor)
-        return turn, np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
+        return np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
 
     def _standing(self, frame: int, point: int) -> Float:
         """(3,) metres, where a control point is in the world at a frame, by this layer alone."""
@@ -121,3 +129,9 @@ class PuppetMotion:
 
 def _turned(vector: Float, angle: float) -> Float:
     return np.asarray(turned_about_y(vector, np.asarray(angle)))
+
+
+def _eased(part: float) -> float:
+    """Returns 0 to 1 while ``part`` goes from 0 to 1, slowly at both ends."""
+    part = min(max(part, 0.0), 1.0)
+    return part * part * (3.0 - 2.0 * part)

@@ -1,6 +1,7 @@
 """Which joint a control point is guessed to follow."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ sys.path.append(str(Path(__file__).parents[1] / "motion"))
 from made_bodies import man, random_motion, turned_body
 from test_capture_clip import STANDING
 
-from enliven.examples.pairing import guess_joints, still_joints
+from enliven.document.skeleton import Skeleton
+from enliven.examples.pairing import foot_joints, guess_joints, joint_motion, mirror_joint, one_a_hand
 from enliven.mapping.facing import turned_about_y
 from enliven.person.body import Body
+from enliven.rotation import from_rotation_vector
 from enliven.takes.capture_clip import clip_of_bodies
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])
@@ -69,10 +72,11 @@ def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
     """Whatever the mesh; the base of what stands on one foot alone may follow the hips."""
     random = np.random.default_rng(seed)
     clip = random_motion(random, man(), frames=6, size=0.5)
-    still = still_joints(clip)
+    motion = joint_motion(clip)
+    still = motion.still
     assert "hips" in still and not still & {"Left finger", "Right toe", "top"}
     rest = random.normal(size=(count, 3)) * random.uniform(0.2, 2.0, 3)
-    joints = guess_joints(clip.skeleton, rest, still=still)
+    joints = guess_joints(clip.skeleton, rest, motion=motion)
     given = [k for k, joint in enumerate(joints) if joint in still]
     assert given in ([], [int(rest[:, 1].argmin())])
     if given:
@@ -83,11 +87,78 @@ def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
 
 def test_a_fish_follows_nothing_that_does_not_move_and_a_chess_piece_stands():
     clip = random_motion(np.random.default_rng(1), man(), frames=6, size=0.5)
-    still = still_joints(clip)
+    motion = joint_motion(clip)
     fish = [(0, 0.2, 1.5), (0, 0.2, -1.5), (0, 0.5, 0), (0, 0, 0.1), (0.3, 0.15, 0.5), (-0.3, 0.15, 0.5)]
-    assert not set(guess_joints(clip.skeleton, np.array(fish), still=still)) & still
+    assert not set(guess_joints(clip.skeleton, np.array(fish), motion=motion)) & motion.still
     piece = np.array([(0.02, 1, 0.1), (0, 0, 0)], float)
-    assert guess_joints(clip.skeleton, piece, still=still) == ("top", "hips")
+    assert guess_joints(clip.skeleton, piece, motion=motion) == ("top", "hips")
+
+
+FISH = np.array([(0, 0.4, 1.3), (0, 0.6, -1.3), (0, 0.8, 0.1), (0.33, 0.05, 0.2), (-0.32, 0.06, 0.2)])
+"""A fish: nose, tail, fin, and a fin at either side that is low enough for a foot."""
+FISH_PARTNERS = (0, 1, 2, 4, 3)
+
+
+def acting(names, seed=0, frames=40):
+    """A clip of somebody whose joints of these names move about, and the others as much as people sway."""
+    random, body = np.random.default_rng(seed), man()
+    clip = random_motion(random, body, frames=frames, size=0.03)
+    turns = clip.turns.copy()
+    turns[:, 0] = [1.0, 0.0, 0.0, 0.0]
+    t = np.arange(frames)[:, None] / frames
+    for name in names:
+        waves = np.sin(2 * np.pi * (t * random.integers(1, 4, 3) + random.uniform(size=3)))
+        turns[:, body.index(name)] = from_rotation_vector(0.9 * waves)
+    return replace(clip, turns=turns)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000), st.permutations(range(5)))
+def test_fins_follow_hands_when_only_hands_act_and_feet_when_only_feet_do(seed, order):
+    partners = tuple(order.index(FISH_PARTNERS[k]) for k in order)
+    for limbs, ends in (
+        (("Left wrist", "Right wrist", "Left elbow", "Right elbow"), ("Left finger", "Right finger")),
+        (("Left knee", "Right knee", "Left ankle", "Right ankle"), ("Left toe", "Right toe")),
+    ):
+        clip = acting(limbs, seed)
+        motion = joint_motion(clip)
+        joints = guess_joints(clip.skeleton, FISH[order], motion=motion, partners=partners)
+        fins = tuple(joints[order.index(k)] for k in (3, 4))
+        assert fins == ends
+        assert max(motion.shares[name] for name in ends) > 0.9
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 4), st.integers(1, 4))
+def test_mirror_images_follow_the_same_joint_of_both_sides(seed, middle, pairs):
+    """Whatever acts, even one hand alone, and wherever the points are."""
+    random = np.random.default_rng(seed)
+    clip = acting(random.choice(["Left wrist", "Right knee", "Left elbow", "chest"], 2), seed)
+    side = random.uniform([0.1, 0.0, -1.0], [1.0, 1.5, 1.0], (pairs, 3))
+    rest = np.concatenate([side, side * [-1, 1, 1], random.uniform(size=(middle, 3)) * [0, 1.5, 1]])
+    partners = (*range(pairs, 2 * pairs), *range(pairs), *range(2 * pairs, len(rest)))
+    joints = guess_joints(clip.skeleton, rest, motion=joint_motion(clip), partners=partners)
+    for own, other in enumerate(partners):
+        assert joints[other] == mirror_joint(clip.skeleton, joints[own])
+        assert (joints[own] == mirror_joint(clip.skeleton, joints[own])) == (own == other)
+    assert len(set(joints[: 2 * pairs])) == 2 * pairs
+
+
+def test_joints_of_feet_are_those_from_the_ankle_on():
+    feet = foot_joints(man())
+    assert {"Left toe", "Right toe"} <= feet and not feet & {"Left knee", "Left finger", "hips"}
+    assert mirror_joint(man(), "Left toe") == "Right toe" and mirror_joint(man(), "chest") == "chest"
+
+
+def test_a_hand_is_followed_once_and_its_mirror_image_goes_with_what_is_left_out():
+    parents = [-1, 0, 1, 0, 3, 4, 5, 5, 0, 8, 9, 10, 10]
+    side = [(0.2, 0.9, 0), (0.5, 0.9, 0), (0.8, 0.9, 0), (0.9, 0.9, 0), (0.85, 0.9, 0.05)]
+    places = [(0, 0, 0), (0, 1, 0), (0, 1.4, 0), *side, *(np.array(side) * [-1, 1, 1])]
+    ends = ("shoulder", "elbow", "wrist", "finger", "thumb")
+    names = ("hips", "neck", "head", *(f"{s} {end}" for s in ("Left", "Right") for end in ends))
+    skeleton = Skeleton(names, np.array(parents), np.array(places, float))
+    joints = ("Left finger", "Right finger", "head", "Left thumb", "Right wrist", "Left elbow", "Right elbow")
+    assert one_a_hand(skeleton, joints, (1, 0, 2, 4, 3, 6, 5)) == [0, 1, 2, 5, 6]
 
 
 def test_more_points_than_joints_share_them():

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.examples.spacetime import on_floor
 from enliven.person import Body, Joint, mirrored
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.locomotion import Feet, Footing, height_of
+from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
 from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
@@ -27,7 +28,7 @@ class ControlPointHold:
         pose: (P, 3) metres, the last positions of all paired joints in the body frame.
         yaw: radians that the performer faces, continuous.
         footing: how the performer stood last.
-        way: (2,) beside and ahead, where the performer's hips were last, in their own heights.
+        way: the performer's path on the floor, in metres of the performer of the key poses: x + iz.
         seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
     """
 
@@ -38,8 +39,10 @@ class ControlPointHold:
     pose: Float = field(default_factory=lambda: np.zeros((0, 3)))
     yaw: float = 0.0
     footing: Footing = field(default_factory=Footing)
-    way: Float = field(default_factory=lambda: np.zeros(2))
+    way: complex = 0j
     seen_ns: int = 0
+    _hips: complex | None = None
+    _legs: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
     def see(self, body: Body, retargeting: Retargeting, time_ns: int, *, mirror: bool) -> None:
         """Updates the pose and the footing from a performer in view."""
@@ -49,9 +52,22 @@ class ControlPointHold:
         seen = self.bones.see(body, seconds)
         self.pose, self.yaw, self.seen_ns = retargeting.pose(seen), seen.yaw, time_ns
         self.footing = self.feet.see(body, seconds)
-        hips = body.joints[Joint.HIP_CENTER, [0, 2]]
-        if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(hips).all():
-            self.way = hips / height_of(body)
+        self._walk(body, retargeting.legs)
+
+    def _walk(self, body: Body, legs: float) -> None:
+        """Adds the step of the hips to the path, in sizes of the performer of the key poses.
+
+        Args:
+            legs: metres, the length of the legs of that performer.
+        """
+        total, frames = self._legs
+        self._legs = [total + leg_length(body), frames + 1.0]
+        at = body.joints[Joint.HIP_CENTER]
+        if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(at).all():
+            hips = complex(on_floor(at))
+            if self._hips is not None:
+                self.way += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
+            self._hips = hips
 
     def away(self, time_ns: int) -> float:
         """Returns the seconds since, or until, the performer was last in view: the clock may go back."""

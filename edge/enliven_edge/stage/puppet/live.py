@@ -29,14 +29,14 @@ class Sample:
         yaw: radians about +Y that the puppet is to face.
         footing: how the performer stands.
         size: metres that the puppet rises for a lift of 1.
-        way: (2,) beside and ahead, the performer's hips in their own heights, in the puppet's axes.
+        way: the performer's path on the floor, in the puppet's strides and axes: x + iz, metres.
     """
 
     pose: Float
     yaw: float
     footing: Footing
     size: float
-    way: Float
+    way: complex
 
 
 class Live:
@@ -70,7 +70,7 @@ class Live:
         """
         self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
         self._waiting.clear()
-        self._locomotion.begin(state.root)
+        self._locomotion.begin(state.root, sample.way)
         self._after = State(np.zeros((0, 3)), 0.0, state.root)
         self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
         for _ in range(self._lag + 2):
@@ -108,7 +108,7 @@ class Live:
             return
         places[self.loose] = self.rest[self.loose]
         out = self._waiting.popleft()
-        root = self._locomotion.go(places, out.yaw, out.footing, out.size, out.way)
+        places, root = self._locomotion.go(places, out.yaw, out.footing, out.size, out.way)
         self._before, self._after = self._after, State(places, out.yaw, root)
 
 

@@ -1,9 +1,10 @@
 """Locomotion of a puppet frame by frame: its root in the world while performers move it.
 
-In contact the anchor does not move over the floor. The anchor is a foot that the performer stands on until
-they lift it, or, where that is not known, the lowest foot until another is clearly lower. In the air the
-puppet keeps the velocity with which it left the floor, and its height is the performer's lift at the puppet's
-size, as the time of landing is not known yet.
+A puppet steps with the feet that alternate in its key poses. In contact the anchor does not move over the
+floor. The anchor is a foot that the performer stands on until they lift it. If that is not known, it is the
+lowest foot until another is clearly lower. In the air the puppet keeps the velocity with which it left the
+floor, and its height is the performer's lift at the puppet's size, as the time of landing is not known yet.
+Every puppet stays near its performer's path, in its own strides, by the same law as in a take.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
-from enliven.examples import State
-from enliven.examples.spacetime import stand
+from enliven.examples import PuppetTravel, State
+from enliven.examples.spacetime import Following, from_floor, on_floor, stand
 from enliven.mapping import turned_about_y
 from enliven.person import Body, Joint
-from enliven_edge.stage.puppet.leash import Leash
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
+_LEGS = (
+    (Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT),
+    (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
+)
 _CREEP = 0.01
 """Metres a second by which the floor's estimate may rise: slow, as a jump lasts less than a second."""
 _DEAD = 0.025
@@ -138,14 +142,25 @@ def side_of_foot(joint: Joint) -> int:
     return EITHER
 
 
+def leg_length(body: Body) -> float:
+    """Returns metres along thigh and shank, the mean of the legs in view; estimated where none is."""
+    joints = np.array(_LEGS)
+    seen = ((body.confidence[joints] > 0) & np.isfinite(body.joints[joints]).all(2)).all(1)
+    if not seen.any():
+        return _LEG * height_of(body)
+    bones = np.linalg.norm(np.diff(body.joints[joints[seen]], axis=1), axis=2)
+    return max(float(bones.sum(1).mean()), _LEG * _LOWEST)
+
+
 class Locomotion:
     """Moves the root of a puppet frame by frame.
 
     Args:
         rest: (P, 3) metres, the control points at rest.
-        feet: numbers of the control points that it can stand on; without any it stays on its spot.
+        feet: numbers of the control points that it can stand on.
         step: seconds between frames.
         sides: (F,) the performer's foot for each, see :func:`side_of_foot`; None: either foot for all.
+        travel: with which of the feet it steps; None: it stays on its spot.
     """
 
     def __init__(
@@ -155,29 +170,35 @@ class Locomotion:
         step: float,
         settings: LocomotionSettings,
         sides: Sequence[int] | None = None,
+        travel: PuppetTravel | None = None,
     ) -> None:
         self._feet: Int = np.asarray(feet, np.int64)
         self._sides: Int = np.asarray([EITHER] * len(feet) if sides is None else sides, np.int64)
+        self._steps = np.isin(self._feet, travel.feet) if travel else np.zeros(len(feet), np.bool_)
         self._step = step
         self._sole = float(rest[self._feet, 1].min()) if len(self._feet) else 0.0
         large = float(np.linalg.norm(np.ptp(rest, axis=0))) or 1.0
         self._grip = settings.grip * large
-        self._leash = Leash(large, settings.leash * large, step)
+        self._new = lambda: Following(large, settings, step, len(self._feet) if self._steps.any() else 0)
+        self._following, self._from = self._new(), (0j, 0j)
         self._roots: deque[Float] = deque(maxlen=max(round(settings.throw / step), 1) + 1)
         self._velocity = np.zeros(3)
         self._before: Float | None = None
+        self.goes = travel is not None
         self.anchor = -1
         self.root = np.zeros(3)
 
-    def begin(self, root: Float) -> None:
-        """Starts anew at a root (3,), metres."""
+    def begin(self, root: Float, way: complex) -> None:
+        """Starts anew at a root (3,), metres, of a performer who is at a place of their way."""
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
-        self._leash.begin()
+        self._following, self._from = self._new(), (way, complex(on_floor(self.root)))
 
     def stands(self, state: State) -> Float:
         """Returns (3,) metres, the middle of the feet, before the puppet's own place and rotation."""
+        if len(self._feet) == 0:
+            return state.root
         feet = turned_about_y(state.places[self._feet], np.asarray(state.yaw))
         return np.asarray(feet.mean(0) + state.root)
 
@@ -185,40 +206,56 @@ class Locomotion:
         """Moves the root, the past ones included, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
-        self._leash.shift(by)
+        self._from = self._from[0], self._from[1] + complex(on_floor(by))
 
-    @property
-    def goes(self) -> bool:
-        """Whether the puppet has feet to walk on."""
-        return len(self._feet) > 0
-
-    def go(self, places: Float, yaw: float, footing: Footing, size: float, way: Float | None = None) -> Float:
-        """Returns the root (3,) of the next frame, metres.
+    def go(
+        self, places: Float, yaw: float, footing: Footing, size: float, way: complex
+    ) -> tuple[Float, Float]:
+        """Returns the places (P, 3) and the root (3,) of the next frame, metres.
 
         Args:
             places: (P, 3) metres in the puppet's frame.
             yaw: radians.
             size: metres that the puppet rises for a lift of 1.
-            way: (2,) beside and ahead, the performer's hips in their own heights, in the puppet's axes; None:
-                where its steps lead it is right.
+            way: the performer's path on the floor, in the puppet's strides and axes.
         """
-        if len(self._feet) == 0:
-            return self.root
+        if not self.goes:
+            return places, self.root
         turned = turned_about_y(places, np.asarray(yaw))
         root = self.root.copy()
-        if footing.touches:
+        if not self._steps.any():
+            self._glide(turned, root)
+        elif footing.touches:
             self._stand(turned, root, footing.stands)
         else:
             self._fly(root)
-        if way is not None:
-            root += self._leash.pull(root, way)
-        root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
+        places = self._follow(places, yaw, root, way, footing)
+        if len(self._feet):
+            root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
         self._before, self.root = turned, root
-        return root
+        return places, root
+
+    def _follow(self, places: Float, yaw: float, root: Float, way: complex, footing: Footing) -> Float:
+        """Draws the root towards the path; returns the places (P, 3) with feet that stay where they stand."""
+        stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
+        stands = stands[: len(self._following.held)]
+        off = way - self._from[0] - (complex(on_floor(root)) - self._from[1])
+        root += from_floor(self._following.next(off, stands.tolist()))
+        if not self._following.held:
+            return places
+        out = places.copy()
+        out[self._feet] += turned_about_y(from_floor(np.array(self._following.held)), np.asarray(-yaw))
+        return out
+
+    def _glide(self, turned: Float, root: Float) -> None:
+        """Moves the root of a puppet that does not step: the middle of its feet stays."""
+        if len(self._feet) and self._before is not None:
+            went = turned[self._feet].mean(0) - self._before[self._feet].mean(0)
+            root -= went * [1.0, 0.0, 1.0]
 
     def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
         """Moves the root in contact, as in a take; the first anchor is the lowest foot."""
-        known = np.array([*stands, any(stands)])[self._sides]
+        known = self._known(stands)
         before = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
         stand(
@@ -227,6 +264,10 @@ class Locomotion:
         self.anchor = int(anchors[1])
         root[:] = roots[1]
         self._roots.append(root.copy())
+
+    def _known(self, stands: tuple[bool, bool]) -> Bool:
+        """Returns (F,) which of the alternating feet stand, as the performer's left and right foot do."""
+        return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 
     def _fly(self, root: Float) -> None:
         if self.anchor >= 0:

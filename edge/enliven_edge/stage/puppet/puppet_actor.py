@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,8 +11,7 @@ from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
-from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
-from enliven.mapping import turned_about_y
+from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of, travel_of
 from enliven.person import MIRROR, Body, parts_named
 from enliven.possession import Actor, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
@@ -44,9 +44,11 @@ class PuppetActor(Actor):
         self.character = character_of_puppet(puppet)
         self.holds: list[ControlPointHold] = []
         walks = self.settings.place == "walks"
-        feet = [k for k, point in enumerate(puppet.points) if point.foot and walks]
+        feet = [k for k, point in enumerate(puppet.points) if point.foot]
         sides = [side_of_foot(self._retargeting.joints[k]) for k in feet]
-        locomotion = Locomotion(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion, sides)
+        self._travel = travel_of(project, puppet)
+        how = (1.0 / self.settings.rate, puppet.locomotion, sides, self._travel if walks else None)
+        locomotion = Locomotion(puppet.rest, feet, *how)
         mapping = ExampleMap(self._examples, puppet.examples)
         self._locomotion = locomotion
         self._live = Live(mapping, locomotion, self.settings.rate, self.settings.lag)
@@ -193,7 +195,7 @@ class PuppetActor(Actor):
             pose[rows] = hold.pose[rows]
         yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
-        way = turned_about_y(np.array([lead.way[0], 0.0, lead.way[1]]), np.asarray(self._yaw_offset))[[0, 2]]
+        way = self._travel.stride * lead.way * cmath.exp(-1j * self._yaw_offset)
         sample = Sample(pose, yaw, lead.footing, size, way)
         if self._restarts or paused:
             self._restarts = False

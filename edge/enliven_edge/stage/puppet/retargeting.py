@@ -64,6 +64,7 @@ class Retargeting:
 
     Attributes:
         joints: (P,) the tracked joint that each paired joint is most like.
+        legs: metres along thigh and shank of the skeleton, the mean of its legs.
 
     Raises:
         InputError: for a joint that is not in the skeleton, or that a tracked person has nothing like.
@@ -86,6 +87,7 @@ class Retargeting:
                     mend="Pair its control points with joints of head, trunk, arms or legs.",
                 )
         self.joints = tuple(bones[n].joint if n else Joint.HIP_CENTER for n in numbers)
+        self.legs = _leg_length(skeleton, bones)
         self._used = np.array(used, np.int64)
         self._directs = np.array([bones[j].turn < 0 for j in used], np.bool_)
         self._followed = np.array([bones[j].joint for j in used], np.int64)
@@ -111,6 +113,13 @@ def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     if {_plain(name) for name in skeleton.names} != set(known):
         return {}
     return {k: _Bone(known[_plain(name)]) for k, name in enumerate(skeleton.names)}
+
+
+def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
+    """Returns metres along thigh and shank, the mean of both legs; half the extent without legs."""
+    parts = {joint for leg in LEGS for joint in leg[1:3]}
+    legs = [skeleton.lengths[j] for j, bone in bones.items() if bone.joint in parts and bone.turn < 0]
+    return 0.5 * float(np.sum(legs) if legs else np.ptp(skeleton.positions, axis=0).max())
 
 
 def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:

@@ -20,7 +20,7 @@ class PuppetSettings:
     )
     place: Literal["walks", "fixed"] = setting(
         "walks",
-        '"walks": it goes through the world on its feet, where it has some; "fixed": it stays on its spot.',
+        '"walks": it goes where its performer goes, on feet if it has some; "fixed": it stays on its spot.',
     )
     meet: bool = setting(True, "It begins beside its first performer; false: where it was modelled.")
     beside: float = setting(

@@ -1,61 +1,99 @@
-"""The way of a mesh that its own steps lead astray, drawn back to the performer's in the long run.
+"""Keeps a mesh near its performer's path over the floor, scaled, wherever its own steps lead it.
 
-drawn_back(placed, way, step, size, leash)      # the same steps; never far from where the performer went
+    following = Following(size, settings, step, feet=2)
+    pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
-A mesh goes over the floor by its own feet, and feet of another build slip a little at every step: a fish
-would be metres away in the end from a performer who stays. So where it leaves the performer's way, in its own
-size, by more than a leash, it is drawn back, too slowly for a single step to be seen.
+The feet of a mesh slip a little at every step, so its own steps lead it away from a performer who stays in
+place. Beyond a leash it is drawn back, slowly. A foot that stands stays where it is meanwhile, and returns to
+its place in the mesh when it is lifted.
+
+A place on the floor is a complex number here: x + iz, metres.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
-from enliven.arrays import Float
-from enliven.examples.spacetime.locomotion import PlacedMotion
+from enliven.arrays import Complex, Float
+from enliven.document import LocomotionSettings
 
-_SLOWLY = 1.0
-"""Seconds, the width of what the way is evened by: a stride."""
-_STRIDES = (0.5, 1.5)
-"""A mesh's strides, in the performer's strides in its own size: less and more is no stride but a drift."""
+_STEPPING_S = 0.5
+"""Time constant, in seconds, of drawing back a mesh that steps: about a stride, so that it is not seen."""
+_GLIDING_S = 0.02
+"""Time constant, in seconds, of drawing a mesh that does not step: short, so that it does not lag behind."""
+_MAX_HELD = 0.1
+"""Share of the mesh's size by which a standing foot gives way at most: more would stretch its leg visibly."""
+_MAX_OFF = 2.0
+"""Leashes by which a mesh may be off its path; what is beyond is taken back even if standing feet slide."""
+_SLIDING_S = 0.2
+"""Time constant, in seconds, of taking that back: a slip is over soon, and yet it is no jump."""
 
 
-def drawn_back(placed: PlacedMotion, way: Float, step: float, size: float, leash: float) -> PlacedMotion:
-    """The motion of a mesh that stays within about a leash of the performer's way.
+class Following:
+    """Draws a mesh towards its path, frame by frame.
 
     Args:
-        way: (F, 3) metres, the performer's hips in the axes of the mesh.
+        size: of the mesh, metres.
+        settings: its leash, and how long a foot takes back to its place.
         step: seconds between frames.
-        size: the mesh's metres for one of the performer's.
-        leash: metres that it may be away.
+        feet: how many feet it steps with; 0 for a mesh that does not step.
+
+    Attributes:
+        held: for each foot its displacement from its place in the mesh, on the floor, metres.
     """
-    wanted, own = way[:, [0, 2]] - way[0, [0, 2]], placed.root[:, [0, 2]] - placed.root[0, [0, 2]]
-    off = _slow(_in_own_size(wanted, own, size) - own, step)
-    far = np.linalg.norm(off, axis=1)
-    if far.max() <= leash:
-        return placed
-    pull = np.zeros_like(placed.root)
-    beyond = off * (np.maximum(far - leash, 0.0) / np.maximum(far, 1e-12))[:, None]
-    slow = _slow(beyond, step)
-    pull[:, [0, 2]] = slow - slow[0]
-    return replace(placed, root=placed.root + pull, world=placed.world + pull[:, None])
+
+    def __init__(self, size: float, settings: LocomotionSettings, step: float, feet: int = 0) -> None:
+        self._leash, self._most = settings.leash * size, _MAX_HELD * size
+        self._share = _share_of(step, _STEPPING_S if feet else _GLIDING_S)
+        self._slide = _share_of(step, _SLIDING_S)
+        self._back = _share_of(step, settings.contact.blend / 2.0)
+        self.held = [0j] * feet
+
+    def next(self, off: complex, stands: Sequence[bool] = ()) -> complex:
+        """Returns the pull of one frame on the root, metres, and updates ``held``.
+
+        Args:
+            off: displacement from the mesh's place to its place on the path, metres.
+            stands: for each foot whether it stands.
+        """
+        slowly = self._share * _beyond(off, self._leash)
+        at_once = self._slide * _beyond(off, _MAX_OFF * self._leash)
+        pull = max(slowly, at_once, key=abs)
+        if any(
+            down and abs(held - pull) > max(self._most, abs(held))
+            for held, down in zip(self.held, stands, strict=True)
+        ):
+            # The foot cannot give way any more, so the slow pull waits for the next step.
+            pull = at_once
+        for k, down in enumerate(stands):
+            self.held[k] = self._limited(self.held[k] - pull) if down else self.held[k] * (1.0 - self._back)
+        return pull
+
+    def _limited(self, held: complex) -> complex:
+        far = abs(held)
+        return held * (self._most / far) if far > self._most else held
 
 
-def _slow(way: Float, step: float) -> Float:
-    """(F, 2) what is slow of a way (F, 2), of frames ``step`` seconds apart."""
-    return np.asarray(scipy.ndimage.gaussian_filter1d(way, _SLOWLY / step, axis=0, mode="nearest"))
+def _beyond(off: complex, radius: float) -> complex:
+    """Returns the part of a displacement that is outside of a circle."""
+    far = abs(off)
+    return (far - radius) / far * off if far > radius else 0j
 
 
-def _in_own_size(wanted: Float, own: Float, size: float) -> Float:
-    """(F, 2) the performer's way (F, 2) as long, and in the direction, that fits the mesh's own best.
+def on_floor(places: Float) -> Complex:
+    """Returns places (..., 3) as complex numbers on the floor (...,), metres."""
+    return np.asarray(places[..., 0] + 1j * places[..., 2])
 
-    That is a similarity by least squares: what looks aside walks aside, and legs have strides of their own.
-    """
-    p, x = wanted @ [1.0, 1.0j], own @ [1.0, 1.0j]
-    fit = complex(np.vdot(p, x) / max(float(np.vdot(p, p).real), 1e-12))
-    way = fit / abs(fit) if abs(fit) > 1e-9 else 1.0
-    fitted = p * way * np.clip(abs(fit), _STRIDES[0] * size, _STRIDES[1] * size)
-    return np.stack([fitted.real, fitted.imag], axis=1)
+
+def from_floor(places: Complex | complex) -> Float:
+    """Returns complex numbers on the floor (...,) as places (..., 3) at height 0, metres."""
+    at = np.asarray(places)
+    return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)
+
+
+def _share_of(step: float, constant: float) -> float:
+    """Returns the share of a difference that decays in ``step`` seconds, for a time constant in seconds."""
+    return 1.0 - math.exp(-step / constant) if constant > 0.0 else 1.0

@@ -10,5 +10,11 @@ from .poses import (
     set_symmetry as set_symmetry,
 )
 from .rig import PuppetRig as PuppetRig
-from .suggest import suggested_puppet as suggested_puppet
+from .suggest import (
+    SuggestedPair as SuggestedPair,
+    suggested_joint as suggested_joint,
+    suggested_pairs as suggested_pairs,
+    suggested_puppet as suggested_puppet,
+    suggested_vertices as suggested_vertices,
+)
 from .surgery import cut_puppet as cut_puppet

@@ -1,31 +1,63 @@
-"""A puppet to begin with: control points, joints, symmetry and key poses as a first guess."""
+"""Suggests a puppet to begin with: control points, joints, feet, symmetry and key frames.
+
+suggested_puppet(project, mesh, "walk", "cow")     # complete but for its poses: what the command makes
+suggested_vertices(mesh, 6)                        # control points alone, as the studio's panel asks for them
+suggested_pairs(project, "cow", "walk")            # and a joint for each of those that have none
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.graph import extremities
-from enliven.document import Clip, Plane, Project, Skeleton, unused
+from enliven.document import Clip, Plane, Project, Puppet, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints, partners_of, performed, reflected, still_joints, suggest_poses
-from enliven.mapping import SkeletonLimb, anatomy_of
+from enliven.examples import (
+    Weak,
+    foot_joints,
+    guess_joints,
+    joint_motion,
+    mirror_joint,
+    one_a_hand,
+    partners_of,
+    performed,
+    reflected,
+    suggest_poses,
+)
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.puppet.edits import make_puppet, play_take
-from enliven.modeling.puppet.points import add_point
+from enliven.modeling.puppet.points import add_point, change_point, remove_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 
 _LOW = 0.08
 """Share of the mesh's height below which a control point can be a foot."""
 _ACROSS = 0.7
 """Cosine to the left-right axis from which on a plane's normal goes across."""
-_HAND = 0.35
-"""Share of a limb, from its end, that is its hand or foot."""
+_KEPT = 16
+"""Meshes in the cache of planes of symmetry; the least lately used goes."""
 _OFF = 0.1
 """Share of the control points' extent by which a mirror image may be off."""
+
+
+@dataclass(frozen=True)
+class SuggestedPair:
+    """A suggested joint for a control point that has none.
+
+    Attributes:
+        point: its name.
+        joint: the performer's joint.
+        foot: whether the puppet can stand on it.
+    """
+
+    point: str
+    joint: str
+    foot: bool
 
 
 def suggested_puppet(
@@ -33,8 +65,7 @@ def suggested_puppet(
 ) -> Project:
     """A project with a puppet that is complete but for its key poses, which are all at rest.
 
-    Control points are at the extremities, and their mirror images where the mesh is symmetric; joints are
-    guessed by side and height; key poses are those of the take that are farthest from one another.
+    Key poses are those of the take that are farthest from one another.
 
     Args:
         take: id of the take that shows the key poses, which the puppet plays.
@@ -48,32 +79,96 @@ def suggested_puppet(
         what = f"{points} control points and {poses} key poses are too few"
         raise InputError(what, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
     project = make_puppet(project, mesh, puppet_id)
-    clip, plane = project.takes[take], _left_right(mesh)
-    vertices = [int(vertex) for vertex in extremities(mesh, points)]
-    if plane is not None:
-        vertices = _with_images(mesh, vertices, plane)
-    rest = mesh.vertices[vertices]
-    partners = None if plane is None else _partners(rest, plane)
-    still = still_joints(clip)
-    joints = guess_joints(clip.skeleton, rest, still=still)
-    if partners is not None:
-        joints = symmetric_joints(clip.skeleton, joints, rest, partners, still)
-    kept = one_a_hand(clip.skeleton, joints, partners or range(len(joints)))
-    vertices, joints, rest = [vertices[k] for k in kept], tuple(joints[k] for k in kept), rest[kept]
-    for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
-        taken = {point.name: point for point in project.puppets[puppet_id].points}
-        project = add_point(project, puppet_id, vertex, unused(joint, taken), joint, foot)
+    plane = _left_right(mesh)
+    for vertex in _suggested_vertices(mesh, points, plane):
+        project = add_point(project, puppet_id, vertex)
+    if plane is not None and _partners(project.puppet(puppet_id).rest, plane) is not None:
+        project = set_symmetry(project, puppet_id, plane)
+    project = _paired(project, puppet_id, take)
+    puppet, clip = project.puppet(puppet_id), project.takes[take]
+    joints = [point.joint for point in puppet.points]
     found = suggest_poses(performed(clip, joints).poses)
     for frame in sorted(found.frames[: poses or found.count]):
-        project = add_key_pose(project, puppet_id, take, frame * clip.step, rest)
-    if partners is not None:
-        project = set_symmetry(project, puppet_id, plane)
+        project = add_key_pose(project, puppet_id, take, frame * clip.step, puppet.rest)
     return play_take(project, puppet_id, take)
 
 
+def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
+    """Returns vertices at the extremities of a mesh, and their mirror images if it is symmetric.
+
+    Args:
+        count: how many extremities at most; their mirror images come on top.
+    """
+    return _suggested_vertices(mesh, count, _left_right(mesh))
+
+
+def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
+    """Returns a joint for each control point that has none: one that acts in the take, by side and height.
+
+    Mirror images follow the same joint of both sides. Feet are low on the mesh and follow feet.
+    """
+    puppet, clip = project.puppet(puppet_id), project.takes[take]
+    plane = puppet.symmetry or _left_right(puppet.mesh)
+    partners = None if plane is None else _partners(puppet.rest, plane)
+    joints = _with_mirrored(clip, [point.joint for point in puppet.points], partners)
+    wanted = [number for number, joint in enumerate(joints) if not joint]
+    taken = [joint for joint in joints if joint]
+    motion = joint_motion(clip)
+    found = guess_joints(clip.skeleton, puppet.rest, taken, wanted, motion, partners)
+    for number, joint in zip(wanted, found, strict=True):
+        joints[number] = joint
+    feet = _feet(clip, joints, puppet)
+    return tuple(
+        SuggestedPair(point.name, joint, foot)
+        for point, joint, foot in zip(puppet.points, joints, feet, strict=True)
+        if not point.joint
+    )
+
+
+def _suggested_vertices(mesh: Mesh, count: int, plane: Plane | None) -> list[int]:
+    vertices = [int(vertex) for vertex in extremities(mesh, count)]
+    return vertices if plane is None else _with_images(mesh, vertices, plane)
+
+
+def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> str:
+    """Returns a joint for a control point, given the joints of the other control points."""
+    project = change_point(project, puppet_id, point, joint="")
+    return next(pair.joint for pair in suggested_pairs(project, puppet_id, take) if pair.point == point)
+
+
+def _paired(project: Project, puppet_id: str, take: str) -> Project:
+    """Returns the project with all points paired and named after their joints, one at each hand or foot."""
+    for pair in suggested_pairs(project, puppet_id, take):
+        taken = {point.name: point for point in project.puppet(puppet_id).points}
+        named = {"name": unused(pair.joint, taken), "joint": pair.joint, "foot": pair.foot}
+        project = change_point(project, puppet_id, pair.point, **named)
+    puppet, skeleton = project.puppet(puppet_id), project.takes[take].skeleton
+    partners = None if puppet.symmetry is None else _partners(puppet.rest, puppet.symmetry)
+    joints = [point.joint for point in puppet.points]
+    kept = one_a_hand(skeleton, joints, partners or range(len(joints)))
+    for number in set(range(len(joints))) - set(kept):
+        project = remove_point(project, puppet_id, puppet.points[number].name)
+    return project
+
+
+def _with_mirrored(clip: Clip, joints: list[str], partners: Sequence[int] | None) -> list[str]:
+    """Returns the joints (P,). A point without a joint gets the other side's joint of its mirror image."""
+    if partners is None:
+        return joints
+    return [
+        joint or (mirror_joint(clip.skeleton, joints[other]) if joints[other] and other != own else "")
+        for own, (joint, other) in enumerate(zip(joints, partners, strict=True))
+    ]
+
+
 def _left_right(mesh: Mesh) -> Plane | None:
-    """The plane of symmetry between left and right: a mesh looks to +Z."""
-    plane = plane_of_symmetry(mesh)
+    """The plane of symmetry between left and right, from a cache where it is known: a mesh looks to +Z."""
+    return _plane(Weak(mesh))
+
+
+@lru_cache(maxsize=_KEPT)
+def _plane(mesh: Weak[Mesh]) -> Plane | None:
+    plane = plane_of_symmetry(mesh())
     return plane if plane is not None and abs(plane.normal[0]) > _ACROSS else None
 
 
@@ -104,95 +199,15 @@ def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     return partners if any(other != own for own, other in enumerate(partners)) else None
 
 
-def symmetric_joints(
-    skeleton: Skeleton,
-    joints: Sequence[str],
-    rest: Float,
-    partners: Sequence[int],
-    still: Collection[str] = (),
-) -> tuple[str, ...]:
-    """Joints made symmetric: mirror images follow the joints of both sides, points on the plane middle ones.
+def _feet(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
+    """Which control points can stand: low on the mesh, and paired with a foot.
 
-    Args:
-        joints: (P,) as they were guessed one by one.
-        rest: (P, 3) metres, the control points.
-        partners: (P,) the mirror image of each, as a number.
-        still: joints that do not move, which are not taken for others.
+    One alone is none: a mesh that stands on one pot would hop whenever the performer lifts that foot.
     """
-    anatomy, out = anatomy_of(skeleton), list(joints)
-    sides = {
-        skeleton.names[a]: skeleton.names[b]
-        for pair in anatomy.pairs
-        for left, right in (pair, pair[::-1])
-        for a, b in zip(_own(left)[::-1], _own(right)[::-1], strict=False)
-    }
-    limbs = {joint for pair in anatomy.pairs for limb in pair for joint in skeleton.below(_own(limb)[0])}
-    ends = [limb.chain for limb in (anatomy.head, anatomy.tail) if limb is not None]
-    plain = dict.fromkeys(joint for chain in (anatomy.trunk, *ends) for joint in chain)
-    middle = [j for j in plain if j not in limbs and skeleton.names[j] not in still]
-    heights = _shares(skeleton.positions[:, 1])
-    for own, other in enumerate(partners):
-        if own < other:
-            shown = out[own] if out[own] in sides or out[other] not in sides else sides[out[other]]
-            out[own], out[other] = shown, sides.get(shown, shown)
-    for own in (own for own, other in enumerate(partners) if own == other):
-        if skeleton.index(out[own]) in limbs and middle:
-            high, others = _shares(rest[:, 1])[own], {*out[:own], *out[own + 1 :]}
-            free = [joint for joint in middle if skeleton.names[joint] not in others] or middle
-            out[own] = skeleton.names[min(free, key=lambda joint: abs(float(heights[joint] - high)))]
-    return tuple(out)
-
-
-def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
-    """Numbers of the control points without those at a hand or foot where another joint is followed already.
-
-    Points that share a joint, for want of others, stay.
-
-    Args:
-        joints: (P,) what each follows, the most important first.
-        partners: (P,) the mirror image of each, which goes with it.
-    """
-    anatomy = anatomy_of(skeleton)
-    limbs = [limb for pair in anatomy.pairs for limb in pair]
-    parts = {joint: limb.chain[-1] for limb in limbs for joint in _hand(skeleton, limb)}
-    taken, dropped = dict[int, str](), set[int]()
-    for own, joint in enumerate(joints):
-        part = parts.get(skeleton.index(joint))
-        if part is not None and taken.get(part, joint) != joint:
-            dropped |= {own, partners[own]}
-        elif part is not None and own not in dropped:
-            taken[part] = joint
-    return [own for own in range(len(joints)) if own not in dropped]
-
-
-def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
-    """The joints of the last part of a limb: a hand with its fingers, a foot with its toes."""
-    proper = limb.proper
-    left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
-    first = next((j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND * left[0]), None)
-    return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
-
-
-def _own(limb: SkeletonLimb) -> tuple[int, ...]:
-    """The joints of a limb without the fork that it leaves."""
-    return limb.chain[max(limb.start, 1) :]
-
-
-def _shares(heights: Float) -> Float:
-    """Heights as 0 to 1 from the lowest to the highest."""
-    return np.asarray((heights - heights.min()) / max(float(np.ptp(heights)), 1e-12))
-
-
-def _feet(clip: Clip, joints: tuple[str, ...], rest: Float, mesh: Mesh) -> list[bool]:
-    """Which control points can stand: low on the mesh, and paired with a leg.
-
-    One alone is none: what stands on one pot would hop whenever the performer lifts that foot.
-    """
-    low, high = mesh.vertices[:, 1].min(), mesh.vertices[:, 1].max()
-    anatomy = anatomy_of(clip.skeleton)
-    legs = {clip.skeleton.names[j] for pair in anatomy.legs for limb in pair for j in _own(limb)}
+    feet_of = foot_joints(clip.skeleton)
+    low, high = puppet.mesh.bounds[:, 1]
     feet = [
-        joint in legs and bool(place[1] < low + _LOW * (high - low))
-        for joint, place in zip(joints, rest, strict=True)
+        joint in feet_of and bool(place[1] < low + _LOW * (high - low))
+        for joint, place in zip(joints, puppet.rest, strict=True)
     ]
     return feet if sum(feet) > 1 else [False] * len(feet)

@@ -2,41 +2,49 @@
 
 import numpy as np
 import pytest
-from puppet_worlds import JOINTS, stool, walker
+from puppet_worlds import JOINTS, nearest, stool, walker
 from sample_meshes.cactus import make_cactus
 
 from enliven.document.project import Project
-from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.coverage import unposed
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppet.suggest import one_a_hand, suggested_puppet, symmetric_joints
-
-REST = np.array([[0.5, 1, 0], [-0.5, 1, 0], [0, 1.5, 0], [0.2, 0, 0], [-0.2, 0, 0]])
-PARTNERS = (1, 0, 2, 4, 3)
+from enliven.modeling.puppet import add_point, change_point, make_puppet
+from enliven.modeling.puppet.suggest import (
+    suggested_joint,
+    suggested_pairs,
+    suggested_puppet,
+    suggested_vertices,
+)
 
 
 def suggested(mesh, **how):
     return suggested_puppet(Project().with_takes(walker()), mesh, "walk", "it", **how)
 
 
-def test_mirror_images_follow_the_joints_of_both_sides():
-    guessed = ("LeftHand", "Spine", "RightHand", "RightFoot", "Head")
-    made = symmetric_joints(walker().skeleton, guessed, REST, PARTNERS)
-    assert made == ("LeftHand", "RightHand", "Head", "RightFoot", "LeftFoot")
-    assert symmetric_joints(walker().skeleton, made, REST, PARTNERS) == made
+def test_the_studio_and_the_command_suggest_the_same():
+    """Points, then pairs, as the panel asks for them, are the puppet that the command makes."""
+    whole = suggested(make_cactus(), points=6, poses=2).puppets["it"]
+    project = make_puppet(Project().with_takes(walker()), make_cactus(), "it")
+    for vertex in suggested_vertices(whole.mesh, 6):
+        project = add_point(project, "it", vertex)
+    pairs = suggested_pairs(project, "it", "walk")
+    points = {point.name: point for point in project.puppets["it"].points}
+    found = {(points[pair.point].vertex, pair.joint, pair.foot) for pair in pairs}
+    assert {(point.vertex, point.joint, point.foot) for point in whole.points} <= found
 
 
-def test_a_hand_is_suggested_once_and_its_mirror_image_goes_with_what_is_left_out():
-    parents = [-1, 0, 1, 0, 3, 4, 5, 5, 0, 8, 9, 10, 10]
-    side = [(0.2, 0.9, 0), (0.5, 0.9, 0), (0.8, 0.9, 0), (0.9, 0.9, 0), (0.85, 0.9, 0.05)]
-    places = [(0, 0, 0), (0, 1, 0), (0, 1.4, 0), *side, *(np.array(side) * [-1, 1, 1])]
-    ends = ("shoulder", "elbow", "wrist", "finger", "thumb")
-    names = ("hips", "neck", "head", *(f"{s} {end}" for s in ("Left", "Right") for end in ends))
-    skeleton = Skeleton(names, np.array(parents), np.array(places, float))
-    joints = ("Left finger", "Right finger", "head", "Left thumb", "Right wrist", "Left elbow", "Right elbow")
-    assert one_a_hand(skeleton, joints, (1, 0, 2, 4, 3, 6, 5)) == [0, 1, 2, 5, 6]
+def test_what_is_paired_stays_and_its_mirror_image_follows_the_other_side():
+    project = make_puppet(Project().with_takes(walker()), stool(), "it")
+    for place in ([0.3, 0.6, 0], [-0.3, 0.6, 0], [0.3, 0, 0.2], [-0.3, 0, 0.2], [0, 1, 0]):
+        project = add_point(project, "it", nearest(stool(), place))
+    names = [point.name for point in project.puppets["it"].points]
+    project = change_point(project, "it", names[1], joint="RightFoot")
+    pairs = {pair.point: pair.joint for pair in suggested_pairs(project, "it", "walk")}
+    assert names[1] not in pairs and pairs[names[0]] == "LeftFoot"
+    assert {pairs[names[2]], pairs[names[3]]} == {"LeftHand", "RightHand"}
+    assert suggested_joint(project, "it", "walk", names[1]) == "RightHand"
 
 
 def test_what_is_suggested_lacks_nothing_but_to_be_posed():

@@ -11,38 +11,37 @@ import numpy as np
 
 from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints, still_joints
 from enliven.meshes import fit_height
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet import add_key_pose, add_point, change_key_pose, change_point, mirror_key_pose
+from enliven.modeling.puppet import (
+    add_key_pose,
+    add_point,
+    change_key_pose,
+    change_point,
+    mirror_key_pose,
+    suggested_pairs,
+)
 
 _AUTOMATIC = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _NO_WORDS = {"end", "index", "base", "tip", "joint", "site"}
-_FOOT = 0.06
-"""Share of the mesh's height, from below, in which it is taken to stand."""
 HardConstraint = Position | Velocity | Coupling
 
 
 def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
     """A project where each control point without a joint follows the likeliest joint of a take.
 
-    Points with an automatic name are named after their joint; those at the bottom are feet.
+    Points with an automatic name are named after their joint; those that follow feet at the bottom are feet.
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
         raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
-    taken = [point.joint for point in puppet.points if point.joint]
-    wanted = [k for k, point in enumerate(puppet.points) if not point.joint]
-    clip = project.takes[take]
-    joints = guess_joints(clip.skeleton, puppet.rest, taken, wanted, still_joints(clip))
-    low, high = puppet.mesh.bounds[:, 1]
-    for number, joint in zip(wanted, joints, strict=True):
-        point = puppet.points[number]
-        foot = point.foot or puppet.mesh.vertices[point.vertex, 1] < low + _FOOT * (high - low)
-        project = with_joint(project, puppet_id, point.name, joint)
-        name = project.puppet(puppet_id).points[number].name
-        project = change_point(project, puppet_id, name, foot=bool(foot))
+    for pair in suggested_pairs(project, puppet_id, take):
+        number = puppet.index(pair.point)
+        project = with_joint(project, puppet_id, pair.point, pair.joint)
+        if pair.foot:
+            name = project.puppet(puppet_id).points[number].name
+            project = change_point(project, puppet_id, name, foot=True)
     return project
 
 

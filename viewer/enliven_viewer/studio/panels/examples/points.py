@@ -6,10 +6,8 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.deformation.graph import extremities
 from enliven.document import ControlPoint, Project, Puppet
-from enliven.examples import guess_joints
-from enliven.modeling.puppet import change_point, set_symmetry
+from enliven.modeling.puppet import change_point, set_symmetry, suggested_joint, suggested_vertices
 from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, told
@@ -23,7 +21,7 @@ _ROW = 24.0
 _FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a point that is held hard, a soft one."""
 _SUGGESTED = 6
-"""Control points that are suggested at once."""
+"""Control points that are suggested at once; mirror images come on top."""
 _AXES = ("left to right", "above to below", "front to back")
 
 
@@ -122,7 +120,7 @@ def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
         clip = editor.project.takes.get(take or "")
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
-            best = guess_joints(clip.skeleton, puppet.rest)[puppet.index(point.name)]
+            best = suggested_joint(editor.project, puppet.id, str(take), point.name)
             if imgui.selectable(f"{best}   likely", best == point.joint)[0]:
                 workspace.performer.pair(best)
             imgui.separator()
@@ -139,7 +137,7 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     if imgui.button("Suggest points", half):
         suggest(workspace, puppet)
     workspace.remember("suggest points")
-    told("Control points at the ends of the limbs")
+    told("Control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
     take = workspace.performer.take
     open_ones = [point.name for point in puppet.points if not point.joint]
@@ -149,14 +147,14 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     workspace.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip("Pair every point that has no joint with the likeliest, by side and height")
+        imgui.set_tooltip("Pair every point that has no joint with one that acts in this take, by place")
 
 
 def suggest(workspace: Workspace, puppet: Puppet) -> bool:
     """Put control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
-        return with_points(project, puppet.id, [int(v) for v in extremities(puppet.mesh, _SUGGESTED)])
+        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTED))
 
     return workspace.editor.edit("suggest control points", change)
 

@@ -1,0 +1,244 @@
+"""How a puppet travels: with which feet it steps, and how far it goes for a performer's metre.
+
+    travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
+    path = travel.path_of(took, facing, size)          # (F,) where the puppet should be, on the floor
+
+A puppet steps with the feet that alternate on the ground in its key poses. Its stride is measured in the
+takes of the key poses. A puppet that does not step goes as far as its performer, scaled by size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+
+from enliven.arrays import Bool, Complex, Float
+from enliven.document import Clip, LocomotionSettings, Project, Puppet, PuppetLayer, Skeleton, Switch
+from enliven.errors import InputError
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.performer import PerformerClip, performed
+from enliven.examples.performers import Role, cast
+from enliven.examples.poses import Examples
+from enliven.examples.puppet_examples import (
+    Material,
+    examples_with,
+    material_of,
+    missing,
+    reference_among,
+)
+from enliven.examples.spacetime import PlacedMotion, find_switches, locate, on_floor, standing_feet
+from enliven.mapping import facing_of, turned_about_y
+
+_KEPT = 64
+"""Number of puppets and edits in the cache; the least lately used goes."""
+_ALTERNATES = 0.05
+"""Minimum movement between two feet in the key poses that counts as a step, in sizes of the puppet."""
+_GROUND = 0.02
+"""Maximum height of a foot on the ground above the lowest foot, in sizes of the puppet."""
+_RATE = 30.0
+"""Frames a second at which steps are measured. A stride takes half a second or more."""
+_SPAN = 1.0
+"""Seconds over which the paths of puppet and performer are compared. A stride fits in, so steps even out."""
+_COHERENT = (0.7, 0.9)
+"""Explained variance of the puppet's path up to which only the sizes give the stride, and from which only the
+steps do. The performer's path explains over 0.9 of it in walks, and below 0.7 if they stay in place."""
+
+
+@dataclass(frozen=True)
+class PuppetTravel:
+    """The feet and the stride of a puppet.
+
+    Attributes:
+        feet: numbers of the control points that it steps with. Without any it only follows the performer.
+        stride: the puppet's displacement on the floor, x + iz in metres, for a performer who goes one metre
+            ahead. The performer is the one of the key poses.
+    """
+
+    feet: tuple[int, ...]
+    stride: complex
+
+    def path_of(self, took: PerformerClip, facing: float, size: float, mirrored: bool = False) -> Complex:
+        """Returns (F,) metres, the path of the puppet for a performer's take, from 0 in the first frame.
+
+        Args:
+            facing: radians from +Z to the front of the performer's skeleton at rest.
+            size: size of the performer of the key poses over the size of this performer.
+            mirrored: whether the puppet moves as in a mirror.
+        """
+        return self.stride * size * way_of(took, facing, mirrored)
+
+
+def way_of(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
+    """Returns (F,) metres, the path of a performer on the floor, turned so that they look to +Z at first."""
+    way = on_floor(turned_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
+    return -way.conj() if mirrored else way
+
+
+def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
+    """Returns the feet and the stride of a puppet, from a cache if possible.
+
+    Raises:
+        InputError: if the puppet lacks something.
+    """
+    lacking = missing(project, puppet)
+    if lacking:
+        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", mend=" ".join(lacking))
+    return travel_with(material_of(project, puppet, PuppetLayer(puppet.poses[0].take)))
+
+
+def travel_with(material: Material) -> PuppetTravel:
+    """Returns the feet and the stride of the puppet of a layer; only its mirroring counts of the layer.
+
+    Raises:
+        InputError: if the puppet lacks something.
+    """
+    layer = PuppetLayer("", mirrored=material.layer.mirrored)
+    return _travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
+
+
+def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
+    """Returns the feet that alternate on the ground in key poses (n, P, 3), metres.
+
+    Two feet alternate if each is on the ground in at least one pose, and their relative position changes
+    between poses.
+
+    Args:
+        feet: numbers of the control points that are feet.
+    """
+    at = targets[:, list(feet)]
+    size = float(np.linalg.norm(np.ptp(targets.reshape(-1, 3), axis=0))) if len(feet) else 0.0
+    grounded = (at[..., 1] <= at[..., 1].min(1, initial=np.inf, keepdims=True) + _GROUND * size).any(0)
+    found = set[int]()
+    for a, b in combinations(np.flatnonzero(grounded).tolist(), 2):
+        apart = np.ptp(at[:, a] - at[:, b], axis=0).max()
+        if apart > _ALTERNATES * size:
+            found |= {feet[a], feet[b]}
+    return tuple(sorted(found))
+
+
+def seen_as(clip: Clip, role: Role) -> PerformerClip:
+    """Returns a take as the performer of the key poses would have made it, in their size."""
+    took = performed(clip, role.joints)
+    return replace(took, poses=role.seen(took.poses))
+
+
+@dataclass(frozen=True, eq=False)
+class Stepping:
+    """The feet of a performer in a take, and the control points that follow them.
+
+    Attributes:
+        seen: (F, K, 3) metres, the performer's feet in the world.
+        feet: (K,) numbers of the control points.
+        legs: mean length of the bones from the root to the feet, metres.
+        step: seconds between frames.
+        how: the settings.
+    """
+
+    seen: Float
+    feet: tuple[int, ...]
+    legs: float
+    step: float
+    how: LocomotionSettings
+
+    def stands(self) -> Bool:
+        """Returns (F, K) which of the feet stand."""
+        return standing_feet(self.seen, self.step, self.legs, self.how)
+
+    def locate(
+        self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
+    ) -> PlacedMotion:
+        """Returns the motion of places (F, P, 3) in the world, moved only by the contact of these feet."""
+        if switches is None:
+            switches = find_switches(self.seen, self.step, self.legs, self.how)
+        return locate(places, yaw, self.step, switches, self.feet, self.how, stands)
+
+
+def stepping(
+    skeleton: Skeleton,
+    role: Role,
+    took: PerformerClip,
+    feet: Sequence[int],
+    how: LocomotionSettings,
+    rows: Sequence[int] | None = None,
+) -> Stepping:
+    """Returns the feet of a performer in a take.
+
+    Args:
+        skeleton: the performer's.
+        took: the take, one row a joint of the role.
+        feet: numbers of the control points.
+        rows: for each foot the row of its joint in the role; None: the same number.
+    """
+    rows = list(feet if rows is None else rows)
+    ways = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
+    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
+    return Stepping(took.world[:, rows], tuple(feet), legs, took.step, how)
+
+
+@lru_cache(maxsize=_KEPT)
+def _travel(material: Material) -> PuppetTravel:
+    mesh, points, shown = material.mesh(), material.points, [one() for one in material.shown]
+    examples = examples_with(material.puppet, mesh, points, material.poses, shown, material.symmetry)
+    reference = reference_among([one.skeleton for one in shown], examples.joints)
+    size = _size_of(mesh.vertices) / max(_size_of(reference.positions), 1e-9)
+    feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
+    if not feet:
+        return PuppetTravel((), complex(size))
+    return PuppetTravel(feet, _stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size))
+
+
+def _stride(
+    material: Material,
+    examples: Examples,
+    reference: Skeleton,
+    takes: Sequence[Clip],
+    feet: tuple[int, ...],
+    size: float,
+) -> complex:
+    """Returns the stride of a puppet that steps: the least-squares ratio of its path to the performer's.
+
+    It is the ratio of their sizes if the performer's path does not explain the puppet's, for instance because
+    the performer stays in place.
+
+    Args:
+        size: the ratio of sizes.
+    """
+    mapping, mirrored = ExampleMap(examples, material.examples), material.layer.mirrored
+    shared, own, theirs = 0j, 0.0, 0.0
+    for clip in takes:
+        role = cast(reference, clip.skeleton, examples.joints, clip.id)
+        took = _thinned(seen_as(clip, role))
+        yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
+        by = stepping(clip.skeleton, role, took, feet, material.locomotion)
+        placed = by.locate(mapping.solve(took.poses, took.step), yaw, by.stands())
+        way = role.size * way_of(took, facing_of(clip.skeleton), mirrored)
+        went, gone = (_gone_in_a_span(one, took.step) for one in (on_floor(placed.root), way))
+        shared += complex(np.vdot(gone, went))
+        own, theirs = own + float(np.vdot(went, went).real), theirs + float(np.vdot(gone, gone).real)
+    explained = abs(shared) ** 2 / max(own * theirs, 1e-12)
+    sure = float(np.clip((explained - _COHERENT[0]) / (_COHERENT[1] - _COHERENT[0]), 0.0, 1.0))
+    return size + sure * (shared / max(theirs, 1e-12) - size)
+
+
+def _gone_in_a_span(way: Complex, step: float) -> Complex:
+    """Returns (N,) the displacements of a path (F,) within :data:`_SPAN`, one from each frame."""
+    apart = max(min(round(_SPAN / step), len(way) - 1), 1)
+    return np.asarray(way[apart:] - way[:-apart])
+
+
+def _thinned(took: PerformerClip) -> PerformerClip:
+    """Returns the take with about :data:`_RATE` frames a second."""
+    every = max(round(1.0 / (_RATE * took.step)), 1)
+    return PerformerClip(
+        took.poses[::every], took.world[::every], took.root[::every], took.yaw[::every], took.step * every
+    )
+
+
+def _size_of(places: Float) -> float:
+    """Returns the geometric mean of the height and the largest extent of places (N, 3), metres."""
+    extents = np.ptp(places, axis=0)
+    return float(np.sqrt(extents[1] * extents.max()))

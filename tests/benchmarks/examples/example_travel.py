@@ -1,0 +1,150 @@
+"""Measures how far puppets are from their performers' paths after a minute.
+
+    for result in travels():        # one for each mesh and performance
+        print(result)
+
+Some swim, some stand on two legs, some on many. They are suggested as `enliven examples new` suggests them.
+In each key pose a control point moves from rest as its joint moves from its median place, in the puppet's
+size. So nothing is tuned to a mesh.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document.clip import Clip
+from enliven.document.project import Project
+from enliven.document.puppet import KeyPose
+from enliven.example_sessions.mesh import fitted
+from enliven.example_sessions.tables import MeshTable
+from enliven.examples.performer import performed
+from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_trajectory import PuppetMotion
+from enliven.mapping.facing import facing_of, turned_about_y
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.edits import change_layers
+from enliven.modeling.puppet import suggested_puppet
+from enliven.takes.files import read_take
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
+SECONDS = 60.0
+"""How long each puppet is played at least: its take is looped as often as that takes."""
+MESHES = {
+    "fish": MeshTable("meshes/cinolib/blub_triangulated.obj", 0.8),
+    "shark": MeshTable("meshes/partickle/shark.obj", 0.6),
+    "manta": MeshTable("gltf/quaternius/Manta_ray.glb", 0.2),
+    "octopus": MeshTable("meshes/partickle/octopus.obj", 0.8),
+    "spider": MeshTable("gltf/quaternius/Spider.glb", 0.6),
+    "cow": MeshTable("meshes/common3d/cow.obj", 1.4, "y", -90.0),
+    "horse": MeshTable("gltf/quaternius/Horse.glb", 1.5),
+    "cactus": MeshTable("meshes/cinolib/cactus.off", 1.7, "z", 90.0),
+    "humanoid": MeshTable("meshes/cinolib/humanoid.off", 1.7),
+    "armadillo": MeshTable("meshes/libigl/armadillo.obj", 1.7),
+    "trex": MeshTable("meshes/trex/trex_yana.obj", 1.2),
+}
+STAYS = {
+    "traffic": "cmu_expmap/train_directing_traffic_4.txt",
+    "waves": "bvh/bandai_namco/dataset-2_wave-both-hands_normal_001.bvh",
+}
+"""Performances of somebody who stays in their place."""
+GOES = {
+    "walks": "cmu_expmap/test_walking_1.txt",
+    "strolls": "bvh/bandai_namco/dataset-1_walk_normal_001.bvh",
+    "boxes": "bvh/cmu_mirrors/Boxing_Toes.bvh",
+    "leaps": "bvh/cmu_mirrors/01_01.bvh",
+}
+"""Performances of somebody who goes somewhere."""
+
+
+@dataclass(frozen=True)
+class Travelled:
+    """How a puppet travelled.
+
+    Attributes:
+        mesh, take: names of :data:`MESHES`, :data:`STAYS` and :data:`GOES`.
+        offset: metres on the floor from the performer's scaled path, at the end of the last round.
+        slide: centimetres a second by which anchors move over the floor, the mean of all frames in contact.
+        pairs: the joints of its control points, feet with a star.
+    """
+
+    mesh: str
+    take: str
+    offset: float
+    slide: float
+    pairs: str
+
+    def __str__(self) -> str:
+        what = f"{self.mesh:10s} {self.take:8s} {self.offset:.2f} m off, slides {self.slide:.1f} cm/s"
+        return f"{what}: {self.pairs}"
+
+
+def travels() -> Iterator[Travelled]:
+    """Every mesh in every performance of which the files are there."""
+    for mesh, table in MESHES.items():
+        for take, file in {**STAYS, **GOES}.items():
+            if (DATA / table.file).is_file() and (DATA / file).is_file():
+                yield travelled(mesh, take)
+
+
+def travelled(mesh: str, take: str) -> Travelled:
+    """How a mesh travels in a performance."""
+    project = posed(mesh_named(mesh), clip_named(take))
+    puppet = project.puppets["it"]
+    motion = motion_of(project, puppet, 0)
+    points = [point.joint + "*" * point.foot for point in puppet.points]
+    return Travelled(mesh, take, _offset(motion), slide(motion), ", ".join(points))
+
+
+def posed(mesh: Mesh, clip: Clip) -> Project:
+    """A suggested puppet "it" that plays a clip in a loop, each point posed as its joint goes."""
+    project = suggested_puppet(Project().with_takes(clip), mesh, clip.id, "it")
+    puppet = project.puppets["it"]
+    size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
+    took = performed(clip, [point.joint for point in puppet.points])
+    seen = turned_about_y(took.poses, -facing_of(clip.skeleton))
+    poses = []
+    for pose in puppet.poses:
+        places = puppet.rest + size * (seen[round(pose.time / clip.step)] - np.median(seen, axis=0))
+        places[:, 1] = np.maximum(places[:, 1], np.minimum(puppet.rest[:, 1], 0.0))
+        poses.append(KeyPose(pose.take, pose.time, places))
+    project = project.with_characters(replace(puppet, poses=tuple(poses)))
+    return change_layers(project, "it", [0], loop=True)
+
+
+@lru_cache
+def mesh_named(name: str) -> Mesh:
+    """One of :data:`MESHES`, upright and in its size."""
+    table = MESHES[name]
+    return fitted(load_mesh(DATA / table.file)[0], table)
+
+
+@lru_cache
+def clip_named(name: str) -> Clip:
+    """One of :data:`STAYS` or :data:`GOES`."""
+    return read_take(DATA / {**STAYS, **GOES}[name])[0]
+
+
+def slide(motion: PuppetMotion) -> float:
+    """Centimetres a second by which anchors move over the floor, the mean of all frames in contact."""
+    world = turned_about_y(motion.places, motion.yaw[:, None]) + motion.root[:, None]
+    frames = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))
+    anchors = motion.anchors[frames + 1]
+    moved = (world[frames + 1, anchors] - world[frames, anchors])[:, [0, 2]]
+    return float(np.linalg.norm(moved, axis=1).mean() / motion.step * 100.0) if len(frames) else 0.0
+
+
+def _offset(motion: PuppetMotion) -> float:
+    """Metres from the performer's path, which goes on from round to round."""
+    rounds = int(np.ceil(SECONDS / ((motion.frames - 1) * motion.step))) - 1
+    turn, path = float(motion.yaw[-1]), motion.path[-1]
+    for _ in range(rounds):
+        path = turned_about_y(path, np.asarray(turn)) + motion.path[-1]
+    root = motion.way_at(motion.frames - 1.0, rounds)[1] - motion.root[0]
+    return float(np.linalg.norm((root - path)[[0, 2]]))
