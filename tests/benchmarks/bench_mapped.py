@@ -69,7 +69,7 @@ def _turning_figures() -> Iterator[Figure]:
     off = np.concatenate([film.off_deg for film in films])
     yield Figure("mapped.heading_deg_max", float(off.max()), "degrees off the performer's heading, the worst")
     yield Figure(
-        "mapped.heading_deg_p90", float(np.percentile(off, 90)), "degrees, 90 frames in 100 have less"
+        "mapped.heading_deg_p90", float(np.percentile(off, 90)), "degrees, nine frames in ten have less"
     )
     yield Figure("mapped.place_m_first", max(film.first_m for film in films), "m off in the first frame")
 

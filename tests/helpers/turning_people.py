@@ -77,7 +77,7 @@ def headings_on_stage(
     """Returns (F,) radians by which the mesh's hips are ahead of the performer's, and (F, 3) their places.
 
     The mesh's hips have turned as the nodes of its pelvis have on average. The places are metres, world
-    frame, of the middle of these nodes.
+    frame, where these nodes carry the mesh's hip centre.
 
     Args:
         film: of one performer, a frame each.
@@ -85,6 +85,7 @@ def headings_on_stage(
     """
     assert actor.likeness is not None
     hips = _hip_nodes(actor)
+    arms = actor.likeness.joints[Joint.HIP_CENTER] - actor.graph.positions[hips]
     stage, name = Stage([actor]), actor.character.id
     gaps, places = np.empty(len(film)), np.empty((len(film), 3))
     stage.perform([], 0)  # a tracker reports nobody in its first frames
@@ -93,7 +94,7 @@ def headings_on_stage(
         turn = pose.linear[hips].astype(np.float64).mean(0)
         mesh = math.atan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]) + actor.likeness.yaw
         gaps[n] = wrapped(mesh - hip_heading(body.joints))
-        places[n] = pose.positions[hips].mean(0)
+        places[n] = (pose.positions[hips] + np.einsum("nab,nb->na", pose.linear[hips], arms)).mean(0)
         if n == held_from:
             stage.possess(name, parts=parts)
     return gaps, places
