@@ -1,4 +1,4 @@
-"""Measures which arms and legs are found in ten human-like meshes, and how long that takes.
+"""Measures which limbs are found in ten human-like meshes, and how they keep a spinning performer's heading.
 
 The peer is what `how = "mapped"` did before: extremities are head, hands and feet by height alone.
 """
@@ -11,11 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 from figure import Figure
 from known_bodies import BODIES, KnownBody, limbs_found
+from turning_measures import measure_turning
+from turning_people import metres_from_bone
 
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph
 from enliven.meshes import Mesh
-from enliven.person.joints import PARENTS, Joint
+from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, standing_figure
 from enliven.possession.attachment import Growth, attach
 from enliven.possession.likeness import find_body_in_mesh
@@ -54,6 +56,22 @@ def figures() -> Iterator[Figure]:
     yield Figure("mapped.held_far_pct", float(np.mean(far)), "% of the hold is on another limb's skin")
     yield Figure("mapped.held_far_worst_pct", max(far), "% in the worst of ten")
     yield Figure("mapped.find_ms", float(np.median(times)), "ms of processor time")
+    yield from _turning_figures()
+
+
+def _turning_figures() -> Iterator[Figure]:
+    """Yields how far each of the ten bodies is off its performer's heading, from the first frame on."""
+    films = [
+        measure_turning(make().mesh, how, seed)
+        for seed, make in enumerate(BODIES.values())
+        for how in ("mapped", "inside")
+    ]
+    off = np.concatenate([film.off_deg for film in films])
+    yield Figure("mapped.heading_deg_max", float(off.max()), "degrees off the performer's heading, the worst")
+    yield Figure(
+        "mapped.heading_deg_p90", float(np.percentile(off, 90)), "degrees, nine frames in ten have less"
+    )
+    yield Figure("mapped.place_m_first", max(film.first_m for film in films), "m off in the first frame")
 
 
 def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
@@ -67,15 +85,8 @@ def _held_far(mesh: Mesh, joints: Float) -> float:
     graph, settings = DeformationGraph.build(mesh, nodes=128), ActorSettings()
     grow = Growth(settings.enough, settings.farthest_reach)
     held = attach(graph, joints, np.ones(20), settings=settings.attachment, grow=grow)
-    apart = np.stack([_from_bone(graph.positions, joints, joint) for joint in range(1, 20)], 1)
+    apart = np.stack([metres_from_bone(graph.positions, joints, joint) for joint in range(1, 20)], 1)
     limbs = np.stack([apart[:, _LIMB_OF[1:] == limb].min(1) for limb in range(5)], 1)
     own = limbs[held.node_indices, _LIMB_OF[held.bone][:, None]]
     other = own > _NEAR * limbs[held.node_indices].min(2)
     return float((held.node_weights * other).sum() / held.node_weights.sum())
-
-
-def _from_bone(points: Float, joints: Float, joint: int) -> Float:
-    """(P,) metres from points to the bone that ends in a joint."""
-    start, way = joints[PARENTS[joint]], joints[joint] - joints[PARENTS[joint]]
-    along = np.clip((points - start) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points - start - along[:, None] * way, axis=1))

@@ -1,14 +1,18 @@
-"""Real meshes possessed from beside them: limb for limb, whatever they are."""
+"""Real meshes possessed from beside them: limb for limb, whatever they are, and turning as real people do."""
 
+import functools
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from turning_people import FRAME_RATE_HZ, deviations_deg, headings_on_stage, hip_heading
 
+from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
+from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -16,6 +20,16 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+PEOPLE = ("humanoids/quaternius_worker_woman.glb", "meshes/*/humanoid.off", "meshes/*/human_man.obj")
+TURNS = {
+    "bvh/other/pymo_AV_8Walk_Meredith.bvh": 270,
+    "bvh/cmu_mirrors/01_01.bvh": 185,
+    "bvh/cmu_mirrors/Boxing_Toes.bvh": 120,
+    "cmu_expmap/train_directing_traffic_4.txt": 55,
+}
+"""Recorded motions, and the least degrees between two headings of their hips."""
+MAX_SECONDS = 14.0
+"""Seconds of a motion that are played: long enough for half a turn, short enough for a test."""
 BEASTS = ("libigl/horse_quad.obj", "common3d/cow.obj", "libigl/camel_b.obj")
 MESHES = DATA / "meshes"
 FRAME = 33_333_333
@@ -66,3 +80,33 @@ def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
     }
     assert at[Joint.HAND_RIGHT] > 0.2
     assert max(value for joint, value in at.items() if joint != Joint.HAND_RIGHT) < 0.3 * at[Joint.HAND_RIGHT]
+
+
+@functools.cache
+def recorded(pattern: str) -> list[Body]:
+    """Returns the bodies of a recorded motion, 30 a second, as one performer in front of the sensor."""
+    paths = find_files([str(DATA / pattern)])
+    read = (frame for frame in find_reader(paths).read(paths) if isinstance(frame, BodyFrame))
+    frames = [frame for frame in read if frame.bodies]
+    times = np.array([frame.time_ns for frame in frames]) * 1e-9
+    count = int(min(times[-1] - times[0], MAX_SECONDS) * FRAME_RATE_HZ)
+    chosen = [frames[int(np.abs(times - times[0] - n / FRAME_RATE_HZ).argmin())] for n in range(count)]
+    height = chosen[0].bodies[0].height
+    return [Body(1, frame.bodies[0].joints, np.ones(20), stature=height) for frame in chosen]
+
+
+@pytest.mark.parametrize("how", ["mapped", "inside"])
+@pytest.mark.parametrize("motion", TURNS)
+@pytest.mark.parametrize("mesh", PEOPLE)
+def test_people_keep_the_heading_of_who_turns_in_them(mesh, motion, how):
+    """Held in the middle of the film, when the performer has turned since they were first seen."""
+    film = recorded(motion)
+    actor = cast(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))
+    gaps, _ = headings_on_stage(actor, film, len(film) // 2)
+    assert deviations_deg(gaps).max() < 10.0
+
+
+def test_recorded_motions_turn_as_far_as_is_said():
+    for motion, degrees in TURNS.items():
+        yaw = np.unwrap([hip_heading(body.joints) for body in recorded(motion)])
+        assert np.degrees(np.ptp(yaw)) > degrees

@@ -129,7 +129,7 @@ class Attachment:
             self.rest,
         )
 
-    def targets(self, joints: Float) -> Float:
+    def targets(self, joints: Float, turns: Float | None = None) -> Float:
         """(L, 3) metres where the points should be now, q_l; NaN where a joint they need is not finite.
 
         A point keeps its fraction along the bone, however long the bone is now, and its distance from the
@@ -137,9 +137,11 @@ class Attachment:
 
         Args:
             joints: (20, 3) metres, world frame.
+            turns: (19, 3, 3) rotation of each bone since the body attached; None computes it from the
+                joints. Joints do not determine how a trunk without hips or shoulders turns about its length.
         """
         joints = checked_joints(joints)
-        turns, _ = bone_rotations(self.rest, joints)
+        turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
         ends = filled_joints(joints, filled_joints(self.rest, self.rest))
         out = np.empty((len(self), 3))
         _place(ends, turns, self.bone, self.along, self.radial, out)

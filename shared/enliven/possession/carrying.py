@@ -29,6 +29,10 @@ class Carrying(Protocol):
     def at_rest(self) -> Float | None:
         """(20, 3) metres where the bones take hold of the mesh at rest; None: where the joints are now."""
 
+    @property
+    def turns(self) -> Float | None:
+        """(19, 3, 3) rotation of each bone for the last joints; None: it is computed from the joints."""
+
     def at(self, time_ns: int) -> None:
         """Tells it the time of the joints that it carries next, by the sensor's clock."""
 
@@ -59,6 +63,7 @@ class CarriedPlacement:
     home: Float | None = None
     fits: bool = field(default=False, init=False)
     at_rest: Float | None = field(default=None, init=False)
+    turns: Float | None = field(default=None, init=False)
     _hip: Float | None = field(default=None, repr=False)
 
     @property

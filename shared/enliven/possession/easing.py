@@ -58,6 +58,20 @@ class Easing:
         """Whether the shown state differs from the computed one."""
         return self._restarts or self._gap is not None
 
+    def restart(self) -> None:
+        """Forgets the shown state, so that the next computed state is shown without easing."""
+        self.shown, self._gap, self._restarts = None, None, False
+
+    def turn_along(self, yaw: float) -> None:
+        """Turns the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame.
+
+        The fade then begins from there. Without this a spinning mesh would lag by one frame's turn.
+        """
+        if self._restarts and self.shown is not None:
+            (linear, positions), turn = self.shown, turn_about_y(yaw)
+            centre = positions.mean(0)
+            self.shown = turn @ linear, (positions - centre) @ turn.T + centre
+
     def restart_fade(self) -> None:
         """Eases from the shown state to the next computed one, however far apart they are."""
         self._restarts = True

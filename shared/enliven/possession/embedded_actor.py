@@ -69,7 +69,7 @@ class EmbeddedActor(Actor):
         self._soft = SoftConstraints(character, graph, self.settings)
         self._stiffness = stiffness_of(character, graph.positions, self.settings.stiffness)
         self._swing = FollowThrough(self._stiffness, self.settings.exaggeration)
-        self._time_ns = 0
+        self._time_ns, self._turned = 0, 0.0
         self._seen = False
 
     @property
@@ -183,10 +183,12 @@ class EmbeddedActor(Actor):
         if not self._placed and bodies and not self.holds:
             place, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
             self._placement = place.larger(self.growth, place.offset)
+            self._easing.restart()
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
-        self._meet(bodies)
+        self._meet(bodies, time_ns)
         world = self._placement.state_to_world(*self._solved(bodies, seen or {}, time_ns))
+        self._easing.turn_along(self._turned)
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
@@ -232,7 +234,8 @@ class EmbeddedActor(Actor):
         if (self.holds or self._easing.under_way) and (others or self._stays):
             deformed = self._shown_at_rest()
         earlier = [hold.grips[0].carrying for hold in others]
-        for carrying in self._rules.carryings(body, self._placement, earlier):
+        own = next((hold.grips[0].carrying for hold in self.holds if hold.body == body.id), None)
+        for carrying in self._rules.carryings(body, self._placement, earlier, own):
             grip = gripped(self.graph, self.settings, body, parts, carrying, deformed)
             if len(grip.attachment):
                 break
@@ -268,6 +271,7 @@ class EmbeddedActor(Actor):
         if any(hold.body in present and hold.body not in sunk for hold in self.holds):
             present = {own: body for own, body in present.items() if own not in sunk}
         self._seen = any(hold.body in present for hold in self.holds)
+        self._turned = 0.0
         for hold in self.holds if self._seen else []:
             gone = hold.away(time_ns) > self.settings.patience
             body = present.get(hold.body)
@@ -275,14 +279,21 @@ class EmbeddedActor(Actor):
                 self._easing.restart_fade()
             hold.active = body is not None or not gone
             if body is not None:
+                was_seen = hold.seen_ns == self._time_ns
                 hold.see(body, time_ns)
+                if was_seen and len(self.holds) == 1 and isinstance(hold.carrying, Mapped):
+                    self._turned = hold.carrying.turned
 
-    def _meet(self, bodies: list[Body]) -> None:
+    def _meet(self, bodies: list[Body], time_ns: int) -> None:
         """Lets a mesh that has not been held yet come to the pose of the performer who holds it next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
-        if body is None or (self._meeting is not None and self._meeting.body == body.id):
+        if body is None:
             return
-        carrying = self._rules.meeting(body)
+        if self._meeting is not None and self._meeting.body == body.id:
+            if self._meeting.away(time_ns) > self.settings.patience:
+                self._easing.restart_fade()
+            return
+        carrying = self._rules.meeting(body, self._placement)
         if carrying is not None:
             start = None if self._meeting is None else self._meeting.state
             fit = (body, carrying, self._stiffness, start)

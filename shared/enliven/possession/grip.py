@@ -36,10 +36,11 @@ def gripped(
     own, metre = settings.attachment, 1.0 / carrying.scale
     near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
     grow = Growth(_ALL if carrying.fits else settings.enough, metre * settings.farthest_reach)
-    joints = carrying(body.joints)
+    joints, start_turns = carrying(body.joints), carrying.turns
     if carrying.at_rest is not None:
-        joints, deformed = carrying.at_rest, None
-    return Grip(attach(graph, joints, body.confidence, parts, near, deformed, grow), carrying, parts)
+        joints, deformed, start_turns = carrying.at_rest, None, None
+    held = attach(graph, joints, body.confidence, parts, near, deformed, grow)
+    return Grip(held, carrying, parts, start_turns)
 
 
 def out_of_reach(character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float) -> InputError:

@@ -31,11 +31,21 @@ class Grip:
         attachment: the points that the body drives.
         carrying: brings joints from the world into the rest space.
         parts: the parts of the body that took hold.
+        start_turns: (19, 3, 3) the carrying's turns when the body attached; None: the identity.
     """
 
     attachment: Attachment
     carrying: Carrying
     parts: str
+    start_turns: Float | None = None
+
+    def targets(self, body: Body) -> Float:
+        """Returns (L, 3) metres in the rest space, where the held points should be now."""
+        joints = self.carrying(body.joints)
+        turns = self.carrying.turns
+        if turns is not None and self.start_turns is not None:
+            turns = turns @ np.swapaxes(self.start_turns, 1, 2)
+        return self.attachment.targets(joints, turns)
 
 
 @dataclass
@@ -88,10 +98,8 @@ class EmbeddedHold:
         before = self._targets
         for grip in self.grips:
             grip.carrying.at(time_ns)
-        joints = [grip.carrying(body.joints) for grip in self.grips]
-        held = [grip.attachment for grip in self.grips]
-        self._targets = np.concatenate([a.targets(j) for a, j in zip(held, joints, strict=True)])
-        pulls = np.concatenate([a.target_weights(body.confidence) for a in held])
+        self._targets = np.concatenate([grip.targets(body) for grip in self.grips])
+        pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.grips])
         lost = ~(np.abs(self._targets) < _FARTHEST).all(1)
         pulls[lost] = 0.0
         if self._pulls is None or before is None or len(self._pulls) != len(pulls):

@@ -9,7 +9,7 @@ from enliven.arrays import Float, Float32
 from enliven.person import PARENTS, Body, J, Joint
 from enliven.possession.bone_cylinders import bone_rotations, filled_joints
 from enliven.possession.likeness import BodyInMesh
-from enliven.possession.placement import facing, turn_about_y
+from enliven.possession.placement import facing, turn_about_y, wrapped
 from enliven.possession.standing import standing_figure
 from enliven.rotation import unit
 
@@ -27,9 +27,14 @@ class Mapped:
     """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's bone has turned.
 
     Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the rotation of the
-    performer's bone since it was as the mesh's bone is at rest, and Q the rotation from their facing to the
-    mesh's front. A human-like mesh comes to its performer's pose from its own; others are held as they
-    are. The hip moves as theirs does, scaled by the ratio of the leg lengths, if there are legs.
+    performer's bone since it was as the mesh's bone is at rest, and Q the rotation from where the mesh faces
+    in the world to where it faces in its rest space. A human-like mesh comes to its performer's pose from its
+    own, and always faces where they face; others are held as they are, and turn by as much as the performer.
+    The hip moves as theirs does, scaled by the ratio of the leg lengths, if there are legs.
+
+    While a human-like mesh comes to the pose, R is split into the heading of the performer's hips, a turn
+    about +Y, and the remaining rotation. Only the remaining rotation is interpolated. Interpolating all of R
+    would show a part of each turn of the performer, and would jump where they pass half a turn.
 
     Args:
         likeness: the mesh's skeleton.
@@ -39,6 +44,11 @@ class Mapped:
         seconds: how long the mesh takes to come to the performer's pose.
         pace: metres of the performer a second, the fastest that it does so.
         inside: whether the mesh is where the performer is, so that it goes over the floor exactly as they do.
+        front: radians about +Y, where a human-like mesh at rest faces in the world; None: as its performer.
+
+    Attributes:
+        turns: (19, 3, 3) rotation of each bone of the mesh since rest, for the last joints.
+        turned: radians about +Y by which the performer's hips turned between the last two calls.
     """
 
     fits = True
@@ -52,12 +62,16 @@ class Mapped:
         seconds: float = 0.0,
         pace: float = np.inf,
         inside: bool = False,
+        front: float | None = None,
     ) -> None:
         self.likeness, self.scale, self.body = likeness, scale, body.id
         self._last = now = filled_joints(body.joints, body.joints)
-        yaw = facing(body)
-        self._turn = turn_about_y(likeness.yaw - yaw)
-        self._rest = _as_the_mesh(likeness, now, yaw, self._turn) if likeness.human else now
+        self._front = facing(body) if front is None or not likeness.human else front
+        self._turn = turn_about_y(likeness.yaw - self._front)
+        self._rest = _as_the_mesh(likeness, now, self._front, self._turn) if likeness.human else now
+        self._heading, self.turned = _hip_heading(now), 0.0
+        self._start_gap = wrapped(self._heading - self._front)
+        self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
         self._home = self._rest[_HIP].copy()
         measure = scale
         if np.isfinite(likeness.leg):
@@ -77,8 +91,9 @@ class Mapped:
         return self.likeness.joints if self.likeness.human else None
 
     def goes_on(self, other: Mapped) -> None:
-        """Is as far on its way to the performer's pose as another is that has met them before."""
+        """Continues the approach to the performer's pose that another carrying of theirs has begun."""
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
+        self._start_gap = other._start_gap
 
     def at(self, time_ns: int) -> None:
         """Brings the mesh nearer to the performer's pose, until it is in it."""
@@ -91,10 +106,12 @@ class Mapped:
         """(20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN where it has none."""
         now = filled_joints(joints, self._last)
         self._last = now
-        turns = self._turn @ bone_rotations(self._rest, now)[0] @ self._turn.T
+        before, self._heading = self._heading, _hip_heading(now)
+        self.turned = wrapped(self._heading - before)
+        since_rest = bone_rotations(self._rest, now)[0]
         if self._share < 1.0:
-            part = rotation.slerp(rotation.IDENTITY, rotation.from_matrix(turns), np.array(self._share))
-            turns = rotation.to_matrix(part)
+            since_rest = self._partly(since_rest, self._heading - self._front)
+        self.turns = turns = self._turn @ since_rest @ self._turn.T
         own = self.likeness.joints
         way = (now[_HIP] - self._home) * self._steps
         out = np.empty((J, 3))
@@ -104,6 +121,17 @@ class Mapped:
             out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
         return out
 
+    def _partly(self, since_rest: Float, heading: float) -> Float:
+        """Returns (19, 3, 3) bone rotations on the way from rest to ``since_rest``, in the world.
+
+        Args:
+            heading: radians about +Y from the mesh's front at rest to that of the performer's hips.
+        """
+        level = rotation.from_matrix(turn_about_y(-heading) @ since_rest)
+        part = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
+        shown = heading - (1.0 - self._share) * self._start_gap
+        return np.asarray(turn_about_y(shown) @ rotation.to_matrix(part))
+
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns two empty arrays (0, 3): a person's surface does not lie on a mesh of another shape."""
         return np.empty((0, 3)), np.empty((0, 3))
@@ -111,10 +139,17 @@ class Mapped:
     def handed_over(self, body: Body) -> None:
         """Continues with another body from where the last one was."""
         self.body = body.id
+        self._heading = _hip_heading(filled_joints(body.joints, self._last))
         step = body.joints[_HIP] - self._last[_HIP]
         if np.isfinite(step).all():
             self._home = self._home + step
             self._last = self._last + step
+
+
+def _hip_heading(joints: Float) -> float:
+    """Returns radians about +Y from +Z to where the hips of (20, 3) joints face."""
+    left = joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
+    return float(np.arctan2(-left[2], left[0]))
 
 
 def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
@@ -122,8 +157,8 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
 
     Args:
         now: (20, 3) metres, the performer.
-        yaw: radians about +Y that they face.
-        turn: (3, 3) from their facing to the mesh's front.
+        yaw: radians about +Y, the direction that the returned figure faces.
+        turn: (3, 3) from that direction to the mesh's front.
     """
     figure = standing_figure() @ turn_about_y(yaw).T
     mesh = likeness.joints @ turn

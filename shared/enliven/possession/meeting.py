@@ -48,6 +48,10 @@ class Meeting:
         """The id of the performer."""
         return self._hold.body
 
+    def away(self, time_ns: int) -> float:
+        """Returns the seconds since the performer was last in view."""
+        return self._hold.away(time_ns)
+
     @property
     def state(self) -> State:
         """The last answer."""

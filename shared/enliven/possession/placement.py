@@ -114,6 +114,11 @@ def turn_about_y(yaw: float) -> Float:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
+def wrapped(angle: float) -> float:
+    """Returns an angle in radians, brought to -pi .. pi."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
 def yaw_between(start: Float, end: Float) -> float:
     """Radians about +Y that bring (N, 3) centred points nearest to others (Procrustes, over the floor)."""
     sine = float((end[:, 0] * start[:, 2] - end[:, 2] * start[:, 0]).sum())

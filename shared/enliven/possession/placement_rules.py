@@ -75,17 +75,27 @@ class PlacementRules:
         front = 0.0 if self.likeness is None else self.likeness.yaw
         return Placement(place.scale, place.yaw - front, place.offset)
 
-    def carryings(self, body: Body, placement: Placement, earlier: list[Carrying]) -> list[Carrying]:
+    def carryings(
+        self, body: Body, placement: Placement, earlier: list[Carrying], own_earlier: Carrying | None = None
+    ) -> list[Carrying]:
         """Returns the carryings with which a body may take hold, the best first.
 
         Args:
             placement: where the mesh stands.
-            earlier: the carryings of present holds, of others or of the body itself.
+            earlier: the carryings of the present holds that are kept, of others or of the body itself.
+            own_earlier: the carrying of the present hold of the body, kept or not. Beside a mesh it continues
+                with it, so that attaching again moves nothing.
         """
         own, scale = self.settings, self._performer_scale(body)
         inside = own.how == "inside"
+        if not inside and isinstance(own_earlier, Mapped):
+            return [own_earlier]
         if self.likeness is not None and not (inside and earlier):
-            return [Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside)]
+            front = self._front(self.at_performer(body) if inside else placement)
+            new = Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside, front)
+            if isinstance(own_earlier, Mapped):
+                new.goes_on(own_earlier)
+            return [new]
         held = next((one for one in earlier if isinstance(one, Mapped)), None)
         if held is not None and held.body == body.id:
             return [held]
@@ -99,12 +109,21 @@ class PlacementRules:
             places.append(under(body, scale))
         return [CarriedPlacement(place, own.travel, not inside) for place in places]
 
-    def meeting(self, body: Body) -> Mapped | None:
-        """The carrying by which a mesh comes to a performer's pose where it waits; None where it does not."""
+    def _front(self, placement: Placement) -> float:
+        """Returns the direction in which the mesh faces at rest in the world, radians about +Y."""
+        return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
+
+    def meeting(self, body: Body, placement: Placement) -> Mapped | None:
+        """Returns the carrying with which a waiting mesh takes a performer's pose, or None if it does not.
+
+        Args:
+            placement: where the mesh waits.
+        """
         own, like = self.settings, self.likeness
         if not own.ahead or like is None or not like.human:
             return None
-        return Mapped(like, body, self._performer_scale(body), 0.0, own.fade, own.fade_pace)
+        scale, front = self._performer_scale(body), self._front(placement)
+        return Mapped(like, body, scale, 0.0, own.fade, own.fade_pace, front=front)
 
     def _performer_scale(self, body: Body) -> float:
         """Returns the metres of the performer for one metre of the rest space."""
