@@ -12,7 +12,13 @@ from enliven.settings import setting
 class SceneSettings:
     """Where the sensor stands and what of its image may be a person."""
 
-    height: float = setting(1.0, "Height of the sensor where no floor is seen.", unit="m", low=0.0, high=10.0)
+    height: float = setting(
+        0.0,
+        "Height of the sensor where no floor is seen. 0: guessed from the people, by their proportions.",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
     tilt: float = setting(
         0.0, "Tilt below the horizon where no floor is seen.", unit="rad", low=-1.6, high=1.6
     )

@@ -74,6 +74,8 @@ _SEEN_SHARE = 0.3
 """Share of a joint's bone that must be visible for its support to count: fewer samples may be an edge."""
 _HARDLY = 0.02
 """Probability of being a person below which a group of pixels is not searched: so plain a no needs no fit."""
+_MAYBE = 0.3
+"""The same probability where the floor is guessed: heights, which rule out most things, say nothing then."""
 _BESIDE = 0.12
 """Metres from the model's surface beyond which a point is something else: clothes stay within."""
 _MOSTLY = 0.5
@@ -139,7 +141,7 @@ class Follower:
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.person_probability < _HARDLY:
+            if seen.estimate.person_probability < (_HARDLY if view.has_floor else _MAYBE):
                 return None
             network, pose = shipped_estimator(), view.world_from_camera
             by_facing = yield from estimates_by_facing(network, seen.estimate, pose)

@@ -172,7 +172,9 @@ class PeopleFinder:
 
     def _welcome(self, body: FoundBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
         """Hands a found body to the roster, and the (h, w) pixels to the person in the segments."""
-        person = self._roster.welcome(body.newcomer, body.shown, body.follower, view.time_ns)
+        person = self._roster.welcome(
+            body.newcomer, body.shown, body.follower, view.time_ns, has_floor=view.has_floor
+        )
         self._newcomers.drop(body.newcomer)
         segments.owner[pixels & (segments.owner < 0)] = len(self._roster.segmented)
         self._roster.segmented.append(person)
