@@ -19,7 +19,7 @@ from enliven_edge.tracking.detect import (
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import FrameView, Observation
-from enliven_edge.tracking.people.confidence import confidence
+from enliven_edge.tracking.people.confidence import bounded_when_seated, confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
     Redetection,
@@ -312,7 +312,8 @@ class Follower:
         self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
-        self.confidence = confidence(self.evidence, alone=seen is None)
+        sure = confidence(self.evidence, alone=seen is None)
+        self.confidence = bounded_when_seated(sure, self.posture)
 
     def _proportions(self) -> Float | None:
         """Returns (12,) weights that hold the bones' lengths: soft at first; None where they are frozen.
