@@ -3,7 +3,8 @@
 Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing was tuned; "tracking.tuning."
 gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
 "tracking.sealed." of films that were opened once, after all tuning (:mod:`tracking_kept`); there the floor is
-measured, too. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
+measured, too. "tracking.turns." is of turns and floor work to tune on, "tracking.turns_sealed." of those that
+were opened once. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
 without depth, and belong to the fusion of sensors.
 """
 
@@ -20,10 +21,10 @@ import tracking_real
 from figure import Figure
 from tracking_cache import rendered
 from tracking_evaluation import evaluated, mean_recovery
-from tracking_kept import SEALED
+from tracking_kept import SEALED, SEALED_TURNS
 from tracking_scene import DATA
 from tracking_scores import Scores, joint_label
-from tracking_set import CLOSE, HELD_OUT, TUNING, sequences
+from tracking_set import CLOSE, HELD_OUT, TUNING, TURNS, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.tracker import Tracker
@@ -48,6 +49,8 @@ def figures() -> Iterator[Figure]:
     yield from _accuracy(TUNING, "tracking.tuning")
     yield from _accuracy(CLOSE, "tracking.close")
     yield from _accuracy(SEALED, "tracking.sealed")
+    yield from _accuracy(TURNS, "tracking.turns")
+    yield from _accuracy(SEALED_TURNS, "tracking.turns_sealed")
     yield from _floor(SEALED, "tracking.sealed")
     yield from _real()
     yield from _memory()
@@ -64,6 +67,7 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
             one += scores.cost[_SETTLED:]
     minutes = total.minutes
     yield Figure(f"{prefix}.within_10cm", total.within, "of visible joints")
+    yield Figure(f"{prefix}.within_10cm_from_first", total.within_from_first, "the same from frame 0 on")
     yield Figure(f"{prefix}.mean_error_mm", total.mean_mm, "mm")
     wrong = float((total.sure[-1] - total.sure_hits[-1]) / max(total.sure.sum(), 1))
     yield Figure(

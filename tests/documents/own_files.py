@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,6 +104,7 @@ def _write_recordings(folder: Path) -> None:
     (folder / "MY_FRAMES").mkdir()
     for n, frame in enumerate(itertools.islice(frames, 3)):
         Image.fromarray(frame.depth).save(folder / "MY_FRAMES" / f"{n:03}.png")
+    shutil.copy(folder / "MY_FRAMES" / "000.png", folder / "IMAGE.png")
 
 
 def in_chair(bow: float) -> np.ndarray:

@@ -1,10 +1,12 @@
 """``enliven track``: depth becomes a take, as the tracker sees it; what is refused changes nothing."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 from typer.testing import CliRunner
 
 from enliven.errors import InputError
@@ -56,6 +58,69 @@ def test_depth_becomes_a_take(depth, tmp_path):
     with pytest.raises(InputError, match="no depth images in it"):
         run(made, "-o", tmp_path / "again.mcap")
     assert made.read_bytes() == before and not list(tmp_path.glob("*.part"))
+
+
+def test_person_at_the_start_is_found_in_the_first_image(depth, tmp_path):
+    run(depth, "-o", tmp_path / "bodies.mcap")
+    assert all(len(frame.bodies) == 1 for frame in Recording(tmp_path / "bodies.mcap").frames())
+
+
+@pytest.fixture
+def image(depth, tmp_path):
+    """The shipped recording's first image as a 16-bit PNG, its frame, and its lens for the option."""
+    frame = next(iter(Recording(depth).frames()))
+    Image.fromarray(frame.depth).save(tmp_path / "image.png")
+    camera = frame.intrinsics
+    return tmp_path / "image.png", frame, f"{camera.fx},{camera.fy},{camera.cx},{camera.cy}"
+
+
+def test_single_image_gives_a_take(image, tmp_path):
+    """The joints are those of the same image in a recording, but for the sensor's pose, which it states."""
+    path, frame, lens = image
+    made = tmp_path / "bodies.mcap"
+    output = run(path, "-o", made, "--lens", lens)
+    assert "1 frames of bodies, 1 person" in output
+    assert f"fx {frame.intrinsics.fx:.1f}" in output, "the camera is said"
+    (written,) = Recording(made).frames()
+    (body,) = written.bodies
+    (expected,) = tracked([replace(frame, world_from_camera=None)], TrackerSettings())
+    np.testing.assert_allclose(body.joints, expected.bodies[0].joints, atol=1e-5)
+    clip, _ = read_take(made)
+    assert 0.0 < clip.duration < 0.1, "one pose, held"
+
+
+def test_image_without_a_known_camera_asks_for_a_lens(image, tmp_path):
+    Image.fromarray(image[1].depth[:200]).save(image[0])
+    with pytest.raises(InputError, match="no file states its camera") as caught:
+        run(image[0], "-o", tmp_path / "bodies.mcap")
+    assert "--lens FX,FY,CX,CY" in caught.value.mend
+    with pytest.raises(InputError, match="is not four numbers"):
+        run(image[0], "-o", tmp_path / "bodies.mcap", "--lens", "525,525")
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "message"),
+    [("colour.png", "RGB", "a PNG image in colour"), ("colour.jpg", "RGB", "a JPEG image in colour"),
+     ("grey.png", "L", "in 256 greys")],
+)  # fmt: skip
+def test_image_without_depth_is_refused_with_what_it_is(name, mode, message, tmp_path):
+    Image.new(mode, (64, 48)).save(tmp_path / name)
+    with pytest.raises(InputError, match=message) as caught:
+        run(tmp_path / name, "-o", tmp_path / "bodies.mcap")
+    assert caught.value.where == str(tmp_path / name)
+    assert "16-bit channel, in millimetres" in caught.value.mend
+
+
+def test_cut_off_image_and_foreign_file_are_refused(image, tmp_path):
+    cut = tmp_path / "cut.png"
+    cut.write_bytes(image[0].read_bytes()[:4000])
+    with pytest.raises(InputError, match="damaged"):
+        run(cut, "-o", tmp_path / "bodies.mcap", "--lens", image[2])
+    text = tmp_path / "text.png"
+    text.write_text("no image")
+    with pytest.raises(InputError, match="no reader recognises"):
+        run(text, "-o", tmp_path / "bodies.mcap")
+    assert not list(tmp_path.glob("bodies*"))
 
 
 def test_an_image_that_cannot_be_used_is_left_out(depth):

@@ -163,7 +163,7 @@ def serve(
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
     from enliven_edge.stage import Stage
-    from enliven_edge.tracking import Tracker
+    from enliven_edge.tracking import Tracker, without_deadline
     from enliven_edge.tracking.health import HealthMonitor
 
     characters, possess_at, record, overwrite, wait, seconds = run
@@ -173,9 +173,11 @@ def serve(
     with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
         sensors = opened(sources, stack, wait_for_sensor)
+        live = any(source.sensor != "replay" for source in sources)
+        if not live:
+            chosen = dataclasses.replace(chosen, tracker=without_deadline(chosen.tracker))
         sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
         actors, parts = prepared(characters, chosen)
-        live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character for actor in actors], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         stage = Stage(actors)

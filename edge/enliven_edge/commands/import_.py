@@ -24,6 +24,12 @@ def import_recording(
     device: Annotated[
         str | None, typer.Option(help="Which sensor of several in a file; else the name to give the sensor.")
     ] = None,
+    lens: Annotated[
+        str | None,
+        typer.Option(
+            help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
+        ),
+    ] = None,
     mirror: Annotated[
         bool, typer.Option(help="Swap left and right (some drivers deliver a mirror image).")
     ] = False,
@@ -41,7 +47,7 @@ def import_recording(
       enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
       enliven import --list-readers                               the layouts that are known
     """
-    from enliven_edge.importing import ImportOptions, find_files, find_reader, mirrored
+    from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of, mirrored
 
     console = Console()
     if list_readers:
@@ -55,7 +61,7 @@ def import_recording(
         )
     paths = find_files(files)
     chosen = find_reader(paths, reader)
-    frames = chosen.read(paths, ImportOptions(fps, device))
+    frames = chosen.read(paths, ImportOptions(fps, device, lens_of(lens)))
     found = write_recording(
         mirrored(frames) if mirror else frames,
         output,

@@ -83,9 +83,9 @@ def _film(
 
     from enliven.film import FilmWriter
     from enliven_edge.inspection import Inspector, contact_sheet
-    from enliven_edge.tracking import Tracker
+    from enliven_edge.tracking import Tracker, TrackerSettings, without_deadline
 
-    inspector = Inspector(Tracker(), width, rates[0])
+    inspector = Inspector(Tracker(without_deadline(TrackerSettings())), width, rates[0])
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
     with FilmWriter(output, None, rates[1], _BIT_RATE) as film:

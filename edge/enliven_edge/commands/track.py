@@ -1,8 +1,9 @@
-"""``enliven track``: makes takes of people out of a recording of depth."""
+"""``enliven track``: makes takes of people out of a recording of depth, or out of depth images."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,10 +20,18 @@ if TYPE_CHECKING:
 
 
 def track(
-    recording: Annotated[Path, typer.Argument(help="A recording of depth.")],
+    recording: Annotated[
+        Path, typer.Argument(help="A recording of depth; or a depth image, or a folder of them.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The recording of bodies to make.")],
     settings: Annotated[
         Path | None, typer.Option(help="A TOML file of settings, as enliven edge takes it.")
+    ] = None,
+    lens: Annotated[
+        str | None,
+        typer.Option(
+            help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
+        ),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     lines: Annotated[
@@ -32,23 +41,22 @@ def track(
     """Find the people in a recording of depth, and write where their joints were: a take for everything.
 
     Every image is tracked, however long that takes. What comes out is a take for the studio and for the
-    commands that move a model by a motion, and is replayed like any recording.
+    commands that move a model by a motion, and is replayed like any recording. A single 16-bit image in
+    millimetres is enough; every layout that enliven import knows is read.
 
     \b
       enliven track TAKE.mcap -o bodies.mcap
+      enliven track IMAGE.png -o bodies.mcap
+      enliven track IMAGE.png --lens 615,615,320,180 -o bodies.mcap
       enliven retarget bodies.mcap HORSE.glb -o horse.glb
     """
-    from enliven.recording import DEPTH_TOPIC, Recording
     from enliven_edge.settings import EdgeSettings
 
-    source = Recording(recording)
-    if DEPTH_TOPIC not in source.info.topics:
-        mend = "Give a recording of a depth camera; one of bodies is a take as it is."
-        raise InputError("there are no depth images in it", where=str(recording), mend=mend)
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
-    found_in = tracked(source.frames(), chosen.tracker)
+    frames, count = _recorded(recording) if _is_recording(recording) else _imported(recording, lens)
+    found_in = tracked(frames, chosen.tracker)
     if lines:
-        found_in = _counted(found_in, source.info.topics[DEPTH_TOPIC].count)
+        found_in = _counted(found_in, count)
     found = write_recording(
         found_in,
         output,
@@ -63,20 +71,75 @@ def track(
         typer.echo("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
 
 
+def _is_recording(path: Path) -> bool:
+    """Returns whether a path is to be read as a recording: no folder, and MCAP by its name or its content."""
+    from enliven.recording import MAGIC
+    from enliven_edge.importing import head_of
+
+    return not path.is_dir() and (path.suffix == ".mcap" or head_of(path, len(MAGIC)) == MAGIC)
+
+
+def _recorded(path: Path) -> tuple[Iterable[Frame], int]:
+    """Returns the frames of a recording, and how many depth images are among them.
+
+    Raises:
+        InputError: where it is no recording, or holds no depth.
+    """
+    from enliven.recording import DEPTH_TOPIC, Recording
+
+    source = Recording(path)
+    if DEPTH_TOPIC not in source.info.topics:
+        raise _without_depth(path)
+    return source.frames(), source.info.topics[DEPTH_TOPIC].count
+
+
+def _imported(path: Path, lens: str | None) -> tuple[Iterable[Frame], int]:
+    """Returns the frames of foreign files as ``enliven import`` reads them, and the number of files.
+
+    The camera that is assumed where no file states one is said.
+
+    Raises:
+        InputError: where no reader knows the files, or they hold no depth.
+    """
+    from enliven.frames import DepthFrame
+    from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of
+
+    paths = find_files([str(path)])
+    reader = find_reader(paths)
+    frames = iter(reader.read(paths, ImportOptions(lens=lens_of(lens))))
+    first = next(frames, None)
+    if not isinstance(first, DepthFrame):
+        raise _without_depth(path)
+    camera = first.intrinsics
+    typer.echo(
+        f"Read as {reader.name}, sensor {first.sensor}: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
+        f"cx {camera.cx:.1f}, cy {camera.cy:.1f} pixels at {camera.width}x{camera.height}."
+    )
+    if reader.note:
+        typer.echo(f"Note: {reader.note}.")
+    return chain([first], frames), len(paths)
+
+
+def _without_depth(path: Path) -> InputError:
+    mend = "Give a recording of a depth camera; one of bodies is a take as it is."
+    return InputError("there are no depth images in it", where=str(path), mend=mend)
+
+
 def _counted(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:
     """Yields the same, and says each time how many of how many there were."""
     for number, frame in enumerate(frames, 1):
-        print(f"{number} of {total}", flush=True)
+        print(f"{number} of {max(number, total)}", flush=True)
         yield frame
 
 
 def tracked(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:
     """Yields the bodies in each depth image, world frame; each sensor is tracked by itself.
 
-    An image that cannot be used is left out, as the edge leaves it out.
+    People who are there in the first image are found in it. An image that cannot be used is left out, as the
+    edge leaves it out.
     """
     from enliven.frames import BodyFrame, DepthFrame
-    from enliven_edge.tracking import Tracker
+    from enliven_edge.tracking import Tracker, without_deadline
     from enliven_edge.tracking.health import HealthMonitor
 
     trackers: dict[str, tuple[Tracker, HealthMonitor]] = {}
@@ -84,7 +147,8 @@ def tracked(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[Body
         if not isinstance(frame, DepthFrame):
             continue
         if frame.sensor not in trackers:
-            trackers[frame.sensor] = Tracker(settings), HealthMonitor(far=settings.scene.far)
+            tracker = Tracker(without_deadline(settings))
+            trackers[frame.sensor] = tracker, HealthMonitor(far=settings.scene.far)
         tracker, monitor = trackers[frame.sensor]
         if monitor.admit(frame):
             yield BodyFrame(tracker.track(frame), frame.time_ns, frame.sensor)

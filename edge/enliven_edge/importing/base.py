@@ -27,10 +27,12 @@ class ImportOptions:
     Attributes:
         fps: frames a second where the files hold no times; None for the layout's usual rate.
         device: which of several sensors in one file to read; None for the one that saw most.
+        lens: fx, fy, cx and cy in pixels, of depth images without a camera file; None for a usual sensor's.
     """
 
     fps: float | None = None
     device: str | None = None
+    lens: tuple[float, float, float, float] | None = None
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
         """Yields evenly spaced times from 0, for files without their own."""
@@ -42,6 +44,25 @@ class ImportOptions:
 
 
 DEFAULT_OPTIONS = ImportOptions()
+
+
+def lens_of(text: str | None) -> tuple[float, float, float, float] | None:
+    """Returns the four numbers of ``FX,FY,CX,CY``; None where there is no text.
+
+    Raises:
+        InputError: where these are not four numbers.
+    """
+    if text is None:
+        return None
+    try:
+        fx, fy, cx, cy = (float(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"{text!r} is not four numbers with commas between them",
+            where="--lens",
+            mend="Give focal lengths and centre in pixels, such as --lens 525,525,319.5,239.5",
+        ) from None
+    return fx, fy, cx, cy
 
 
 @runtime_checkable

@@ -20,7 +20,13 @@ from enliven_edge.importing.base import (
     natural_order,
     text_of,
 )
-from enliven_edge.importing.images import KINECT1, is_depth_png, read_colour, read_depth_png
+from enliven_edge.importing.images import (
+    KINECT1,
+    is_depth_png,
+    read_colour,
+    read_depth_png,
+    usual_camera,
+)
 
 _SUFFIX = "_depth.png"
 
@@ -86,7 +92,7 @@ class RawKinectReader(Reader):
 
     name = "raw-kinect1"
     description = "headerless Kinect v1 depth images (640x480 uint16 millimetres)"
-    note = "no camera in the files: the usual Kinect v1 (525 pixels) is assumed; no times: evenly spaced"
+    note = "no camera in the files: a Kinect v1 (525 pixels) unless --lens is given; no times: evenly spaced"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _raw_images(paths)
@@ -95,7 +101,8 @@ class RawKinectReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = _raw_images(paths) or list(paths)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
-            yield DepthFrame(_read(path), KINECT1, time_ns, options.device or "kinect1")
+            name, camera = _camera_of(path, KINECT1.width, KINECT1.height, options)
+            yield DepthFrame(_read(path), camera, time_ns, name)
 
 
 def _raw_images(paths: Sequence[Path]) -> list[Path]:
@@ -124,11 +131,14 @@ def _read(path: Path) -> UInt16:
 
 
 class PlainDepthReader(Reader):
-    """16-bit PNG in millimetres without a camera file."""
+    """16-bit PNG in millimetres without a camera file: the camera is stated, or a usual one of that shape."""
 
     name = "plain-depth"
-    description = "depth PNG sequence alone (16-bit, millimetres, the shape of a Kinect v1 image)"
-    note = "no camera in the files: the usual Kinect v1 (525 pixels) is assumed; no times: evenly spaced"
+    description = "depth PNG alone (16-bit, millimetres, the shape of a Kinect's image, or with --lens)"
+    note = (
+        "no camera in the files: a usual Kinect's of the image's shape unless --lens is given; no times: "
+        "evenly spaced"
+    )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return bool(paths) and any(is_depth_png(path) for path in paths)
@@ -137,11 +147,24 @@ class PlainDepthReader(Reader):
         images = sorted((path for path in paths if is_depth_png(path)), key=natural_order)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
             depth = read_depth_png(path)
-            camera = KINECT1.scaled(depth.shape[1] / KINECT1.width)
-            if (camera.height, camera.width) != depth.shape:
-                raise InputError(
-                    f"the image is {depth.shape[1]}x{depth.shape[0]}, and no file states its camera",
-                    where=str(path),
-                    mend="Put a camera file beside it: NAME_camera.xml for NAME_depth.png.",
-                )
-            yield DepthFrame(depth, camera, time_ns, options.device or "kinect1")
+            name, camera = _camera_of(path, depth.shape[1], depth.shape[0], options)
+            yield DepthFrame(depth, camera, time_ns, name)
+
+
+def _camera_of(path: Path, width: int, height: int, options: ImportOptions) -> tuple[str, Intrinsics]:
+    """Returns the sensor's name and camera for an image without a camera file: as stated, or a usual one.
+
+    Raises:
+        InputError: where none is stated, and no usual sensor has images of this shape.
+    """
+    if options.lens is not None:
+        return options.device or "depth", Intrinsics(width, height, *options.lens)
+    usual = usual_camera(width, height)
+    if usual is None:
+        raise InputError(
+            f"the image is {width}x{height}, and no file states its camera",
+            where=str(path),
+            mend="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY, or put a camera file "
+            "beside it: NAME_camera.xml for NAME_depth.png.",
+        )
+    return options.device or usual[0], usual[1]

@@ -15,6 +15,12 @@ from enliven_edge.importing.base import head_of
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The Kinect v1's camera as drivers assume it without a calibration."""
+KINECT2 = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
+"""The Kinect v2's depth camera; units differ by about 1 %."""
+AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
+"""The Azure Kinect's depth camera in its narrow mode without binning; units differ by about 1 %."""
+_USUAL = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
+"""Sensors by name, which are recognised by the shape of their images."""
 _COLOUR = ("PNG", "JPEG")
 """Image formats of the layouts; Pillow's other decoders start programs or trust hostile bytes."""
 _MOST_PIXELS = 1 << 26
@@ -31,6 +37,27 @@ def png_size(path: Path) -> tuple[int, int]:
     """Returns width and height from the header of a PNG file."""
     head = head_of(path, 33)
     return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+
+
+def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
+    """Returns the name and the camera of the sensor with depth images of this shape; None: not known."""
+    for name, camera in _USUAL.items():
+        scaled = camera.scaled(width / camera.width)
+        if (scaled.width, scaled.height) == (width, height):
+            return name, scaled
+    return None
+
+
+def colour_kind(path: Path) -> str | None:
+    """Returns the kind of a picture without depth, such as "a JPEG image in colour"; None: another file."""
+    try:
+        with _opened(path, _COLOUR) as image:
+            if image.mode.startswith("I") or image.format is None:
+                return None
+            grey = image.mode in ("1", "L", "LA")
+            return f"a {image.format} image {'in 256 greys' if grey else 'in colour'}"
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
 
 
 def read_depth_png(path: Path) -> UInt16:

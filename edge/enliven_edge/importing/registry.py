@@ -12,6 +12,7 @@ from pathlib import Path
 
 from enliven.errors import InputError
 from enliven_edge.importing.base import Reader
+from enliven_edge.importing.images import colour_kind
 
 ENTRY_POINTS = "enliven.readers"
 """The entry-point group by which other packages add readers: each names a class like those here."""
@@ -63,6 +64,13 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     for reader in known.values():
         if reader.can_read(paths):
             return reader
+    kind = colour_kind(paths[0]) if len(paths) == 1 else None
+    if kind is not None:
+        raise InputError(
+            f"it is {kind}, and no depth image",
+            where=str(paths[0]),
+            mend="Give the depth image of that moment: a PNG of one 16-bit channel, in millimetres.",
+        )
     raise InputError(
         "no reader recognises " + ("this file" if len(paths) == 1 else f"any of these {len(paths)} files"),
         where=str(paths[0]),

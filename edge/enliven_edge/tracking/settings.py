@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from enliven.settings import setting
@@ -12,7 +12,13 @@ from enliven.settings import setting
 class SceneSettings:
     """Where the sensor stands and what of its image may be a person."""
 
-    height: float = setting(1.0, "Height of the sensor where no floor is seen.", unit="m", low=0.0, high=10.0)
+    height: float = setting(
+        0.0,
+        "Height of the sensor where no floor is seen. 0: guessed from the people, by their proportions.",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
     tilt: float = setting(
         0.0, "Tilt below the horizon where no floor is seen.", unit="rad", low=-1.6, high=1.6
     )
@@ -64,6 +70,13 @@ class SearchSettings:
         26,
         "Search in a frame, in coarse fits: a person appears some frames later, but no frame takes long. "
         "0: all of it in one frame, where a person must be there at first sight.",
+        low=0,
+        high=10_000,
+    )
+    first_fits: int = setting(
+        40,
+        "Search in the first frame with somebody in it, in coarse fits: once, so that people who are "
+        "there at the start are reported at once. 0: no limit, as in recordings.",
         low=0,
         high=10_000,
     )
@@ -166,3 +179,8 @@ class TrackerSettings:
         1.72, "Height of the person before it is measured.", unit="m", low=0.5, high=2.5
     )
     lost_after: int = setting(5, "Bad frames before the person is looked for anew.", low=1, high=300)
+
+
+def without_deadline(settings: TrackerSettings) -> TrackerSettings:
+    """Returns the settings for a recording: no frame comes too late, so the first search has no limit."""
+    return replace(settings, search=replace(settings.search, first_fits=0))

@@ -17,7 +17,7 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
-from enliven_edge.tracking.people import MultiPersonTracker, Person
+from enliven_edge.tracking.people import GuessedFloor, MultiPersonTracker, Person
 from enliven_edge.tracking.scene import UNSEEN, Mounting, RoomModel
 from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
@@ -57,7 +57,9 @@ class Tracker:
     ) -> None:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
-        self._people = MultiPersonTracker(self.settings, Fitter(self.settings.fit))
+        self._fitter = Fitter(self.settings.fit)
+        self._people = MultiPersonTracker(self.settings, self._fitter)
+        self._guessed_floor = GuessedFloor(self.settings)
         self._room: RoomModel | None = None
         self._owner: Int16 | None = None
         self._view: FrameView | None = None
@@ -167,10 +169,15 @@ class Tracker:
         if self._mounting.falling:
             self._view = None
             return []
+        self._fitter.has_floor = self._mounting.height_known
+        if not self._mounting.height_known and not self._people.people:
+            view = self._mounting.raise_guess(view, self._guessed_floor.before_search(view, room))
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._people.follow(view, kind)
         hold = self._people.finder.find(view, kind, segments, room, believe=not self._mounting.suspected)
+        if not self._mounting.height_known:
+            view = self._raise_world(view)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._people.travelled_ids(), view.z)
         people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
@@ -179,6 +186,13 @@ class Tracker:
         self._give_up(room, view, kind)
         self._mounting.watch(view, agreement, people)
         return self._bodies(frame)
+
+    def _raise_world(self, view: FrameView) -> FrameView:
+        """Corrects the guess of the floor by the people's soles; they stay where they are in the image."""
+        step = self._guessed_floor.after_fit(self._people.people)
+        for person in self._people.people:
+            person.lift(step)
+        return self._mounting.raise_guess(view, step)
 
     def _take_back(self, room: RoomModel, view: FrameView) -> None:
         """Forgets the parts of the first frames' people that were learnt as the room: a leg below a hole."""

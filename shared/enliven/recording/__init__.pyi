@@ -1,3 +1,4 @@
+from .container import MAGIC as MAGIC
 from .messages import pack_depth as pack_depth, unpack_depth as unpack_depth
 from .reader import (
     Recording as Recording,

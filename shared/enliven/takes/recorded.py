@@ -80,9 +80,15 @@ def body_frames(recording: Recording) -> Iterator[Frame]:
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
-    """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`."""
+    """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`.
+
+    Bodies of one single moment, as of a single depth image, give clips of one pose that is held for a step.
+    """
     visits = _visits(frames, settings.gap)
-    parts = [visit for visit in visits if (visit[-1][0] - visit[0][0]) * 1e-9 >= settings.shortest]
+    if len({ns for visit in visits for ns, _ in visit}) == 1:
+        parts = [[(ns, body), (ns + round(settings.step * 1e9), body)] for ((ns, body),) in visits]
+    else:
+        parts = [visit for visit in visits if (visit[-1][0] - visit[0][0]) * 1e-9 >= settings.shortest]
     ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
     return [_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
 

@@ -11,9 +11,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
 import tracking_scene
-from tracking_kept import OPENED, SEALED
+from tracking_kept import OPENED, SEALED, SEALED_TURNS
 from tracking_scene import Sequence
-from tracking_set import CLOSE, HELD_OUT, TUNING, sequences
+from tracking_set import CLOSE, HELD_OUT, TUNING, TURNS, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_synthesis.sensor.profile import load_profile
@@ -29,6 +29,8 @@ from enliven_synthesis.sensor.profile import load_profile
         (HELD_OUT, SEALED),
         (CLOSE, SEALED),
         (OPENED, SEALED),
+        (TURNS, SEALED_TURNS),
+        (TUNING, SEALED_TURNS),
     ],
 )
 def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) -> None:

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import tracking_motions
 from tracking_scene import Sequence
 
 import enliven_synthesis
@@ -114,6 +115,8 @@ def _key(sequence: Sequence) -> str:
     scene = {
         k: v for k, v in vars(sequence).items() if k not in ("name", "split", "covered", "kind", "trouble")
     }
+    if any(move.source == "turns" for person in sequence.people for _, move, _, _ in person.moves):
+        scene["motions"] = Path(tracking_motions.__file__).read_text()
     scene["knocked"] = sequence.trouble == "knocked"
     return hashlib.sha256((repr(scene) + _source()).encode()).hexdigest()[:12]
 

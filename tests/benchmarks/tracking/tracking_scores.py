@@ -31,6 +31,10 @@ _STAYS = 3
 """Frames for which a recovery must last, a swap must last to be one, and a false body to be one."""
 _HIGH_PASS = 0.5
 """Seconds of the moving average that is taken off before jitter is measured."""
+_SUMS = (
+    "error", "matched", "missed", "early_hits", "early_visible", "identity", "mirrored", "false", "seconds",
+)  # fmt: skip
+"""Attributes of the scores that are added up."""
 _ARMS = ((5, 6, 7), (9, 10, 11))
 _LEGS = ((13, 14, 15), (17, 18, 19))
 BINS = 10
@@ -70,6 +74,8 @@ class Scores:
         hits, visible: (20,) visible joints found within 10 cm, and all that count.
         error: metres summed over the matched visible joints; ``matched`` how many those are.
         missed: visible joints of people who were not tracked.
+        early_hits, early_visible: the joints of the first half second, of people who are in view in the first
+            frame; they count in nothing else.
         sure, sure_hits: (10,) joints said by confidence, in tenths, and those of them within 10 cm.
         identity, mirrored, false: how often an identity changed, left and right were exchanged, and a body
             was there without a person.
@@ -86,6 +92,8 @@ class Scores:
     error: float = 0.0
     matched: int = 0
     missed: int = 0
+    early_hits: int = 0
+    early_visible: int = 0
     sure: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
     sure_hits: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
     identity: int = 0
@@ -105,6 +113,12 @@ class Scores:
         return float(self.hits.sum() / max(self.visible.sum(), 1))
 
     @property
+    def within_from_first(self) -> float:
+        """Share of the visible joints found within 10 cm, from the first frame on."""
+        visible = self.visible.sum() + self.early_visible
+        return float((self.hits.sum() + self.early_hits) / max(visible, 1))
+
+    @property
     def mean_mm(self) -> float:
         return 1e3 * self.error / max(self.matched, 1)
 
@@ -122,7 +136,7 @@ class Scores:
         """Add another sequence's figures."""
         for name in ("hits", "visible", "sure", "sure_hits"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        for name in ("error", "matched", "missed", "identity", "mirrored", "false", "seconds"):
+        for name in _SUMS:
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("jitter", "recovery", "cost", "standing", "told"):
             getattr(self, name).extend(getattr(other, name))
@@ -139,7 +153,7 @@ def score(take: Take, *, still: bool = False, covered: tuple[float, float] | Non
     """
     count = len(take.moments[0].present)
     pairs = [match(bodies, moment) for bodies, moment in zip(take.bodies, take.moments, strict=True)]
-    due = _due(take)
+    due, early = _due(take)
     if covered is not None:
         due &= (take.times >= covered[1] + GRACE)[:, None]
     out = Scores(seconds=float(np.ptp(take.times)), cost=list(take.cost))
@@ -147,6 +161,8 @@ def score(take: Take, *, still: bool = False, covered: tuple[float, float] | Non
     for f, (pair, moment) in enumerate(zip(pairs, take.moments, strict=True)):
         if take.observed[f]:
             _add_frame(out, f, take.bodies[f], moment, pair, due[f])
+            if covered is None:
+                _add_early(out, take.bodies[f], moment, pair, early[f])
     out.identity = sum(_identity_changes(take, pairs, p) for p in range(count))
     out.mirrored = sum(_mirrorings(take, pairs, p) for p in range(count))
     out.false = _false_bodies(take, pairs)
@@ -172,8 +188,11 @@ def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
     return {int(people[r]): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < GATE}
 
 
-def _due(take: Take) -> np.ndarray:
-    """(F, P) whether a person must be tracked: in view for longer than the grace."""
+def _due(take: Take) -> tuple[np.ndarray, np.ndarray]:
+    """(F, P) whether a person must be tracked, in view for longer than the grace; and the grace at the start.
+
+    The second is of people who are in view in the first frame.
+    """
     seen = np.array([m.present & (m.visible.sum(1) >= SEEN_ENOUGH) for m in take.moments])
     due = np.zeros_like(seen)
     for p in range(seen.shape[1]):
@@ -186,7 +205,8 @@ def _due(take: Take) -> np.ndarray:
             since = min(since, time)
             unseen = time
             due[f, p] = time - since >= GRACE
-    return due
+    early = seen & ~due & seen[0] & (take.times - take.times[0] < GRACE)[:, None]
+    return due, early
 
 
 def _add_frame(
@@ -218,6 +238,18 @@ def _add_frame(
         tenth = np.clip((body.confidence * BINS).astype(int), 0, BINS - 1)
         np.add.at(out.sure, tenth, 1)
         np.add.at(out.sure_hits, tenth, right)
+
+
+def _add_early(
+    out: Scores, bodies: list[Body], moment: Moment, pair: dict[int, int], early: np.ndarray
+) -> None:
+    """Adds one of the first frames' joints of the people who are (P,) early there."""
+    for p in np.flatnonzero(early):
+        visible = moment.visible[p]
+        out.early_visible += int(visible.sum())
+        if p in pair:
+            apart = np.linalg.norm(bodies[pair[p]].joints - moment.joints[p], axis=1)
+            out.early_hits += int(np.count_nonzero(apart[visible] < NEAR))
 
 
 def _add_turns(out: Scores, body: Body, moment: Moment, p: int) -> None:

@@ -7,7 +7,8 @@ them are left out, and every kind of difficulty is still covered by motions that
 
 from __future__ import annotations
 
-from tracking_kept import OPENED, kept_sequences
+from tracking_kept import OPENED, SEALED_TURNS, kept_sequences
+from tracking_motions import NAMES as TURN_NAMES
 from tracking_scene import BACK, HOME, SIDE, Move, Person, Sequence, alone, exercise_move
 
 from enliven_synthesis.body.performer import Proportions
@@ -16,6 +17,8 @@ from enliven_synthesis.sensor.scene import Box
 TUNING, HELD_OUT = "tuning", "held-out"
 CLOSE = "close"
 """Limbs close before the trunk, to tune on."""
+TURNS = "turns"
+"""Turns and floor work, to tune on."""
 
 DESK = (
     Box((-0.75, 0.0, -1.95), (0.75, 0.74, -1.90)),
@@ -282,10 +285,33 @@ _OPENED_BUILDS = (
 """Builds of no other split."""
 
 
+_TURNS_BUILDS = (
+    Proportions(1.83, 1.04, shoulders=1.03, legs=1.01),
+    Proportions(1.62, 0.94, hips=1.04),
+    Proportions(1.72, 1.15, arms=0.98),
+)
+"""Builds of the sealed turns, of no other set."""
+
+
+def turns() -> list[Sequence]:
+    """Turns and floor work: every motion twice for each set, by other seeds, builds and yaws."""
+    out = []
+    for split, letter, builds, first in (
+        (TURNS, "t", (AVERAGE, SMALL, TALL), 300),
+        (SEALED_TURNS, "v", _TURNS_BUILDS, 9100),
+    ):
+        for n, name in enumerate(TURN_NAMES * 2):
+            move = Move("turns", name, first + n)
+            cast = alone(builds[n % 3], move, (0.1 * (-1) ** n, -2.8), 0.5 * (-1) ** (n // 2))
+            sensor = ("oak-d", "kinect1")[n % 2]
+            out.append(Sequence(f"{letter} {name} {n // 5 + 1}", split, cast, 4.5, sensor, seed=first + n))
+    return out
+
+
 def sequences(split: str | None = None, only: str | None = None) -> list[Sequence]:
     """The sequences that can be made here: of a split (or all), whose names have ``only`` in them."""
     return [
         s
-        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs(), *kept_sequences())
+        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs(), *turns(), *kept_sequences())
         if s.available and split in (None, s.split) and (only is None or only in s.name)
     ]

@@ -16,9 +16,10 @@ from enliven.health import HealthKind
 from enliven_edge.fusion.calibration.tracks import Collector
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import ArrivalClocks, eyes
+from enliven_edge.fusion.live.merge import ArrivalClocks, eyes, settings_before_fusion
 from enliven_edge.fusion.live.sensor_view import SensorState
 from enliven_edge.fusion.placement.space import Place, Space, rows
+from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
@@ -194,3 +195,10 @@ def test_a_collector_that_fails_says_why():
     collector.start()
     collector.stop()
     until(lambda: collector.ended, "the end of the collector")
+
+
+@pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])
+def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
+    """A height guessed from people would differ from the one that the placements were calibrated with."""
+    made = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
+    assert made.scene.height == kept

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,7 +28,7 @@ COARSE = 9
 PART = 2
 """Coarse fits of the largest part of a search, half a refinement: so much is overdrawn."""
 AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
-SPREAD = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
+SPREAD = TrackerSettings(search=SearchSettings(fits_per_frame=FITS, first_fits=FITS))
 
 
 def parts(costs):
@@ -95,23 +97,35 @@ def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
     assert sum(work > 1.5 * np.median(at_once) for work in at_once) >= 2, "nobody was looked for anew"
 
 
-@pytest.mark.parametrize(("made", "at_first"), [(TrackerSettings(), False), (SPREAD, False), (AT_ONCE, True)])
-def test_the_first_frame_measures_and_the_search_begins_in_the_next(made, at_first, film, monkeypatch):
-    """What stands in the room is measured in the first frame; a search besides would make it the longest."""
-    fits = [calls for calls, _ in counted(film[:4], made, monkeypatch)]
-    assert (fits[0] > 0) == at_first
-    assert max(fits[1:]) > 0
+@pytest.mark.parametrize("step", [1, 3], ids=["30 a second", "10 a second"])
+@pytest.mark.parametrize("made", [TrackerSettings(), AT_ONCE], ids=["spread", "at once"])
+def test_person_in_the_first_frame_is_reported_in_it(film, made, step):
+    tracker = Tracker(made)
+    assert [len(tracker.track(frame)) for frame in film[::step]] == [1] * len(film[::step])
 
 
-@pytest.mark.parametrize(("step", "frames"), [(1, 6), (3, 2)], ids=["30 a second", "10 a second"])
-def test_who_is_in_the_first_frame_is_there_within_a_fifth_of_a_second(film, step, frames):
-    tracker = Tracker()
-    there = [len(tracker.track(frame)) for frame in film[::step]]
-    assert there[frames:] == [1] * len(there[frames:])
+@pytest.mark.parametrize("empty", [1, 10])
+def test_first_search_waits_for_a_sensor_that_starts(film, empty):
+    """A sensor that begins with images without depth has not spent its first search on them."""
+    tracker, nothing = Tracker(), np.zeros_like(film[0].depth)
+    for n, frame in enumerate(film[: empty + 3]):
+        bodies = tracker.track(replace(frame, depth=nothing) if n < empty else frame)
+        assert len(bodies) == (n >= empty), f"frame {n}"
+
+
+def test_first_search_has_its_larger_budget_once(film, monkeypatch):
+    """Only one frame spends it: a later search is spread over frames."""
+    made = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
+    work = [calls for calls, _ in counted(film, made, monkeypatch)]
+    assert FITS + PART < work[0] <= made.search.first_fits + PART
+    assert max(work[1:]) <= FITS + PART + FOLLOWING
 
 
 def test_what_is_found_is_what_is_found_at_once(film):
-    """Once the person is there the joints are the same within four centimetres, soon after within one."""
+    """When the person appears the joints are the same within four centimetres, soon after within one.
+
+    A later look at an arm may fall into another frame, so one joint may differ for some frames.
+    """
     spread, at_once = (Tracker(made) for made in (SPREAD, AT_ONCE))
     apart = []
     for frame in film:
@@ -119,7 +133,8 @@ def test_what_is_found_is_what_is_found_at_once(film):
         if mine:
             apart.append(np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max())
     assert len(apart) > 50
-    assert max(apart) < 0.04
+    assert max(apart[:5]) < 0.04
+    assert max(apart) < 0.08
     assert np.median(apart[15:]) < 0.01
 
 
@@ -139,7 +154,7 @@ def test_who_walks_in_is_found_where_they_are(stagecraft):
 
 def test_the_room_does_not_learn_a_person_who_is_being_looked_for(film):
     """In a search of a third of a second: what is looked at is not taken for the room meanwhile."""
-    tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1)))
+    tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))
     at_once = Tracker(AT_ONCE)
     found = [(tracker.track(frame), at_once.track(frame)) for frame in film]
     appeared = next(n for n, (mine, _) in enumerate(found) if mine)

@@ -117,12 +117,18 @@ class OutputSchedule:
         return late or self._steps.get(sensor, np.inf) < _FASTER * step
 
 
+_FIXED_HEIGHT_M = 1.0
+"""Height of a sensor that sees no floor and has no height in the settings, the same in every session."""
+
+
 def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
     """Settings for a tracker with bodies that go to the fuser: smoothing, mirroring and prediction are off;
-    they are applied after fusion."""
+    they are applied after fusion. The sensor's height without a floor is fixed, not guessed from people: the
+    placements of the sensors were calibrated with it."""
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
-    return dataclasses.replace(settings, smoothing=smoothing, output=output)
+    scene = dataclasses.replace(settings.scene, height=settings.scene.height or _FIXED_HEIGHT_M)
+    return dataclasses.replace(settings, scene=scene, smoothing=smoothing, output=output)
 
 
 def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:

@@ -67,6 +67,12 @@ class Posture:
             self._placed = state, (ends, radii)
         return self._placed[1]
 
+    @property
+    def lowest(self) -> float:
+        """Metres above y = 0 of the lowest point of the surface: the sole of a person who stands."""
+        ends, radii = self.capsules()
+        return float((ends[..., 1] - radii).min())
+
 
 def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, Float]:
     """World rotations (13, 3, 3) and pivots (13, 3) of the frames."""

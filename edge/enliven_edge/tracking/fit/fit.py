@@ -6,7 +6,7 @@ that the camera saw through.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,12 +90,17 @@ class FitReport:
 
 
 class Fitter:
-    """Fits the model to observations; keeps nothing between calls but its settings, held for each width."""
+    """Fits the model to observations; keeps nothing between calls but its settings, held for each width.
+
+    Attributes:
+        has_floor: whether limbs stay above y = 0. A guessed floor must not shorten legs.
+    """
 
     def __init__(self, settings: FitSettings) -> None:
         self.settings = settings
+        self.has_floor = True
         self._stiffness, self._relaxedness = settings.temporal * _STIFF, settings.rest * _RELAXED
-        self._constants: dict[float, Held] = {}
+        self._constants: dict[tuple[float, bool], Held] = {}
 
     def fit(
         self,
@@ -137,7 +142,9 @@ class Fitter:
     def _constants_of(self, width: float | None) -> Held:
         """The lasting part, with weights and body, for a width in metres; the setting's where None."""
         width = float(self.settings.width if width is None else width)
-        if width not in self._constants:
+        key = width, self.has_floor
+        if key not in self._constants:
             limits = joint_limits.RELAXED, self._relaxedness, joint_limits.MIDDLE, joint_limits.REACH
-            self._constants[width] = hold(FitConstants(_SHAPE, weights_of(self.settings, width), *limits))
-        return self._constants[width]
+            settings = self.settings if self.has_floor else replace(self.settings, floor=0.0)
+            self._constants[key] = hold(FitConstants(_SHAPE, weights_of(settings, width), *limits))
+        return self._constants[key]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -289,6 +289,7 @@ class FrameView:
         points: (h, w, 3) the same pixels in the world frame, metres.
         camera: the working camera.
         world_from_camera: (4, 4) the pose of the sensor.
+        has_floor: whether the height above the floor is known, or else guessed from the people.
     """
 
     time_ns: int
@@ -296,6 +297,13 @@ class FrameView:
     points: Float
     camera: WorkingCamera
     world_from_camera: Float
+    has_floor: bool = True
+
+    def raised(self, metres: float) -> FrameView:
+        """The same frame in a world with its floor so much lower."""
+        pose = self.world_from_camera.copy()
+        pose[1, 3] += metres
+        return replace(self, points=self.points + np.array([0.0, metres, 0.0]), world_from_camera=pose)
 
     @property
     def eye(self) -> Float:

@@ -19,7 +19,7 @@ from enliven_edge.tracking.detect import (
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import FrameView, Observation
-from enliven_edge.tracking.people.confidence import confidence
+from enliven_edge.tracking.people.confidence import bounded_when_seated, confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
     Redetection,
@@ -74,6 +74,8 @@ _SEEN_SHARE = 0.3
 """Share of a joint's bone that must be visible for its support to count: fewer samples may be an edge."""
 _HARDLY = 0.02
 """Probability of being a person below which a group of pixels is not searched: so plain a no needs no fit."""
+_MAYBE = 0.3
+"""The same probability where the floor is guessed: heights, which rule out most things, say nothing then."""
 _BESIDE = 0.12
 """Metres from the model's surface beyond which a point is something else: clothes stay within."""
 _MOSTLY = 0.5
@@ -139,7 +141,7 @@ class Follower:
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.person_probability < _HARDLY:
+            if seen.estimate.person_probability < (_HARDLY if view.has_floor else _MAYBE):
                 return None
             network, pose = shipped_estimator(), view.world_from_camera
             by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
@@ -310,7 +312,8 @@ class Follower:
         self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
-        self.confidence = confidence(self.evidence, alone=seen is None)
+        sure = confidence(self.evidence, alone=seen is None)
+        self.confidence = bounded_when_seated(sure, self.posture)
 
     def _proportions(self) -> Float | None:
         """Returns (12,) weights that hold the bones' lengths: soft at first; None where they are frozen.

@@ -139,7 +139,7 @@ class MultiPersonTracker:
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
-        self.finder.allot(Budget(whole), first=elapsed is None)
+        self.finder.allot(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Takes in a frame of a covered lens: all people move on as hidden ones do."""

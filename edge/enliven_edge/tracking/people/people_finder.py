@@ -13,7 +13,7 @@ from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
 from enliven_edge.tracking.scene import ROOM, RoomModel
 from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, Segments, lying_on, segmented
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import Budget
+from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _LOOSE = 0.4
 """Share of a newcomer's outline that nothing surrounds from which its pixels are kept out of the room."""
@@ -45,7 +45,7 @@ class PeopleFinder:
         self._newcomers = Candidates()
         self._search = SpreadSearch(Search(fitter, roster.expecting))
         self._budget = Budget(0.0)
-        self._first = True
+        self._first_budget: Budget | None = frame_budget(settings.search.first_fits, None)
 
     @property
     def bystanders(self) -> int:
@@ -53,13 +53,14 @@ class PeopleFinder:
         return self._newcomers.bystanders
 
     def clear(self) -> None:
-        """Forgets all newcomers and gives up the search."""
+        """Forgets all newcomers and gives up the search; the next search in a new room is a first one."""
         self._newcomers.clear()
         self._search.stop()
+        self._first_budget = frame_budget(self.settings.search.first_fits, None)
 
-    def allot(self, budget: Budget, *, first: bool) -> None:
-        """Sets what the search may cost in this frame; ``first``: it is the tracker's first frame."""
-        self._budget, self._first = budget, first
+    def allot(self, budget: Budget) -> None:
+        """Sets what the search may cost in this frame."""
+        self._budget = budget
 
     def refuse(self, place: Float, time_ns: int) -> None:
         """Takes what stands at a (3,) place for a thing, where a body was found by mistake."""
@@ -98,17 +99,26 @@ class PeopleFinder:
             self._search.stop()
         elif not self._search.busy:
             self._start_search(due, view)
-        if not self._first:
-            share = min(1.0, _FOR_ONE * sum(1 + len(n.unions) for n in self._search.sought))
-            self._budget.left = max(_LEAST, share * self._budget.left)
-        elif self._budget.left < np.inf:
-            # The first frame measures every group of pixels in the room: the search begins in the next one.
-            self._budget.left = 0.0
+        self._limit_search(young=room.age < YOUNG)
         for body in self._search.go_on(self._budget):
             pixels = self._caught_up(body, view, kind, segments, room)
             if pixels is not None:
                 self._welcome(body, pixels, view, segments)
         return hold
+
+    def _limit_search(self, *, young: bool) -> None:
+        """Sets what is left of the frame's budget for the search; ``young``: the room is new.
+
+        The first search in a new room has a budget of its own, once: who is there at the start is then
+        reported in that frame.
+        """
+        if self._budget.left == np.inf:
+            return
+        if self._search.busy and young and self._first_budget is not None:
+            self._budget, self._first_budget = self._first_budget, None
+            return
+        share = min(1.0, _FOR_ONE * sum(1 + len(n.unions) for n in self._search.sought))
+        self._budget.left = max(_LEAST, share * self._budget.left)
 
     def _held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel
@@ -162,7 +172,9 @@ class PeopleFinder:
 
     def _welcome(self, body: FoundBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
         """Hands a found body to the roster, and the (h, w) pixels to the person in the segments."""
-        person = self._roster.welcome(body.newcomer, body.shown, body.follower, view.time_ns)
+        person = self._roster.welcome(
+            body.newcomer, body.shown, body.follower, view.time_ns, has_floor=view.has_floor
+        )
         self._newcomers.drop(body.newcomer)
         segments.owner[pixels & (segments.owner < 0)] = len(self._roster.segmented)
         self._roster.segmented.append(person)

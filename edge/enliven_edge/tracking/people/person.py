@@ -174,6 +174,15 @@ class Person:
         self.follower.hide()
         self._time_ns, self._centre = time_ns, None
 
+    def lift(self, metres: float) -> None:
+        """Raises the person as a whole: the guess of where the floor is has changed, and not the person."""
+        step = np.array([0.0, metres, 0.0])
+        self.follower.carry(step)
+        self._start = self._start + step
+        for place in (self._centre, self._first_joints):
+            if place is not None:
+                place += step
+
     def replaced(self, follower: Follower, time_ns: int) -> None:
         """Goes on with a new fit, where the person was found again."""
         self.follower, self.hidden_ns = follower, None
@@ -199,7 +208,8 @@ class Person:
             return
         self._centre = _centre(view, pixels)
         if whole:
-            self.looks.see(self.follower.posture.lengths, self._crown(view, pixels))
+            crown = self._crown(view, pixels) if view.has_floor else None
+            self.looks.see(self.follower.posture.lengths, crown)
         if self.doubted:
             self._watch_limbs()
 

@@ -136,13 +136,22 @@ class Roster:
                 best, least = person, away
         return best
 
-    def welcome(self, newcomer: Candidate, shown: Candidate, follower: Follower, time_ns: int) -> Person:
+    def welcome(
+        self,
+        newcomer: Candidate,
+        shown: Candidate,
+        follower: Follower,
+        time_ns: int,
+        *,
+        has_floor: bool = True,
+    ) -> Person:
         """Follows a person who was found: a hidden one at the same place, or one with no id yet.
 
         Args:
             newcomer: the group of pixels as it is now.
             shown: the same group as it was in the frame in which the body was found.
             follower: the fit.
+            has_floor: whether heights are above a known floor; else no stature is measured.
         """
         person = self.hidden_near(newcomer, time_ns)
         if person is not None:
@@ -150,7 +159,7 @@ class Roster:
         else:
             looks = Looks()
             if shown.shape.whole:
-                looks.see(follower.posture.lengths, shown.shape.crown)
+                looks.see(follower.posture.lengths, shown.shape.crown if has_floor else None)
             person = Person(UNDECIDED, follower, looks, time_ns)
             person.doubted = not (shown.convincing or shown.awaited)
             person.shapely = shown.shape.upright

@@ -100,7 +100,7 @@ class Search:
         vain: list[Bool] = []
         for newcomer in newcomers:
             body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
-            if body is None or not _likely(newcomer, *body) or _again(body[0], made):
+            if body is None or not _likely(view, newcomer, *body) or _again(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
                 made.append((newcomer, *body))
@@ -146,9 +146,14 @@ class Search:
         return best
 
 
-def _likely(newcomer: Candidate, follower: Follower, explained: float) -> bool:
-    """Whether the pixels of a found body are likely a person and no thing."""
-    return follower.person_probability > _PERSON or (newcomer.shape.upright and explained > _PLAINLY)
+def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
+    """Whether the pixels of a found body are likely a person and no thing.
+
+    An upright shape counts only above a known floor: by a guessed one a cupboard may be as tall as a person.
+    """
+    if follower.person_probability > _PERSON:
+        return True
+    return view.has_floor and newcomer.shape.upright and explained > _PLAINLY
 
 
 def _within(newcomer: Candidate, found: list[Found]) -> bool:

@@ -12,6 +12,13 @@ from enliven_edge.tracking.scene.floor import TILTED_BY, corrected, world_above_
 from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
 
+_USUAL_HEIGHT_M = 1.0
+"""Height of the sensor before a floor or a person is seen, where the settings state none."""
+_LOWEST_SHARE = 0.01
+"""Quantile of the visible points' heights above which a guessed floor does not lie. Noise reaches lower."""
+_HIGHEST_GUESS_M = 1.8
+"""Greatest height that is guessed from the lowest points alone. They may be far away, where a wrong tilt
+matters most."""
 _MOVED = 0.02
 """Change of a sensor's pose, metres or entry of its rotation, beyond which the room is learnt anew."""
 _PUT_ELSEWHERE = 0.25
@@ -79,6 +86,7 @@ class Mounting:
         self._moved = moved
         self._camera: WorkingCamera | None = None
         self._pose_stated = self._floor_known = False
+        self._guess = settings.height or _USUAL_HEIGHT_M
         self._looked = self._suspicious = self._differing = self._still = 0
         self._before: Float | None = None
         self._suggested: Float | None = None
@@ -88,6 +96,20 @@ class Mounting:
     def floor_known(self) -> bool:
         """Whether the floor was found, or the sensor states its pose."""
         return self._floor_known
+
+    @property
+    def height_known(self) -> bool:
+        """Whether the height above the floor is known: from the floor, the sensor or the settings."""
+        return self._floor_known or self.settings.height > 0.0
+
+    def raise_guess(self, view: FrameView, metres: float) -> FrameView:
+        """Raises the sensor above a floor that is guessed; returns the frame as it lies in the world then."""
+        assert self.world_from_camera is not None
+        if self.height_known or metres == 0.0:
+            return view
+        view = view.raised(metres)
+        self.world_from_camera, self._guess = view.world_from_camera, float(view.world_from_camera[1, 3])
+        return view
 
     @property
     def camera(self) -> WorkingCamera:
@@ -105,6 +127,7 @@ class Mounting:
         if self._camera is None or self._camera.full != frame.intrinsics:
             self._camera = WorkingCamera(frame.intrinsics, self.settings.working_width)
             self.new_camera, self.world_from_camera = True, None
+            self._guess = self.settings.height or _USUAL_HEIGHT_M
             self._floor_known, self._looked, self._suggested = False, 0, None
             self.falling, no_people = False, True
         z = self._camera.reduce(frame.depth)
@@ -117,7 +140,7 @@ class Mounting:
             self._look_for_floor(z, no_people)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
-        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera)
+        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.height_known)
 
     def watch(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
         """Notices that the sensor was moved, and keeps the floor where it is.
@@ -195,7 +218,7 @@ class Mounting:
         scene = self.settings
         if self.world_from_camera is None:
             roll = np.pi if scene.upside_down else 0.0
-            self.world_from_camera = world_from_level_camera(scene.height, scene.tilt, roll)
+            self.world_from_camera = world_from_level_camera(self._guess, scene.tilt, roll)
         known = z > 0
         if known.mean() < _ENOUGH_DEPTH:
             return  # the camera is still starting, or covered
@@ -209,8 +232,22 @@ class Mounting:
         )
         if found is not None and (no_people or (before is not None and _same_floor(found, before))):
             self.world_from_camera, self._floor_known, self.levelled = found, True, not no_people
-        elif found is None and no_people and self.down is not None:
-            self.world_from_camera = world_above_floor(-self.down, scene.height)
+        elif found is None and no_people:
+            self._place_by_guess(points)
+
+    def _place_by_guess(self, points: Float) -> None:
+        """Sets the pose without a floor: no visible (M, 3) camera-frame point is below the guessed one."""
+        assert self.world_from_camera is not None
+        if self.down is not None:
+            self.world_from_camera = world_above_floor(-self.down, self._guess)
+        if self.settings.height > 0.0 or self._looked > 1:
+            return
+        near = points[points[:, 2] < self.settings.far]
+        if len(near):
+            pose = self.world_from_camera.copy()
+            lowest = float(np.quantile(near @ pose[1, :3] + pose[1, 3], _LOWEST_SHARE))
+            pose[1, 3] = max(self._guess, min(_HIGHEST_GUESS_M, pose[1, 3] - lowest))
+            self.world_from_camera, self._guess = pose, float(pose[1, 3])
 
 
 def _same_floor(one: Float, other: Float) -> bool:

@@ -1,0 +1,87 @@
+"""The floor where none is seen: it is guessed from the people, by what an average person is like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from enliven.kernels import quantile
+from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.people.search import likelihood
+from enliven_edge.tracking.scene import RoomModel
+from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmented
+from enliven_edge.tracking.settings import TrackerSettings
+
+_SMALLEST_STEP_M = 0.1
+"""Least correction of the guess while no person is followed. Smaller ones would only follow noise."""
+_MIN_PERSON_AREA_M2 = 0.14
+"""Least visible area of a group of pixels that the guess is made from: a head and a chest."""
+_MAX_TRIED = 3
+"""Groups of pixels that are tried as a person in a frame, the likeliest first. Each costs a network run."""
+_MIN_PROBABILITY = 0.8
+"""Probability by the network from which a group is a person: nearly all people exceed 0.85."""
+_WHOLE_BELOW = 0.1
+"""Largest share of an outline that something nearer hides for its lowest pixels to be feet."""
+_LOWEST_SHARE = 0.01
+"""Quantile of the heights of a person's pixels that is taken for the soles. Noise reaches lower."""
+_MIN_HEIGHT_M = 0.9
+"""Least height of visible pixels that may be a whole standing person: a small child."""
+_MAX_HEIGHT_M = 2.1
+"""Greatest height of visible pixels that may be a whole standing person. Raised arms reach higher."""
+_SETTLING_FRAMES = 90
+"""Frames after the first person was found in which the guess follows their soles: the lengths settle."""
+_GAIN = 0.1
+"""Share of the correction that is applied in each of these frames. One frame's noise moves little."""
+
+
+class GuessedFloor:
+    """Finds how much higher the sensor is than it was guessed, from the people it sees.
+
+    A person who is seen down to the feet stands on the floor. A person who runs out of the image below is
+    taken to be of average height until the bones are measured; then the soles of the fitted body are the
+    floor, because proportions tell where unseen legs end.
+    """
+
+    def __init__(self, settings: TrackerSettings) -> None:
+        self._settings = settings
+        self._frames = 0
+
+    def before_search(self, view: FrameView, room: RoomModel) -> float:
+        """Returns metres to raise the world by, from the first likely person in a frame without people."""
+        self._frames = 0
+        scene = self._settings.scene
+        kind = room.classify(view, scene.near, scene.far, scene.floor_band)
+        groups = segmented(view, kind, [])
+        young = room.age < YOUNG
+        seen = Candidates().update(view, kind, groups, lambda _: True, lambda _: False, young=young)
+        likely = [each for each in seen if each.shape.human and each.area > _MIN_PERSON_AREA_M2]
+        for group in likely[:_MAX_TRIED]:
+            step = self._step_for(group, view)
+            if self._is_person(view.raised(step), group):
+                return step if abs(step) > _SMALLEST_STEP_M else 0.0
+        return 0.0
+
+    def _is_person(self, view: FrameView, group: Candidate) -> bool:
+        """Returns whether a group of pixels looks like a person in a frame placed by the guess from it."""
+        if not self._settings.estimator:
+            return group.shape.upright
+        return likelihood(view, group.pixels) > _MIN_PROBABILITY
+
+    def _step_for(self, person: Candidate, view: FrameView) -> float:
+        """Returns metres to raise a group of pixels by so that it stands on the floor as a person does."""
+        shape = person.shape
+        lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _LOWEST_SHARE))
+        whole = not shape.cut and shape.behind < _WHOLE_BELOW
+        if whole and _MIN_HEIGHT_M < shape.crown - lowest < _MAX_HEIGHT_M:
+            return -lowest
+        return self._settings.body_height - shape.crown
+
+    def after_fit(self, people: Iterable[Person]) -> float:
+        """Returns metres to raise the world by, from the soles of the people who are followed."""
+        soles = [person.follower.posture.lowest for person in people if not person.hidden]
+        if not soles or self._frames > _SETTLING_FRAMES:
+            return 0.0
+        self._frames += 1
+        return -float(np.median(soles)) * (1.0 if self._frames == 1 else _GAIN)
