@@ -21,7 +21,7 @@ from enliven.document import Clip, Layer, Project, Shape, joint_places
 from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, begins_tip
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.plan import Plan
-from enliven.mapping.steps import legs_that_step
+from enliven.mapping.steps import legs_that_step, posed_legs_that_step
 from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
@@ -50,7 +50,7 @@ def limb_errors(
 ) -> tuple[LimbError, ...]:
     """Returns the errors of all limb segments that the take drives by itself, at its own pace.
 
-    Legs that step on another body than a person's are left out: they do not follow the performer's angles.
+    Legs that step without the performer's pose are left out: they do not follow the performer's angles.
 
     Args:
         project: in which the shape moves as the plan says.
@@ -59,7 +59,8 @@ def limb_errors(
         duration: seconds that are compared.
     """
     moved = project.shape(shape_id)
-    stepping = {limb.proper for limb in legs_that_step(moved, clip, plan) if not limb.knots}
+    posed = posed_legs_that_step(moved, clip, plan)
+    stepping = {limb.proper for limb in legs_that_step(moved, clip, plan) if limb not in posed}
     # What the plan asks for, before legs step and feet are held.
     asked, _ = apply_plan(Project(), moved.at_rest(moved.mesh)[0], clip, plan)
     shape = asked.shape(shape_id)

@@ -13,6 +13,7 @@ and bends by as much as its foot needs to be where the performer's is. So feet s
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,11 +104,26 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
         _bend(shape.skeleton, step, performer, at + up[:, None] * [0.0, 1.0, 0.0], turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
-    for chain in (chain for step in steps for chain in _played(shape.skeleton, step.limb)):
+    chains = [chain for step in steps for chain in _played(shape.skeleton, step.limb)]
+    for chain in chains:
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
-    return project
+    moved = project.shape(shape_id)
+    spans = list(moved.spans)
+    for bone, other in _carried_along(shape, chains):
+        spans[other] = spans[bone]
+    return project.with_characters(moved.with_changes(spans=tuple(spans)))
+
+
+def _carried_along(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
+    """Yields (bone of a chain, other bone) for others that move as the first does, such as twist bones."""
+    driven = {bone for chain in chains for bone in chain}
+    for bone in (bone for chain in chains for bone in chain[1:]):
+        for other in shape.skeleton.children[int(shape.skeleton.parents[bone])]:
+            moves = any(span.refs for span in shape.spans[other])
+            if other not in driven and moves and shape.spans[other] == shape.spans[bone]:
+                yield bone, other
 
 
 def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:

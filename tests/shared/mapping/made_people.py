@@ -113,6 +113,7 @@ def person(convention: str, random: np.random.Generator | None = None, extras: b
             ("Hair.001", "head", (0.0, 0.05, -0.12)),
             ("Hair.002", "Hair.001", (0.0, -0.3, -0.1)),
             ("lowerarm_twist_01_l", "Left elbow", (0.1, 0.0, 0.02)),
+            ("thigh_twist_01_l", "Left hip", (0.0, -0.15, 0.02)),
             ("ik_hand_l", "Left wrist", (0.02, 0.03, 0.0)),
             ("Pinky1", "Left wrist", (0.05, 0.0, -0.04)),
         ):
