@@ -203,7 +203,10 @@ def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Fl
     if len(human.head) > 1:
         knots = tuple(human.head.index(joint) for joint in human.head_knots)
         head = SkeletonLimb(human.head, 0, False, _point(at[human.head[-1]]), knots=knots)
-    return Anatomy(facing, path[first:], ((arms[0], arms[1]), (legs[0], legs[1])), head, None)
+    tail = None
+    if human.tail:
+        tail = SkeletonLimb(human.tail, 0, False, _point(at[human.tail[-1]]))
+    return Anatomy(facing, path[first:], ((arms[0], arms[1]), (legs[0], legs[1])), head, tail)
 
 
 def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float) -> SkeletonLimb:

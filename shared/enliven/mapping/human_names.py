@@ -78,6 +78,7 @@ class HumanJoints:
         arms, legs: the left one and the right one.
         head: from the chest to the end of the head; empty if no name says head.
         head_knots: joints of ``head`` where the neck and the head begin.
+        tail: from the joint at or above the hips that it hangs on to its end; empty if no name says tail.
     """
 
     hips: int
@@ -86,6 +87,7 @@ class HumanJoints:
     legs: tuple[HumanLimb, HumanLimb]
     head: tuple[int, ...]
     head_knots: tuple[int, ...]
+    tail: tuple[int, ...] = ()
 
 
 def human_joints(skeleton: Skeleton) -> HumanJoints | None:
@@ -98,7 +100,8 @@ def human_joints(skeleton: Skeleton) -> HumanJoints | None:
     chest = _meeting(skeleton, arms[0].knots[0], arms[1].knots[0])
     hips = _meeting(skeleton, legs[0].knots[0], legs[1].knots[0])
     head, head_knots = _head(skeleton, words, chest)
-    return HumanJoints(hips, chest, (arms[0], arms[1]), (legs[0], legs[1]), head, head_knots)
+    tail = _tail(skeleton, words, hips)
+    return HumanJoints(hips, chest, (arms[0], arms[1]), (legs[0], legs[1]), head, head_knots, tail)
 
 
 def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
@@ -210,6 +213,15 @@ def _head(
     tip = tips[0] if tips else _longest(skeleton, head)
     knots = (neck, head) if neck >= 0 else (head,)
     return (path if tip < 0 else (*path, tip)), knots
+
+
+def _tail(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int) -> tuple[int, ...]:
+    """Returns the chain of a tail that hangs on the hips or above them, along its longest branch."""
+    beside = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
+    chain = [joint for joint in beside if words[joint][0] == 0 and words[joint][1].startswith("tail")][:1]
+    while chain and skeleton.children[chain[-1]]:
+        chain.append(max(skeleton.children[chain[-1]], key=lambda child: _reach(skeleton, child)))
+    return (int(skeleton.parents[chain[0]]), *chain) if chain else ()
 
 
 def _meeting(skeleton: Skeleton, one: int, other: int) -> int:

@@ -106,3 +106,13 @@ def test_fingers_are_found_in_any_spelling():
     assert {finger: len(chain) for finger, chain in found.items()} == {
         "index": 3, "pinky": 2, "ring": 2, "thumb": 2, "middle": 2,
     }  # fmt: skip
+
+
+def test_a_tail_is_found_by_name():
+    plain = person("vrm")
+    places = np.vstack([plain.positions, [(0.0, 0.9, -0.3), (0.0, 0.6, -0.6)]])
+    parents = np.array([*plain.parents, 0, len(plain)])
+    skeleton = Skeleton((*plain.names, "Tail1", "Tail2"), parents, places)
+    found = anatomy_of(skeleton)
+    assert [skeleton.names[j] for j in found.tail.chain] == ["hips", "Tail1", "Tail2"]
+    assert len(found.arms) == len(found.legs) == 1
