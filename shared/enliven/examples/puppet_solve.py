@@ -143,7 +143,9 @@ class _Solve:
 
     def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
         """Returns the motion near the performer's path, and (F, K) metres that feet give way by."""
-        size, feet = float(np.linalg.norm(np.ptp(self._rest, axis=0))), self._held_feet
+        # A weight scales the whole motion, the leash included: half of it is as a layer of half the weight.
+        size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
+        feet = self._held_feet
         following = Following(size, self._material.locomotion, self.took.step, len(feet))
         how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
         if feet:

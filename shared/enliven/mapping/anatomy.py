@@ -20,7 +20,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, spaced, turned_about_y
-from enliven.mapping.human_names import HumanJoints, HumanLimb, human_joints
+from enliven.mapping.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
 
 _TWIGS = re.compile(
     r"(?<![a-z])(eye|eye ?lid|(eye ?)?brow|ear|jaw|mouth|lip|tongue|tooth|teeth|nose|cheek|hair|finger|thumb)"
@@ -111,8 +111,8 @@ class SkeletonLimb:
 
     @property
     def tip(self) -> tuple[int, ...]:
-        """The joints of its hand or foot, from the wrist or ankle on; empty if it has none of its own."""
-        return () if self.stop is None else self.chain[self.stop :]
+        """The first bone of its hand or foot, from the wrist or ankle; empty if it has none of its own."""
+        return () if self.stop is None else self.chain[self.stop : self.stop + 2]
 
 
 Pair = tuple[SkeletonLimb, SkeletonLimb]
@@ -212,7 +212,7 @@ def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Fl
 def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float) -> SkeletonLimb:
     """An arm or leg from the joint where both of a pair meet to the end of its hand or foot."""
     path = skeleton.path(fork, limb.knots[-1])
-    chain = path if limb.tip < 0 else (*path, limb.tip)
+    chain = path if limb.tip < 0 else (*path, *longest_branch(skeleton, limb.tip))
     knots = tuple(path.index(joint) for joint in limb.knots)
     stop = None if limb.tip < 0 else len(path) - 1
     return SkeletonLimb(chain, knots[0], grounded, _point(at[chain[-1]]), stop, knots)

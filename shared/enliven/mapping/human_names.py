@@ -217,11 +217,17 @@ def _head(
 
 def _tail(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int) -> tuple[int, ...]:
     """Returns the chain of a tail that hangs on the hips or above them, along its longest branch."""
-    beside = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
-    chain = [joint for joint in beside if words[joint][0] == 0 and words[joint][1].startswith("tail")][:1]
-    while chain and skeleton.children[chain[-1]]:
+    near = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
+    tails = [joint for joint in near if words[joint][0] == 0 and words[joint][1].startswith("tail")]
+    return (int(skeleton.parents[tails[0]]), *longest_branch(skeleton, tails[0])) if tails else ()
+
+
+def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
+    """Returns a joint and those below it, along the longest branch to its end."""
+    chain = [joint]
+    while skeleton.children[chain[-1]]:
         chain.append(max(skeleton.children[chain[-1]], key=lambda child: _reach(skeleton, child)))
-    return (int(skeleton.parents[chain[0]]), *chain) if chain else ()
+    return tuple(chain)
 
 
 def _meeting(skeleton: Skeleton, one: int, other: int) -> int:

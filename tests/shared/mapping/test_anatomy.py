@@ -142,9 +142,9 @@ def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
     arm = anatomy_of(man()).arms[0][0]
     assert man().names[arm.chain[-1]] == "Left finger"
     longer = body(*FINGERED)
-    assert [longer.names[limb.chain[-1]] for limb in anatomy_of(longer).arms[0]] == [
-        "Left finger",
-        "Right finger",
+    assert [[longer.names[j] for j in limb.tip] for limb in anatomy_of(longer).arms[0]] == [
+        ["Left wrist", "Left finger"],
+        ["Right wrist", "Right finger"],
     ]
 
 

@@ -14,7 +14,7 @@ def human_bones(document: Entry) -> dict[int, str]:
     """
     extensions = document.extensions
     listed = _listed(getattr(extensions, "VRMC_vrm", None)) or _listed(getattr(extensions, "VRM", None))
-    count = len(document.nodes)
+    count = len(document.nodes) if isinstance(document.nodes, list) else 0
     return {
         node: bone
         for bone, node in listed
