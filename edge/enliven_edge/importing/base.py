@@ -47,7 +47,7 @@ DEFAULT_OPTIONS = ImportOptions()
 
 
 def lens_of(text: str | None) -> tuple[float, float, float, float] | None:
-    """Returns the four numbers of ``FX,FY,CX,CY``; None where there is no text.
+    """Returns the four numbers of ``FX,FY,CX,CY``; None for no text.
 
     Raises:
         InputError: where these are not four numbers.

@@ -57,7 +57,7 @@ _GROUNDED = 0.3
 _QUIET = 0.8
 """Cost, in widths and heights, of a joint that hardly moves; the joint that moves most costs nothing."""
 _SAME_END = 5.0
-"""Cost of a wrist or a finger beside the end of the hand: it moves as the end does."""
+"""Cost of a wrist or a finger compared with the end of the hand, which moves as it does."""
 _CROSSED = 100.0
 """Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
 _KEPT = 16

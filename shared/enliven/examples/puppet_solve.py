@@ -129,7 +129,7 @@ class _Solve:
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
             return placed
-        # Feet that do not alternate are a base, whose middle stays.
+        # Feet that do not alternate are a base: its middle stays in place.
         turned = placed.world - placed.root[:, None]
         middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
         root = np.where([True, False, True], -middle, placed.root)

@@ -81,7 +81,7 @@ class _Step:
 
 
 def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan) -> Project:
-    """A project in which the legs of a shape that is not posed as the performer step as they do.
+    """A project in which the legs of a shape step as the performer's do: see the module.
 
     Args:
         clip: the take as it was given.

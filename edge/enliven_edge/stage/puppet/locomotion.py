@@ -189,7 +189,7 @@ class Locomotion:
         self.root = np.zeros(3)
 
     def begin(self, root: Float, way: complex) -> None:
-        """Starts anew at a root (3,), metres, of a performer who is at a place of their way."""
+        """Starts again at a root (3,) in metres, for a performer at a place of their path."""
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()

@@ -300,7 +300,7 @@ class FrameView:
     has_floor: bool = True
 
     def raised(self, metres: float) -> FrameView:
-        """The same frame in a world with its floor so much lower."""
+        """Returns the same frame in a world with a lower floor."""
         pose = self.world_from_camera.copy()
         pose[1, 3] += metres
         return replace(self, points=self.points + np.array([0.0, metres, 0.0]), world_from_camera=pose)

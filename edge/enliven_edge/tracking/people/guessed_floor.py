@@ -1,4 +1,4 @@
-"""The floor where none is seen: it is guessed from the people, by what an average person is like."""
+"""Estimates the floor from the people in view, by average body proportions, if no floor is seen."""
 
 from __future__ import annotations
 
