@@ -9,7 +9,7 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError, InputError, plain_reason
 from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.wire import (
@@ -71,7 +71,7 @@ class _Preparation(threading.Thread):
         except EnlivenError as error:
             self.refused = InputError(error.what, where=error.where or where, mend=error.mend)
         except (*DAMAGE, RuntimeError) as error:
-            what = f"it does not fit together ({type(error).__name__}: {str(error)[:80]})"
+            what = f"it is damaged: {plain_reason(error)}"
             self.refused = InputError(what, where=where, mend="Look at it in enliven studio.")
 
 

@@ -16,7 +16,7 @@ import typer
 
 from enliven import __version__
 from enliven.commands import LazyCommands, has_display
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, place_of
 from enliven.logs import ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
@@ -89,7 +89,7 @@ def _other_failure(error: Exception) -> int:
         return int(error.exit_code)
     if os.environ.get("ENLIVEN_DEBUG"):
         raise error
-    _complain(f"a fault of enliven itself: {type(error).__name__}: {error}. ENLIVEN_DEBUG=1 shows where.")
+    _complain(f"a fault of enliven itself{place_of(error)}. ENLIVEN_DEBUG=1 shows all of it.")
     return 1
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 
 class EnlivenError(Exception):
     """A failure that a user can understand and mend; the command line prints it without a traceback.
@@ -30,3 +32,36 @@ class ResourceError(EnlivenError):
     """Something of this machine that is missing or taken: a port, a sensor, OpenGL (exit code 4)."""
 
     exit_code = 4
+
+
+def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
+    """Returns why something failed, in words that a user may read.
+
+    Names of Python's exceptions and texts of parsers are left out: only enliven's own sentences and those of
+    the operating system are repeated.
+
+    Args:
+        error: what a library raised.
+        otherwise: what to say of an exception that says nothing to a user.
+    """
+    if isinstance(error, EnlivenError):
+        return error.what
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
+    if isinstance(error, RecursionError):
+        return "it is nested too deep"
+    if isinstance(error, LookupError):
+        return "it names an entry that is not there"
+    return otherwise
+
+
+def place_of(error: BaseException) -> str:
+    """Returns where a fault of enliven itself is, as words to follow others; empty if nothing is known."""
+    at = error.__traceback__
+    if at is None:
+        return ""
+    while at.tb_next is not None:
+        at = at.tb_next
+    return f", in {Path(at.tb_frame.f_code.co_filename).name}, line {at.tb_lineno}"

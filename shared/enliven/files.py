@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError, ResourceError, plain_reason
 
 MOST_BYTES = 1 << 31
 """Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
@@ -36,6 +36,8 @@ reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """A pipe without a writer is opened and refused, not waited for."""
 _ROOM = "Check the folder's permissions and the space on the disk."
+NO_NAME = "no file can have that name"
+"""What is wrong with a path that the system refuses without a reason of its own."""
 _TOGETHER = "Keep the files of the model in one folder."
 
 
@@ -56,7 +58,7 @@ def open_file(path: Path) -> BinaryIO:
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = plain_reason(error, NO_NAME)
         mend = "Name a file that can be read."
         raise InputError(f"it cannot be read ({reason})", where=str(path), mend=mend) from None
     kind = os.fstat(descriptor).st_mode
@@ -148,7 +150,7 @@ class Beside:
         try:
             return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
         except ValueError as error:
-            raise self._wrong(uri, f"cannot be decoded ({error})", "Export the model again.") from None
+            raise self._wrong(uri, "cannot be decoded", "Export the model again.") from None
 
     def file(self, name: str) -> bytes:
         """Returns the bytes of a file by its name, relative to the folder.
@@ -168,7 +170,7 @@ class Beside:
                 raise
             raise self._wrong(name, f"cannot be read ({error.what})", _TOGETHER) from None
         except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
-            raise self._wrong(name, f"cannot be read ({error})", _TOGETHER) from None
+            raise self._wrong(name, f"cannot be read ({plain_reason(error, NO_NAME)})", _TOGETHER) from None
         self._left -= len(data)
         return data
 

@@ -41,8 +41,8 @@ class SoundRecording:
             with wave.open(str(self._path), "rb") as file:
                 given = (file.getframerate(), file.getnchannels(), file.getsampwidth())
                 self._sound = file.readframes(file.getnframes())
-        except (wave.Error, EOFError) as error:
-            raise InputError(f"it is no WAV file ({error})", where=str(self._path)) from None
+        except (wave.Error, EOFError):
+            raise InputError("it is no WAV file", where=str(self._path)) from None
         if given != (RATE, 1, 2):
             what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
             raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import open_file, read_file
 from enliven.frames import Frame
 
@@ -127,8 +127,8 @@ def text_of(path: Path) -> str:
     """
     try:
         return read_file(path, _MOST_TEXT).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"it cannot be read as text ({error})", where=str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError("it is not text in UTF-8", where=str(path)) from None
 
 
 def only_one(paths: Sequence[Path]) -> Path:
@@ -156,7 +156,7 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
     try:
         rows = list(csv.reader(text_of(path).splitlines(), delimiter=delimiter, skipinitialspace=True))
     except csv.Error as error:
-        raise InputError(f"it is not a table ({error})", where=str(path)) from None
+        raise InputError(f"it is not a table: {plain_reason(error)}", where=str(path)) from None
     rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
     rows = [row for row in rows if row]
     if not rows:
@@ -181,8 +181,8 @@ def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_li
             )
     try:
         return np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
-    except ValueError as error:
-        raise InputError(f"a cell is not a number ({error})", where=str(path)) from None
+    except ValueError:
+        raise InputError("a cell is not a number", where=str(path)) from None
 
 
 def floats_of(path: Path) -> Float:
@@ -193,8 +193,8 @@ def floats_of(path: Path) -> Float:
     """
     try:
         return np.array([float(word) for word in text_of(path).split()])
-    except ValueError as error:
-        raise InputError(f"it holds something else than numbers ({error})", where=str(path)) from None
+    except ValueError:
+        raise InputError("it holds something else than numbers", where=str(path)) from None
 
 
 def are_numbers(cells: Sequence[str]) -> bool:

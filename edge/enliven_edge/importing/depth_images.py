@@ -66,8 +66,8 @@ def read_camera(path: Path, width: int, height: int) -> Intrinsics:
     try:
         text = ElementTree.fromstring(text_of(path)).findtext("intrinsic/data") or ""
         numbers = [float(word) for word in text.split()]
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"the camera file is damaged ({error})", where=str(path)) from None
+    except (ElementTree.ParseError, ValueError):
+        raise InputError("the camera file is damaged", where=str(path)) from None
     if len(numbers) != 9:
         raise InputError(
             f"the matrix `intrinsic` has {len(numbers)} numbers, expected 9",

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import read_file
 from enliven.person import PARENTS, Body, Joint
 from enliven_edge.importing.base import ImportOptions, head_of
@@ -90,7 +90,7 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
     try:
         frames = _decoder.decode(read_file(path))
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise InputError(f"it is not this kind of JSON ({error})", where=str(path)) from None
+        raise InputError(f"it is not this kind of JSON: {plain_reason(error)}", where=str(path)) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:

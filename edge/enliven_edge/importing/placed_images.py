@@ -65,8 +65,8 @@ def _device(repository: Path, device: str) -> dict[str, Any]:
     try:
         entries = json.loads(text_of(repository))
         known = {str(entry["Device"]): entry for entry in entries}
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise InputError(f"the list of devices is damaged ({error!r})", where=str(repository)) from None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise InputError("the list of devices is damaged", where=str(repository)) from None
     if device not in known:
         raise InputError(
             f"the device {device} is not in the list",

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError, InputError, place_of
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings, alone_within
@@ -172,7 +172,7 @@ class LiveScan(threading.Thread):
             except Exception as error:  # the edge's loop goes on, and the scan says why it does not
                 log.exception("the scan failed")
                 mend = "Cancel it and scan again; the log of the edge says more."
-                self._fail(InputError(f"the scan failed ({type(error).__name__})", where="scan", mend=mend))
+                self._fail(InputError(f"the scan failed{place_of(error)}", where="scan", mend=mend))
             self._tell()
 
     def _fuse(self, frame: DepthFrame) -> None:

@@ -188,7 +188,7 @@ class ReopeningSensor(Sensor):
         self._schedule()
         if device is not None:
             self._ask("close", device.close)
-        why = error.what if isinstance(error, EnlivenError) else str(error) or type(error).__name__
+        why = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
         mend = getattr(error, "mend", "") or CHECK_IT
         return SensorFault(why, where=self.name, mend=mend)
 

@@ -105,7 +105,7 @@ class WebcamSensor(Sensor):
         except av.error.FFmpegError as error:
             if self._live:
                 raise ResourceError(f"the camera was lost ({error})", where=self.name) from None
-            raise InputError(f"the film is damaged ({error})", where=self.name) from None
+            raise InputError("the film is damaged", where=self.name) from None
 
     def _due(self, seconds: float) -> float:
         """The monotonic second at which a film's image is to be delivered."""
@@ -137,7 +137,7 @@ def _opened(device: str, live: bool) -> Any:
         if live:
             mend = _MENDS.get(error.errno or 0, "Check that it is a camera that no other program uses.")
             raise ResourceError(f"it cannot be opened ({error.strerror})", where=device, mend=mend) from None
-        raise InputError(f"it is no film that can be read ({error})", where=device) from None
+        raise InputError("it is no film that can be read", where=device) from None
     if not container.streams.video:
         container.close()
         raise InputError("it has no video", where=device)

@@ -53,15 +53,11 @@ def cast(
     for made in MADE:
         if spec == made:
             return cast_mesh(load_sample(made), name or made, nodes, settings, fit=False)
-    from enliven.meshes import GLTF_SUFFIXES, load_upright
+    from enliven.meshes import load_upright
 
     mesh, notes = load_upright(spec, up)
     for note in notes:
         log.info("%s: %s", spec, note)
-    if Path(spec).suffix.lower() in GLTF_SUFFIXES:
-        from enliven.formats.gltf import with_materials
-
-        mesh = with_materials(mesh, spec)
     return cast_mesh(mesh, name or name_of(spec), nodes, settings)
 
 

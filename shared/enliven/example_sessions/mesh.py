@@ -10,9 +10,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.example_sessions.tables import MeshTable
-from enliven.formats.gltf import with_materials
 from enliven.formats.project import read_project
-from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
+from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.rotation import from_rotation_vector, rotate
 
 
@@ -35,8 +34,6 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
         puppet = project.puppet(table.puppet or next(iter(project.puppets), ""))
         return SessionMesh(fitted(puppet.mesh, table), puppet.id, [])
     mesh, notes = load_mesh(path)
-    if path.suffix.lower() in GLTF_SUFFIXES:
-        mesh = with_materials(mesh, path)
     return SessionMesh(fitted(mesh, table), path.stem, notes)
 
 

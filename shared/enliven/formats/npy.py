@@ -28,7 +28,7 @@ def array_of(data: bytes) -> AnyArray:
     try:
         shape, fortran, kind = read(file)
     except Exception as error:  # the head is Python, and its parser raises whatever it likes
-        raise ValueError(f"its head is none ({error})") from None
+        raise ValueError("its head is damaged") from None
     count = math.prod(shape)
     if kind.kind not in _KINDS or kind.names is not None or min(shape, default=0) < 0:
         raise ValueError(f"it holds {kind} of shape {shape}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import need_folder, read_file, write_file
-from enliven.meshes.gltf_json import GLTF_SUFFIXES, gltf_tree
+from enliven.meshes.gltf import GLTF_SUFFIXES
 from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.repair import repair
@@ -43,19 +43,14 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         raise InputError(
             f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
         )
-    data = read_file(path)
-    if not data:
-        raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
-    try:
-        mesh = _read(path, suffix, data)
-    except InputError as error:
-        raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
-    except Exception as error:  # the readers of foreign bytes raise whatever they like
-        reason = str(error).strip().splitlines()
-        what = f"it cannot be read as {suffix[1:]}: {reason[0][:200] if reason else type(error).__name__}"
-        raise InputError(
-            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
-        ) from None
+    told = list[str]()
+    if suffix in GLTF_SUFFIXES:
+        from enliven.meshes.gltf import gltf_surface  # loads the reader of pictures, which only files need
+
+        surface = gltf_surface(path)
+        mesh, told = surface.mesh, surface.notes
+    else:
+        mesh = _unrepaired(path, suffix, known)
     try:
         mesh, notes = repair(mesh)
     except InputError as error:
@@ -66,7 +61,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         notes = [note for note in notes if "repeat a position" not in note]
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
         mesh = welded
-    return LoadedMesh(mesh, notes)
+    return LoadedMesh(mesh, [*told, *notes])
 
 
 def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
@@ -82,6 +77,22 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     return LoadedMesh(upright(mesh, up or "y"), notes)
 
 
+def _unrepaired(path: Path, suffix: str, known: str) -> Mesh:
+    """The mesh of a file other than glTF; ``known`` says in errors which kinds there are."""
+    data = read_file(path)
+    if not data:
+        raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
+    try:
+        return _read(path, suffix, data)
+    except InputError as error:
+        raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
+    except Exception as error:  # the readers of foreign bytes raise whatever they like
+        what = f"it cannot be read as {suffix[1:]}: {plain_reason(error)}"
+        raise InputError(
+            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
+        ) from None
+
+
 def _read(path: Path, suffix: str, data: bytes) -> Mesh:
     """The mesh as the file has it, unrepaired."""
     if suffix in _OWN_READERS:
@@ -89,9 +100,7 @@ def _read(path: Path, suffix: str, data: bytes) -> Mesh:
         return Mesh(vertices, faces, path.stem)
     if suffix == ".pcd":
         return surface_through(*parse_pcd(data, str(path)), name=path.stem)
-    if suffix in GLTF_SUFFIXES:
-        gltf_tree(data)
-    elif suffix == ".ply":
+    if suffix == ".ply":
         check_ply(data)
     elif suffix == ".obj":
         check_obj(data)
@@ -113,7 +122,13 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
         raise InputError(
             f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known}."
         )
+    need_folder(path)
+    kind = path.suffix.lower()[1:]
+    if kind == "glb":
+        from enliven.meshes.gltf import mesh_glb  # loads pygltflib, which only files need
+
+        write_file(path, mesh_glb(mesh))
+        return
     from enliven.meshes.scenes import scene_bytes  # loads trimesh, which only files need
 
-    need_folder(path)
-    write_file(path, scene_bytes(mesh, path.suffix.lower()[1:]))
+    write_file(path, scene_bytes(mesh, kind))

@@ -11,16 +11,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from enliven.arrays import Float, UInt8
+from enliven.arrays import UInt8
 from enliven.errors import InputError
 from enliven.files import Beside
-from enliven.meshes.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Mesh
-
-_VERTICES = 34962
-"""ARRAY_BUFFER of OpenGL, by which a glTF names a buffer of vertices."""
-_INDICES = 34963
-"""ELEMENT_ARRAY_BUFFER of OpenGL, by which it names a buffer of faces."""
 
 
 def read_scene(data: bytes, path: Path) -> Mesh:
@@ -35,12 +29,8 @@ def read_scene(data: bytes, path: Path) -> Mesh:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            beside = _Named(Beside(path), uris=suffix in GLTF_SUFFIXES)
             scene = trimesh.load_scene(
-                BytesIO(data),
-                file_type="glb" if suffix == ".vrm" else suffix[1:],
-                resolver=beside,
-                process=False,
+                BytesIO(data), file_type=suffix[1:], resolver=_Named(Beside(path)), process=False
             )
     finally:
         log.setLevel(level)
@@ -50,27 +40,18 @@ def read_scene(data: bytes, path: Path) -> Mesh:
 def scene_bytes(mesh: Mesh, kind: str) -> bytes:
     """The bytes of a file of a kind, such as "obj", with one mesh."""
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colours, process=False)
-    data = out.export(file_type=kind, **({"tree_postprocessor": _say_targets} if kind == "glb" else {}))
+    data = out.export(file_type=kind)
     return data if isinstance(data, bytes) else str(data).encode()
 
 
-def _say_targets(tree: dict[str, Any]) -> None:
-    """Says in a glTF what its buffers are for, which programs that load it at once want to know."""
-    for mesh in tree["meshes"]:
-        for part in mesh["primitives"]:
-            used = dict.fromkeys(part["attributes"].values(), _VERTICES) | {part["indices"]: _INDICES}
-            for accessor, target in used.items():
-                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
-
-
 class _Named(trimesh.resolvers.Resolver):  # type: ignore[misc]
-    """The files that a mesh names, for the library that reads it; ``uris`` says that names are URIs."""
+    """The files that a mesh names, for the library that reads it."""
 
-    def __init__(self, beside: Beside, uris: bool) -> None:
-        self._beside, self._uris = beside, uris
+    def __init__(self, beside: Beside) -> None:
+        self._beside = beside
 
     def get(self, key: str) -> bytes:
-        return self._beside.uri(key) if self._uris else self._beside.file(key.strip())
+        return self._beside.file(key.strip())
 
     def keys(self) -> list[str]:
         return []
@@ -120,13 +101,4 @@ def _colours(part: Any) -> UInt8 | None:
     colour = getattr(getattr(visual, "material", None), "main_color", None)
     if visual.kind != "texture" or colour is None or np.shape(colour) != (4,):
         return None
-    shown = np.asarray(colour[:3], np.uint8)
-    if isinstance(visual.material, trimesh.visual.material.PBRMaterial):
-        shown = _srgb(shown / 255.0)
-    return np.tile(shown, (len(part.vertices), 1))
-
-
-def _srgb(linear: Float) -> UInt8:
-    """sRGB bytes of linear light in [0, 1], which is what glTF's colour factors are (IEC 61966-2-1)."""
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255 * curve), np.uint8)
+    return np.tile(np.asarray(colour[:3], np.uint8), (len(part.vertices), 1))

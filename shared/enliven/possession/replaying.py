@@ -28,8 +28,8 @@ def settings_of(possession: Possession) -> ActorSettings:
     """
     try:
         told = json.loads(possession.settings)
-    except ValueError as error:
-        what = f"the settings are no JSON ({error})"
+    except ValueError:
+        what = "the settings are no JSON"
         where = f"take {possession.take!r}"
         raise InputError(what, where=where, mend="Record it again.") from None
     return load_settings(ActorSettings, told, where=f"the settings of take {possession.take!r}")

@@ -14,7 +14,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 
 RECORD = struct.Struct("<BQ")
 """The head of a record: its kind and its length."""
@@ -76,7 +76,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
             raise Damage("a chunk's checksum is wrong")
         return _contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
     except DAMAGE as error:
-        raise Damage(str(error) or type(error).__name__) from None
+        raise Damage(plain_reason(error)) from None
     except _Flood as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
         mend = "Ask for the recording again: no recorder writes such a part."

@@ -169,8 +169,8 @@ def _unpacked(packed: bytes, size: int) -> UInt8:
         if stated != size:
             raise _damaged(f"its content has {stated} bytes where {size} belong")
         content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-    except zstandard.ZstdError as error:
-        raise _damaged(str(error)) from None
+    except zstandard.ZstdError:
+        raise _damaged("it cannot be unpacked") from None
     if len(content) != size:
         raise _damaged(f"its content has {len(content)} bytes where {size} belong")
     return np.frombuffer(content, np.uint8)

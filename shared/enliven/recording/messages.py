@@ -99,8 +99,8 @@ def _unpack_colour(data: bytes) -> UInt8:
         if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(packed) != size:
             raise _damaged(f"the colour image states {width}x{height} pixels")
         content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-    except zstandard.ZstdError as error:
-        raise _damaged(f"the colour image: {error}") from None
+    except zstandard.ZstdError:
+        raise _damaged("the colour image cannot be unpacked") from None
     if len(content) != size:
         raise _damaged("the colour image ends too early")
     difference = np.frombuffer(content, np.uint8).reshape(height, width, 3)
@@ -156,8 +156,8 @@ def unpack_bodies(data: bytes) -> BodyFrame:
     try:
         message = _bodies_decoder.decode(data)
         bodies = [_body(body) for body in message.bodies]
-    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError) as error:
-        raise _damaged(str(error)) from None
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
+        raise _damaged("its entries are not those of bodies") from None
     return BodyFrame(bodies, message.time_ns, message.sensor)
 
 

@@ -134,7 +134,7 @@ class Rejects:
 
     def add(self, error: Malformed | EnlivenError | ValueError) -> None:
         """Count one malformed message."""
-        kind = error.kind if isinstance(error, Malformed) else type(error).__name__
+        kind = error.kind if isinstance(error, Malformed) else "refused"
         self.counts[kind] += 1
         if self.counts[kind] == 1:
             log.warning(

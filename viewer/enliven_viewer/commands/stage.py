@@ -124,6 +124,8 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
         from enliven.formats.gltf import read_gltf
 
         rig = read_gltf(path, floor=True)
+        for note in rig.notes:
+            typer.echo(f"enliven: {note}", err=True)
         return Project().with_characters(rig.shape), rig.shape.id, False
     from enliven.meshes import load_upright
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, place_of
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ class Toasts:
         """Tell of anything that went wrong: a fault of our own too, since the window must not end by it."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
-            what = f"a fault of enliven itself: {type(error).__name__}: {error}"
+            what = f"a fault of enliven itself{place_of(error)}; the log says more"
             error = EnlivenError(what, mend=mend)
         self.complain(error)
         return error

@@ -56,7 +56,7 @@ class SensorThread(ABC):
         try:
             self._read()
         except Exception as error:
-            self.failure = str(error) or type(error).__name__
+            self.failure = str(error) or "it gives no reason"
             log.debug("sensor %s failed", self.name, exc_info=True)
         self._end()
 

@@ -53,7 +53,7 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
 
 def in_a_line(error: Exception) -> str:
     """The message of an error, in one line without a full stop."""
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
+    return " ".join(str(error).split()).rstrip(".") or "it gives no reason"
 
 
 def chosen(

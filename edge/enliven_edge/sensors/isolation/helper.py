@@ -124,7 +124,7 @@ class _Helper:
             self._device = None
             device.close()
         else:
-            self._pipe.send(("bad", "", f"it is of type {type(frame).__name__}", device.name, ""))
+            self._pipe.send(("bad", "", "its driver gives something else than images and bodies", device.name, ""))
         if self._device is not None and time.monotonic() - self._told > _CONDITION_EVERY:
             self._told = time.monotonic()
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
@@ -183,4 +183,4 @@ def _said(error: Exception) -> tuple[str, str, str, str]:
     """(class, what, where, mend) of an error; empty strings where it has none."""
     if isinstance(error, EnlivenError):
         return type(error).__name__, error.what, error.where, error.mend
-    return type(error).__name__, str(error) or type(error).__name__, "", ""
+    return type(error).__name__, str(error) or "it gives no reason", "", ""

@@ -55,12 +55,11 @@ def read_grey(path: Path) -> UInt8:
     try:
         with Image.open(path, formats=("PNG", "JPEG")) as image:
             if image.width * image.height > _MOST_PIXELS:
-                raise ValueError(f"it states {image.width} x {image.height} pixels")
+                what = f"it states {image.width} x {image.height} pixels"
+                raise InputError(what, where=str(path), mend="Remove the pair.")
             return np.asarray(image.convert("L"))
-    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"the image is damaged ({error})", where=str(path), mend="Remove the pair."
-        ) from None
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
+        raise InputError("the image is damaged", where=str(path), mend="Remove the pair.") from None
 
 
 class RecordedPairs:

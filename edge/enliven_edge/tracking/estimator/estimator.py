@@ -128,9 +128,9 @@ class PoseEstimator:
         options.log_severity_level = 3
         try:
             self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # ONNX Runtime has no common error
+        except Exception:  # ONNX Runtime has no common error
             raise InputError(
-                f"the network cannot be read ({type(error).__name__})",
+                "the network cannot be read",
                 where=str(path),
                 mend="Install enliven again, or set tracker.estimator = false.",
             ) from None

@@ -135,7 +135,7 @@ class FrameCheck:
 def flaw_of(frame: Frame) -> str:
     """What is wrong with a frame by itself, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
-        return f"it is of type {type(frame).__name__}"
+        return "it is neither an image nor a list of bodies"
     if type(frame.time_ns) is not int or abs(frame.time_ns) >= TIME_LIMIT_NS:
         return f"its time is {frame.time_ns!r}, not a possible number of nanoseconds"
     return _depth_flaw(frame) if isinstance(frame, DepthFrame) else _body_flaw(frame)

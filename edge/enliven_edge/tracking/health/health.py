@@ -168,7 +168,7 @@ class HealthMonitor:
 
     def failed(self, error: Exception) -> None:
         """A read raised ``error`` in place of a frame."""
-        why, mend = str(error) or type(error).__name__, ""
+        why, mend = str(error) or "it gives no reason", ""
         if isinstance(error, EnlivenError):
             why, mend = error.what, error.mend
         kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, UInt8, UInt16
+from enliven.arrays import Float, Float32, UInt16
 from enliven.document import Skeleton
 from enliven.examples.baking import stretch_axes
 from enliven.rotation import conjugate, continuous, from_matrix, multiply, normalized, to_matrix
@@ -123,18 +123,3 @@ def unit32(quaternions: Float) -> Float32:
     made = quaternions.astype(np.float32)
     length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
     return np.asarray(made / length, np.float32)
-
-
-def unit_normals(normals: Float) -> Float32:
-    """Normalises normals; a vertex of faces without area gets a unit normal too."""
-    missing = np.linalg.norm(normals, axis=1) < 0.5
-    single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
-    return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
-
-
-def linear16(colours: UInt8) -> UInt16:
-    """Returns (V, 4) linear opaque colours of 16 bits: 8 bits would band in dark colours."""
-    srgb = colours / 255.0
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    opaque = np.concatenate([linear, np.ones((len(linear), 1))], 1)
-    return np.round(opaque * 65535).astype(np.uint16)

@@ -1,20 +1,15 @@
-"""A glTF document under construction: nodes, skinned and plain meshes, and one animation."""
+"""A glTF document under construction: skinned meshes and one animation."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pygltflib
 
-from enliven import __version__
 from enliven.arrays import Float, Int
 from enliven.document import SkinWeights
-from enliven.exporters.gltf.blob import Blob
-from enliven.exporters.gltf.joints import clean_skin, linear16, listed, unit32, unit_normals
-from enliven.exporters.gltf.materials import SceneMaterials, split_by_material
+from enliven.exporters.gltf.joints import clean_skin, listed, unit32
 from enliven.meshes import Mesh
+from enliven.meshes.gltf import MeshScene
 from enliven.rotation import IDENTITY
 
 _STILL = 1e-7
@@ -22,45 +17,19 @@ _STILL = 1e-7
 float32's resolution."""
 
 
-class GltfScene:
-    """Takes nodes, meshes and channels, and gives the bytes of a GLB.
-
-    Attributes:
-        document: the glTF document so far.
-        blob: its binary half.
-    """
+class GltfScene(MeshScene):
+    """A scene with skins and one animation."""
 
     def __init__(self, name: str) -> None:
-        self.document, self.blob = pygltflib.GLTF2(), Blob()
-        self.document.asset = pygltflib.Asset(version="2.0", generator=f"enliven {__version__}")
-        self.document.scenes, self.document.scene = [pygltflib.Scene(name=name, nodes=[])], 0
+        super().__init__(name)
         self._animation = pygltflib.Animation(name=name, channels=[], samplers=[])
         self._known: dict[bytes, int] = {}
-        self._materials = SceneMaterials(self.blob)
 
     def bytes(self) -> bytes:
         """Returns the file."""
-        document = self.document
         if self._animation.channels:
-            document.animations = [self._animation]
-        self._materials.put_into(document)
-        document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
-        data = self.blob.bytes()
-        document.buffers = [pygltflib.Buffer(byteLength=len(data))]
-        document.set_binary_blob(data)
-        return b"".join(document.save_to_bytes())
-
-    def node(self, parent: int | None = None, **attributes: Any) -> int:
-        """Adds a node below another and returns its number."""
-        self.document.nodes.append(pygltflib.Node(**attributes))
-        number = len(self.document.nodes) - 1
-        if parent is not None:
-            self.document.nodes[parent].children.append(number)
-        return number
-
-    def put(self, *nodes: int) -> None:
-        """Adds nodes without a parent."""
-        self.document.scenes[0].nodes += list(nodes)
+            self.document.animations = [self._animation]
+        return super().bytes()
 
     def skinned(
         self,
@@ -123,33 +92,6 @@ class GltfScene:
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
         channel = pygltflib.AnimationChannel(sampler=len(self._animation.samplers) - 1, target=target)
         self._animation.channels.append(channel)
-
-    def primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
-        """Adds the triangles of a mesh with normals, colours and materials.
-
-        Yields:
-            A primitive for each material, and (N,) the vertex of the mesh that each of its vertices is.
-        """
-        blob, array = self.blob, pygltflib.ARRAY_BUFFER
-        normals = unit_normals(mesh.vertex_normals())
-        numbers = self._materials.added(mesh.materials) if mesh.materials is not None else []
-        for number, vertices, faces, corners in split_by_material(mesh):
-            attributes = pygltflib.Attributes(
-                POSITION=blob.add(mesh.vertices[vertices].astype(np.float32), array),
-                NORMAL=blob.add(normals[vertices], array),
-            )
-            for attribute, values in corners.items():
-                setattr(attributes, attribute, blob.add(values, array))
-            if number < 0 and mesh.colours is not None:
-                attributes.COLOR_0 = blob.add(linear16(mesh.colours[vertices]), array, normalised=True)
-            stored = faces.astype(np.uint16 if len(vertices) < 65535 else np.uint32)
-            made = pygltflib.Primitive(
-                attributes=attributes,
-                indices=blob.add(stored.reshape(-1), pygltflib.ELEMENT_ARRAY_BUFFER),
-                material=self._materials.plain(name) if number < 0 else numbers[number],
-                mode=pygltflib.TRIANGLES,
-            )
-            yield made, vertices
 
     def _times(self, times: Float) -> int:
         """Returns the accessor of key times; equal times are stored once."""

@@ -1,1 +1,1 @@
-from .read import read_gltf as read_gltf, with_materials as with_materials
+from .read import read_gltf as read_gltf

@@ -5,24 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.formats.gltf.bind import Bind
-from enliven.formats.gltf.file import GltfFile
-from enliven.formats.gltf.parts import GltfPart
 from enliven.formats.rig import LinkBody
+from enliven.meshes.gltf import GltfPart, GltfSurface
 from enliven.rotation import from_matrix, strain_of
 
 _STRETCHED = 1e-4
 """Largest stretch of a joint beyond 1 that is rounding and no scale track."""
 
 
-def bodies_of(
-    file: GltfFile, chosen: list[int], parts: list[GltfPart], rest: list[Float], bind: Bind, world: Float
-) -> list[LinkBody]:
-    """Returns a body for each joint."""
+def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> tuple[list[LinkBody], list[str]]:
+    """Returns a body for each joint, and sentences about what no body can do.
+
+    Args:
+        surface: of the file.
+        chosen: the nodes that are joints.
+        world: (F, n, 4, 4) world_from_node over all animations.
+    """
+    file, bind, notes = surface.file, surface.bind, list[str]()
     number = {node: k for k, node in enumerate(chosen)}
     bodies = list[LinkBody]()
     for node in chosen:
         away = world[:, node] @ np.linalg.inv(bind.world[node])
+        over = np.linalg.det(away[:, :3, :3]) < 0
+        if over.any():
+            away[over, :3, :3] = _righted(away[over, :3, :3])
+            notes.append(f"an animation mirrors {file.name(node)}, which no bone does: it is turned instead")
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
         scaled = _skew(away[:, :3, :3]) > _STRETCHED
         strains = strain_of(away[:, :3, :3], turns) if scaled else None
@@ -39,8 +46,8 @@ def bodies_of(
         )
         body.leaves, body.strains = leaves, strains
         bodies.append(body)
-    _weigh(bodies, number, parts, rest)
-    return bodies
+    _weigh(bodies, number, surface.parts, surface.rest)
+    return bodies, notes
 
 
 def _skew(linear: Float) -> float:
@@ -48,6 +55,13 @@ def _skew(linear: Float) -> float:
     if not len(linear):
         return 0.0
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
+
+
+def _righted(linear: Float) -> Float:
+    """(F, 3, 3) maps that mirror, without the mirroring along the axis that they stretch least."""
+    left, stretch, right = np.linalg.svd(linear)
+    left[:, :, 2] *= -1.0
+    return np.asarray(left * stretch[:, None] @ right)
 
 
 def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]) -> None:

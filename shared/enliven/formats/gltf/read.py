@@ -7,8 +7,7 @@ of its clip; what no bone can follow is noted with its size.
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,7 @@ from enliven.arrays import Float, Int, Int32
 from enliven.document import Clip, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
-from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.bodies import bodies_of
-from enliven.formats.gltf.file import GltfFile
-from enliven.formats.gltf.materials import Materials
-from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
-from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
 from enliven.formats.rig import (
     LinkBody,
     Rig,
@@ -34,7 +28,18 @@ from enliven.formats.rig import (
     tree_of,
     welded,
 )
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh
+from enliven.meshes.gltf import (
+    MOST_PLACES,
+    GltfFile,
+    GltfPart,
+    GltfSurface,
+    animated_locals,
+    frame_times,
+    gltf_surface,
+    moving_nodes,
+    world_matrices,
+)
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
@@ -68,101 +73,55 @@ def read_gltf(
     Raises:
         InputError: where the file cannot be read, or has nothing to draw.
     """
-    file = GltfFile(path)
-    try:
-        rig = _read(file, name or file.path.stem)
-    except EnlivenError:
-        raise
-    except DAMAGE as error:
-        logging.getLogger(__name__).debug("glTF", exc_info=True)
-        raise file.wrong(f"it is damaged ({type(error).__name__}: {str(error)[:80]})") from None
+    rig = _read(path, name)
     rig = resized(rig, height) if height is not None else rig
     rig = on_floor(rig) if floor else rig
     return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
-def with_materials(mesh: Mesh, path: Path | str) -> Mesh:
-    """Returns a mesh that was loaded from a glTF file with the file's materials.
-
-    It is unchanged where its faces are not among those that :func:`read_gltf` finds.
-    """
-    own = read_gltf(path).shape.mesh
-    if own is None or own.materials is None:
-        return mesh
-    # Vertices that no face uses are left out by one reader and not by the other.
-    whole, bare = (submesh(one, np.ones(len(one.faces), bool)) for one in (own, mesh))
-    if len(whole.vertices) != len(bare.vertices):
-        return mesh
-    number = {face: at for at, face in enumerate(map(tuple, whole.faces.tolist()))}
-    faces = np.array([number.get(face, -1) for face in map(tuple, bare.faces.tolist())], np.int64)
-    return mesh if (faces < 0).any() else replace(mesh, materials=own.materials.taken(faces))
-
-
-def _read(file: GltfFile, name: str) -> Rig:
+def _read(path: Path | str, name: str) -> Rig:
     """Reads the model without scaling or moving it."""
-    notes = list[str]()
-    parts, materials = parts_of(file, notes)
-    if not parts:
-        raise file.wrong("there is no triangle in its scene")
-    bind = Bind(file, parts)
-    rest = [bind.vertices(part) for part in parts]
-    mesh = _mesh(name, parts, rest, bind, materials)
-    if all(part.skin < 0 for part in parts) and not file.document.animations:
-        return _unrigged(name, mesh, notes)
-    return _rigged(file, name, parts, rest, mesh, bind, notes)
+    surface = gltf_surface(path, name)
+    file = surface.file
+    try:
+        if all(part.skin < 0 for part in surface.parts) and not file.document.animations:
+            return _unrigged(surface.mesh, surface.notes)
+        return _rigged(surface)
+    except EnlivenError:
+        raise
+    except DAMAGE as error:
+        raise file.damaged(error) from None
 
 
-def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials) -> Mesh:
-    """Joins all parts into one mesh; a mirrored part gets its faces turned round."""
-    first = np.cumsum([0, *(len(v) for v in rest)])
-    faces: list[Int32] = []
-    for part in parts:
-        node = part.nodes[0, 0] if len(part.nodes) else part.carrier
-        inverse = np.eye(4) if part.skin < 0 else bind.inverse[part.skin][int(node)]
-        mirrored = np.linalg.det((bind.world[node] @ inverse)[:3, :3]) < 0
-        faces.append(part.faces[:, ::-1] if mirrored else part.faces)
-    colours = np.concatenate([part.colours for part in parts])
-    shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
-    whole = np.concatenate([own + start for own, start in zip(faces, first[:-1], strict=True)])
-    return Mesh(np.concatenate(rest), whole.astype(np.int32), name, colours, materials.joined(shown))
-
-
-def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:
+def _unrigged(mesh: Mesh, notes: list[str]) -> Rig:
     low, high = mesh.bounds
     middle = (low + high) / 2
     foot, top = np.array([middle[0], low[1], middle[2]]), np.array([middle[0], high[1], middle[2]])
     skeleton = Skeleton(("foot", "top"), np.array([-1, 0], np.int32), np.stack([foot, top]))
     indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
-    shape = still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
+    shape = still_shape(mesh.name, skeleton, mesh, SkinWeights(indices, weights))
     return Rig(shape, (), (*notes, "it has no rig: it is given one bone, from its foot to its top"))
 
 
-def _rigged(
-    file: GltfFile,
-    name: str,
-    parts: list[GltfPart],
-    rest: list[Float],
-    mesh: Mesh,
-    bind: Bind,
-    notes: list[str],
-) -> Rig:
+def _rigged(surface: GltfSurface) -> Rig:
+    file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
     animations, world = _played(file)
     chosen = _chosen(file, parts)
     if len(chosen) > _MOST_JOINTS:
         raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies = bodies_of(file, chosen, parts, rest, bind, world)
+    bodies, mirrored = bodies_of(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
     tree = tree_of(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin(parts, tree, body_of)
-    shape = still_shape(name, tree.skeleton, mesh, skin)
+    shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
     clips, taken = [], set[str]()
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
         clips.append(_clip(animation, tree, bodies, tracks, taken))
-    notes += tree.notes + _told(bodies, tree, size)
+    notes += tree.notes + mirrored + _told(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
@@ -197,7 +156,7 @@ def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
                 between |= set(way)
                 break
             at = file.parents[at]
-    return [n for n in shown_nodes(file) if n in named or (n in between and n in animated)]
+    return [n for n in moving_nodes(file, parts) if n in named or (n in between and n in animated)]
 
 
 def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:

@@ -21,7 +21,7 @@ import numpy as np
 from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.lost_motion import with_lost_motion
@@ -98,7 +98,7 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
             header = _header(archive, where)
             arrays, damaged = _arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
-        what = f"it is cut short or damaged ({str(error)[:80]})"
+        what = "it is cut short or damaged"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
         project, lost = with_lost_motion(header["project"], arrays)
@@ -109,7 +109,7 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         mend = error.mend or "Take an earlier copy."
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
-        what = f"what it says does not fit together ({type(error).__name__}: {str(error)[:80]})"
+        what = f"it is damaged: {plain_reason(error)}"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     assert isinstance(made, Project)
     return made

@@ -43,7 +43,7 @@ def window_context() -> moderngl.Context:
 
 
 def _missing(error: Exception) -> ResourceError:
-    reason = str(error).strip() or type(error).__name__
+    reason = str(error).strip() or "the driver gives no reason"
     platform = "linux" if sys.platform.startswith("linux") else sys.platform
     return ResourceError(
         f"OpenGL 3.3 is not available ({reason})",

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from enliven.arrays import UInt8
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.meshes import Texture, opened_picture
 
 log = logging.getLogger(__name__)
@@ -142,12 +142,11 @@ def _pixels(source: Texture, most: int) -> UInt8:
     try:
         with opened_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MOST_PIXELS:
-                raise ValueError(f"it has {picture.width} x {picture.height} pixels")
+                raise InputError(f"it has {picture.width} x {picture.height} pixels")
             picture.draft("RGB", (most, most))
             whole = picture.convert("RGBA")
             whole.thumbnail((most, most), Image.Resampling.BOX)
             return np.asarray(whole, np.uint8)
     except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
-        reason = error.what if isinstance(error, InputError) else str(error)
-        log.warning("a texture cannot be read (%s): it is drawn white", reason[:100])
+        log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
         return _WHITE

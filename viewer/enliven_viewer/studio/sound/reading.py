@@ -37,9 +37,9 @@ def read_sound(path: Path) -> Sound:
                 if count > _LONGEST * SOUND_RATE:
                     what = f"it is longer than {_LONGEST / 60:.0f} minutes"
                     raise InputError(what, where=where, mend="Cut out the part that is performed to.")
-    except (av.FFmpegError, OSError) as error:
+    except (av.FFmpegError, OSError):
         if not count:
-            what = f"it cannot be read as sound ({str(error)[:80]})"
+            what = "it cannot be read as sound"
             raise InputError(what, where=where, mend="Save it as .wav.") from None
     if not count:
         raise InputError("it has not one sample", where=where, mend="Save it again as .wav.")

@@ -128,7 +128,8 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
 def _add_model(editor: Editor, path: Path) -> None:
     rig = read_gltf(path, floor=True, weld=True)
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
-        _add_puppet(editor, path, rig.shape.mesh, ())
+        # A puppet has no bones, so that the note on the one that it was given would only confuse.
+        _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
     box, made = editor.box(), list[str]()
 

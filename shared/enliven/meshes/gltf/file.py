@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import DAMAGE, Beside, read_file
-from enliven.formats.gltf.vrm import human_bones
-from enliven.meshes import GLTF_SUFFIXES, Entry, gltf_document
+from enliven.meshes.gltf.compression import draco_arrays
+from enliven.meshes.gltf.extensions import DRACO, extension_notes, follow_pointers, hidden_nodes
+from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
+from enliven.meshes.gltf.vrm import human_bones
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Components of each accessor type (glTF 2.0, table 3.6.2.2)."""
@@ -26,7 +29,8 @@ _COMPONENTS: dict[int, Any] = {
     5126: np.float32,
 }
 """NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
-_KNOWN_EXTENSIONS = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform"}
+_AGAIN = "Export the model again."
+"""What to do about a damaged model."""
 
 
 class GltfFile:
@@ -36,6 +40,8 @@ class GltfFile:
         path: named in errors.
         document: its JSON; what it does not state is None.
         parents: of each node, -1 at a root.
+        hidden: the nodes that it hides.
+        notes: sentences about extensions and animations that are left out.
 
     Raises:
         InputError: where the file cannot be read, is cut short, or needs an extension that is not known.
@@ -47,14 +53,72 @@ class GltfFile:
         self._human = human_bones(self.document)
         self._beside = Beside(self.path)
         self._buffers: dict[int, bytes] = {}
-        needed = set(self.document.extensionsRequired or []) - _KNOWN_EXTENSIONS
-        if needed:
-            mend = "Export it without, for example without compression."
-            raise self.wrong(f"it needs {', '.join(sorted(needed))}, which is not known here", mend)
+        self._decoded: dict[int, AnyArray] = {}
+        try:
+            self.notes = extension_notes(self.document)
+            _check_references(self.document)
+            self.notes += follow_pointers(self.document)
+            self.hidden = hidden_nodes(self.document, self.parents)
+        except InputError as error:
+            raise self.wrong(error.what, error.mend or _AGAIN) from None
+        except DAMAGE as error:
+            raise self.damaged(error) from None
 
-    def wrong(self, what: str, mend: str = "Export the model again.") -> InputError:
+    def wrong(self, what: str, mend: str = _AGAIN) -> InputError:
         """Returns an error that names the file."""
         return InputError(what, where=str(self.path), mend=mend)
+
+    def damaged(self, error: Exception) -> InputError:
+        """Returns the error for what a damaged file's numbers made a reader raise."""
+        logging.getLogger(__name__).debug("glTF", exc_info=error)
+        return self.wrong(f"it is damaged: {plain_reason(error)}")
+
+    def keys(self, sampler: Any, path: str) -> Float:
+        """Returns (K, C) the values of a sampler, or (3 K, C) with their tangents.
+
+        Raises:
+            InputError: where their number or width does not fit, or one is not finite.
+        """
+        values = np.asarray(self.accessor(sampler.output), np.float64)
+        each = 3 if sampler.interpolation == "CUBICSPLINE" else 1
+        count = self.document.accessors[sampler.input].count
+        fits = values.shape == (each * count, 4 if path == "rotation" else 3) and count > 0
+        if not fits or not np.isfinite(values).all():
+            raise self.wrong(f"an animation of {path} has {len(values)} values for {count} times, or bad ones")
+        return values
+
+    @cached_property
+    def scale_keys(self) -> dict[int, dict[int, Float]]:
+        """The sizes (K, 3) at the keys of each node that is scaled over time, by the number of the animation."""
+        found: dict[int, dict[int, Float]] = {}
+        for number, animation in enumerate(self.document.animations):
+            for channel in animation.channels or []:
+                if channel.target.path != "scale" or channel.target.node is None:
+                    continue
+                sampler = animation.samplers[channel.sampler]
+                values = self.keys(sampler, "scale")
+                points = values[1::3] if sampler.interpolation == "CUBICSPLINE" else values
+                found.setdefault(channel.target.node, {})[number] = points
+        return found
+
+    def decompress(self, primitive: Any) -> None:
+        """Gives the accessors of a primitive their values if Draco compressed them."""
+        packed = getattr(primitive.extensions, DRACO, None)
+        if packed is None:
+            return
+        named = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
+        try:
+            arrays, faces = draco_arrays(self.data_of_view(packed.bufferView), named)
+        except InputError as error:
+            raise self.wrong(error.what) from None
+        held = {vars(primitive.attributes)[name]: array for name, array in arrays.items()}
+        if primitive.indices is not None:
+            held[primitive.indices] = faces
+        for index, array in held.items():
+            accessor = self.document.accessors[index]
+            if array.shape != (accessor.count, _TYPES[accessor.type]):
+                raise self.wrong(f"its data compressed by {DRACO} does not fit accessor {index}")
+            self._decoded[index] = array.astype(_COMPONENTS[accessor.componentType])
 
     def name(self, node: int) -> str:
         """Returns a node's name; a nameless node gets its number.
@@ -79,12 +143,14 @@ class GltfFile:
         except InputError:
             raise
         except Exception as error:  # numbers that point outside raise whatever they like
-            raise self.wrong(f"{what} cannot be read: {error or type(error).__name__}") from None
+            raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
 
     def _accessor(self, index: int) -> AnyArray:
         accessor = self.document.accessors[index]
         kind, width = np.dtype(_COMPONENTS[accessor.componentType]), _TYPES[accessor.type]
-        if accessor.bufferView is None:
+        if index in self._decoded:
+            values = self._decoded[index]
+        elif accessor.bufferView is None:
             values = np.zeros((accessor.count, width), kind)
         else:
             values = self._strided(accessor.bufferView, accessor.byteOffset or 0, kind, accessor.count, width)
@@ -154,13 +220,47 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
         raise InputError("it is no glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
+    if not data:
+        raise InputError("the file is empty", where=str(path), mend=_AGAIN)
     try:
         found = gltf_document(data)
-        if found[0].asset is None or not str(found[0].asset.version).startswith("2."):
-            raise ValueError("not glTF 2")
-    except DAMAGE as error:
+        version = None if found[0].asset is None else found[0].asset.version
+        if not str(version).startswith("2."):
+            raise InputError("it states another version" if version else "it states no version")
+    except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
-        reason = str(error).strip().splitlines()
-        what = f"it cannot be read as glTF 2: {reason[0][:200] if reason else type(error).__name__}"
+        what = f"it cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says?") from None
     return found
+
+
+def _check_references(document: Entry) -> None:
+    """Refuses nodes and animations that name what is not there.
+
+    Raises:
+        InputError: which entry does.
+    """
+    nodes, skins = document.nodes, document.skins
+    used = {node.skin for node in nodes}
+    for number, node in enumerate(nodes):
+        for kind, named, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
+            if named is not None and not _is_number(named, len(entries)):
+                raise InputError(f"node {number} has a {kind} {named!s:.20} that is not there")
+    for number, skin in enumerate(skins):
+        away = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
+        if away:
+            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is no node")
+        if number in used and not skin.joints:
+            raise InputError(f"skin {number} has no joints")
+    for number, animation in enumerate(document.animations):
+        for channel in animation.channels or []:
+            target = channel.target
+            if target is None or not _is_number(channel.sampler, len(animation.samplers or [])):
+                raise InputError(f"a channel of animation {number} has no target or no keys")
+            if target.node is not None and not _is_number(target.node, len(nodes)):
+                raise InputError(f"animation {number} moves node {target.node!s:.20}, which is not there")
+
+
+def _is_number(value: Any, count: int) -> bool:
+    """Whether a value is the number of one of ``count`` entries."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count

@@ -10,8 +10,9 @@ import numpy as np
 import pygltflib
 
 from enliven.arrays import AnyArray, Float32, Int
-from enliven.exporters.gltf.blob import Blob
-from enliven.meshes import Mesh, MeshMaterials, renumbered
+from enliven.meshes.gltf.blob import Blob
+from enliven.meshes.materials import MeshMaterials, renumbered
+from enliven.meshes.mesh import Mesh
 
 _ROUGH = 0.9
 """Roughness of a plain material: nothing shines that is not said to."""

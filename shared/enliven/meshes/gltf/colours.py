@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven.errors import InputError
-from enliven.formats.gltf.file import GltfFile
-from enliven.meshes import opened_picture
+from enliven.errors import InputError, plain_reason
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.srgb import linear_of, srgb_of
+from enliven.meshes.pictures import opened_picture
 
 _WHITE = np.ones(3)
 _MOST_PIXELS = 1 << 28
@@ -29,8 +30,11 @@ class Colours:
         self._pixels = 0
         self.notes: list[str] = []
 
-    def of(self, primitive: Any) -> UInt8:
-        """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied."""
+    def of(self, primitive: Any) -> UInt8 | None:
+        """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied.
+
+        None where the file states none of them.
+        """
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count
         linear = np.tile(_WHITE, (count, 1))
@@ -38,13 +42,15 @@ class Colours:
         if own is not None:
             linear = linear * np.asarray(file.accessor(own), np.float64)[:, :3]
         found = None
-        if primitive.material is not None and primitive.material < len(file.document.materials):
+        if primitive.material is not None and 0 <= primitive.material < len(file.document.materials):
             found = file.document.materials[primitive.material].pbrMetallicRoughness
+        if own is None and (found is None or (found.baseColorFactor is None and not found.baseColorTexture)):
+            return None
         if found is not None and found.baseColorFactor is not None:
             linear = linear * np.array(found.baseColorFactor[:3], np.float64)
         if found is not None and found.baseColorTexture is not None:
             linear = linear * self._textured(primitive, found.baseColorTexture, count)
-        return _srgb(linear)
+        return srgb_of(linear)
 
     def _textured(self, primitive: Any, texture: Any, count: int) -> Float:
         """(V, 3) linear: the texture at each vertex, repeated beyond its edges."""
@@ -56,8 +62,7 @@ class Colours:
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
-        srgb = picture[rows, columns] / 255.0
-        return np.asarray(np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4))
+        return linear_of(picture[rows, columns])
 
     def _picture(self, texture: int) -> UInt8 | None:
         """(H, W, 3) sRGB, or None with a note."""
@@ -71,8 +76,8 @@ class Colours:
                     data = self._file.data_of_uri(image.uri)
                 self._pictures[texture] = self._decoded(data)
             except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
-                reason = error.what if isinstance(error, InputError) else str(error)
-                self.notes.append(f"texture {texture} cannot be read ({reason[:100]}): it is taken as white")
+                reason = plain_reason(error)
+                self.notes.append(f"texture {texture} cannot be read ({reason}): it is taken as white")
                 self._pictures[texture] = None
         return self._pictures[texture]
 
@@ -81,11 +86,5 @@ class Colours:
         with opened_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MOST_PIXELS:
-                raise ValueError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
+                raise InputError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
             return np.asarray(picture.convert("RGB"))
-
-
-def _srgb(linear: Float) -> UInt8:
-    linear = np.clip(np.nan_to_num(linear), 0.0, 1.0)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(coded * 255).astype(np.uint8)

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.formats.gltf.file import GltfFile
-from enliven.formats.gltf.motion import rest_locals, world_matrices
-from enliven.formats.gltf.parts import GltfPart, shown_nodes
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.motion import standing_locals, world_matrices
+from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
 _GROWN = 1e-3
 """Relative difference of a joint's size from its size at binding that counts as scaled: less is rounding."""
@@ -27,13 +27,15 @@ class Bind:
 
     Attributes:
         world: (n, 4, 4) world_from_node of every node, in the bind pose.
-        rest: (n, 4, 4) the same where the file leaves its nodes.
+        rest: (n, 4, 4) the same where the file leaves its nodes; what it hides by size 0 is shown.
         inverse: for each skin that is used, the inverse bind matrix of each of its joints.
     """
 
     def __init__(self, file: GltfFile, parts: list[GltfPart]) -> None:
         self._file = file
-        self.rest = world_matrices(file, rest_locals(file))[0]
+        standing = standing_locals(file)
+        self.rest, self._scale = world_matrices(file, standing)[0], standing.scale[0]
+        self._order = moving_nodes(file, parts)
         self.world = self.rest.copy()
         self.inverse: dict[int, dict[int, Float]] = {}
         known: set[int] = set()
@@ -53,14 +55,17 @@ class Bind:
         if part.skin < 0:
             matrix = self.world[part.carrier]
             return np.asarray(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
-        inverse = self.inverse[part.skin]
-        placed = {n: self.world[n] @ inverse[n] for n in np.unique(part.nodes)}
+        placed = {n: self.world_from_mesh(part, n) for n in np.unique(part.nodes)}
         out = np.zeros_like(part.vertices)
         for k in range(4):
             matrices = np.stack([placed[n] for n in part.nodes[:, k]])
             moved = np.einsum("vab,vb->va", matrices[:, :3, :3], part.vertices) + matrices[:, :3, 3]
             out += part.weights[:, k, None] * moved
         return out
+
+    def world_from_mesh(self, part: GltfPart, node: int) -> Float:
+        """(4, 4) where a vertex that follows one node alone goes."""
+        return self.world[node] if part.skin < 0 else np.asarray(self.world[node] @ self.inverse[part.skin][node])
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
         """The inverse bind matrix of each joint of a skin; without any, the identity."""
@@ -102,7 +107,7 @@ class Bind:
 
     def _follow(self, known: set[int]) -> None:
         """Moves nodes that no skin names along with the joint above them."""
-        for node in shown_nodes(self._file):
+        for node in self._order:
             parent = self._file.parents[node]
             if node in known or parent not in known:
                 continue
@@ -111,9 +116,10 @@ class Bind:
             known.add(node)
 
     def _resize(self, known: set[int]) -> None:
-        """Scales joints that the file leaves at another size than at binding and never animates.
+        """Scales and mirrors joints that the file leaves at another size than at binding.
 
-        Such a size belongs to the rest pose, with all that hangs on it; bones cannot have it over time.
+        A size that is never animated belongs to the rest pose, with all that hangs on it, and so does a
+        mirroring: bones cannot have it over time.
         """
         document = self._file.document
         animated = {
@@ -124,7 +130,9 @@ class Bind:
         }
         bound = self.world.copy()
         sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
-        for node in shown_nodes(self._file):
+        # Whether a node is mirrored against where it was bound.
+        mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
+        for node in self._order:
             parent = self._file.parents[node]
             if node not in known or parent not in known:
                 continue
@@ -132,10 +140,21 @@ class Bind:
             grown = sizes[node] / sizes[parent]
             if node not in animated and abs(grown - 1.0) > _GROWN:
                 self.world[node][:3, :3] *= grown
+            if mirrored[node] != mirrored[parent]:
+                self.world[node][:3, :3] *= self._mirror(node)
+
+    def _mirror(self, node: int) -> Float:
+        """(3,) the signs of the axes that the file mirrors a node along; the first where it says none."""
+        signs = np.sign(self._scale[node])
+        return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
 
 
 def _size(matrix: Float) -> float:
     return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+def _turned_over(matrix: Float) -> bool:
+    return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 def _solid(matrix: Float) -> bool:

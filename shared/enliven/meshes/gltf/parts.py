@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32, UInt8
-from enliven.formats.gltf.colours import Colours
-from enliven.formats.gltf.file import GltfFile
-from enliven.formats.gltf.materials import Corners, Materials
+from enliven.arrays import AnyArray, Float, Int, Int32, UInt8
+from enliven.meshes.gltf.colours import Colours
+from enliven.meshes.gltf.extensions import INSTANCING
+from enliven.meshes.gltf.file import GltfFile, matrices_of
+from enliven.meshes.gltf.gltf_json import MOST_ELEMENTS
+from enliven.meshes.gltf.materials import Corners, Materials
+from enliven.meshes.gltf.motion import closed_nodes
 
 _TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1); points and lines are left out."""
@@ -18,6 +21,8 @@ _STRIP = 5
 """glTF's mode of a triangle strip."""
 _FAN = 6
 """glTF's mode of a triangle fan."""
+_COLUMNS = {"TRANSLATION": [0.0, 0.0, 0.0], "ROTATION": [0.0, 0.0, 0.0, 1.0], "SCALE": [1.0, 1.0, 1.0]}
+"""The columns of a table of instances, and what stands for one that is missing."""
 
 
 @dataclass
@@ -29,7 +34,7 @@ class GltfPart:
         faces: (F, 3).
         nodes: (V, 4) the nodes that each vertex follows, the strongest first.
         weights: (V, 4) float64, each row sums to one.
-        colours: (V, 3) sRGB.
+        colours: (V, 3) sRGB, or None where the file states no colour.
         skin: the number of its skin, or -1: it follows the node ``carrier`` stiffly.
         carrier: the node that has the mesh.
         material: its number among those that are kept, or -1.
@@ -40,7 +45,7 @@ class GltfPart:
     faces: Int32
     nodes: Int
     weights: Float
-    colours: UInt8
+    colours: UInt8 | None
     skin: int
     carrier: int
     material: int
@@ -54,19 +59,23 @@ def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Material
         notes: takes a sentence about each that is left out.
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
+    notes.extend(file.notes)
+    closed, hidden = closed_nodes(file), file.hidden
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
             continue
-        if node.mesh >= len(file.document.meshes):
-            raise file.wrong(f"node {file.name(number)!r} has a mesh {node.mesh} that is not there")
+        if number in hidden or (number in closed and node.skin is None):
+            how = "hidden by the file" if number in hidden else "of size 0 at all times"
+            notes.append(f"{file.name(number)!r} is {how} and left out")
+            continue
         for primitive in file.document.meshes[node.mesh].primitives:
             mode = _TRIANGLES if primitive.mode is None else primitive.mode
             if mode not in (_TRIANGLES, _STRIP, _FAN) or primitive.attributes.POSITION is None:
                 notes.append(f"lines or points of {file.name(number)!r} are left out")
                 continue
             if primitive.targets:
-                notes.append(f"the morph targets of {file.name(number)!r} are left out")
+                notes.append(f"the morph targets of {file.name(number)!r} are left out over time")
             parts.append(_part(file, colours, materials, primitive, mode, number))
     notes.extend(colours.notes + materials.notes)
     return [part for part in parts if len(part.faces)], materials
@@ -80,6 +89,26 @@ def shown_nodes(file: GltfFile) -> list[int]:
         roots = list(document.scenes[number if number < len(document.scenes) else 0].nodes or [])
     else:
         roots = [n for n, parent in enumerate(file.parents) if parent < 0]
+    return _below(file, roots)
+
+
+def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
+    """The nodes that the scene shows, then the trees of joints that are not in it, parents first."""
+    found = shown_nodes(file)
+    known, roots = set(found), list[int]()
+    for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
+        for at in file.document.skins[skin].joints:
+            while at not in known and file.parents[at] >= 0:
+                at = file.parents[at]
+            if at not in known:
+                known.add(at)
+                roots.append(at)
+    return found + _below(file, roots)
+
+
+def _below(file: GltfFile, roots: list[int]) -> list[int]:
+    """Nodes with all that hangs on them, parents first."""
+    document = file.document
     found, waiting = list[int](), roots[::-1]
     while waiting:
         at = waiting.pop()
@@ -92,9 +121,11 @@ def _part(
     file: GltfFile, colours: Colours, materials: Materials, primitive: Any, mode: int, carrier: int
 ) -> GltfPart:
     node = file.document.nodes[carrier]
+    file.decompress(primitive)
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
+    vertices = _morphed(file, vertices, primitive, node)
     if primitive.indices is None:
         order = np.arange(len(vertices))
     else:
@@ -118,7 +149,70 @@ def _part(
     four, shares = strongest(joints, weights)
     corners = materials.corners(primitive, len(vertices))
     rest = colours.of(primitive), skin, carrier, materials.number(primitive), corners
-    return GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
+    part = GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
+    table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
+    if table is None:
+        return part
+    return instanced(part, instance_transforms(file, vars(table)), file)
+
+
+def _morphed(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
+    """(V, 3) the vertices with the morph targets that the file holds at rest."""
+    weights = node.weights or file.document.meshes[node.mesh].weights or []
+    for weight, target in zip(weights, primitive.targets or [], strict=False):
+        if weight and target.POSITION is not None:
+            moved = np.asarray(file.accessor(target.POSITION), np.float64)
+            if moved.shape != vertices.shape or not np.isfinite(weight * moved).all():
+                raise file.wrong(f"a morph target of mesh {node.mesh} does not fit it")
+            vertices = vertices + weight * moved
+    return vertices
+
+
+def instance_transforms(file: GltfFile, table: dict[str, int]) -> Float:
+    """Returns (K, 4, 4) node_from_mesh of the instances in the table of a node.
+
+    Raises:
+        InputError: where its columns are of different lengths, or not finite.
+    """
+    columns = {name: np.asarray(file.accessor(at), np.float64) for name, at in table.items() if name in _COLUMNS}
+    count = max((len(values) for values in columns.values()), default=1)
+    filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _COLUMNS.items()]
+    fits = all(one.shape == (count, len(usual)) for one, usual in zip(filled, _COLUMNS.values(), strict=True))
+    if not fits or not all(np.isfinite(values).all() for values in filled):
+        raise file.wrong("the places of its instances do not fit together")
+    length = np.linalg.norm(filled[1], axis=1, keepdims=True)
+    filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
+    return matrices_of(*filled)
+
+
+def instanced(part: GltfPart, transforms: Float, file: GltfFile) -> GltfPart:
+    """Returns a part once for each of the transforms (K, 4, 4); a mirrored one has its faces turned round.
+
+    Raises:
+        InputError: where that is more than a reader has room for.
+    """
+    count, size = len(transforms), len(part.vertices)
+    if count * max(size, 3 * len(part.faces)) > MOST_ELEMENTS:
+        raise file.wrong(f"it shows {count} instances of {size} vertices, which are too many")
+    moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
+    mirrored = np.linalg.det(transforms[:, :3, :3]) < 0
+    faces = [
+        (part.faces[:, ::-1] if over else part.faces) + number * size for number, over in enumerate(mirrored)
+    ]
+
+    def again(values: AnyArray) -> AnyArray:
+        return np.tile(values, (count, *(1,) * (values.ndim - 1)))
+
+    uvs, tints = part.corners
+    return replace(
+        part,
+        vertices=moved.reshape(-1, 3),
+        faces=np.concatenate([part.faces[:0], *faces]).astype(np.int32),
+        nodes=again(part.nodes),
+        weights=again(part.weights),
+        colours=None if part.colours is None else again(part.colours),
+        corners=(again(uvs), None if tints is None else again(tints)),
+    )
 
 
 def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:

@@ -9,13 +9,15 @@ import numpy as np
 
 from enliven import rotation
 from enliven.arrays import Float
-from enliven.formats.gltf.file import GltfFile, matrices_of
+from enliven.meshes.gltf.file import GltfFile, matrices_of
 from enliven.rotation import unit
 
 _LONGEST_STEP = 1 / 24
 """Seconds between samples at most: over a longer step world turns would bend between frames."""
 _SHORTEST_STEP = 1 / 120
 """Seconds between samples at least: denser keys are no visible motion and cost memory."""
+_CLOSED = 1e-5
+"""Share of a node's largest size that stands for size 0: too small to be seen, and it can be inverted."""
 MOST_PLACES = 1 << 23
 """Frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 a second."""
 
@@ -34,7 +36,66 @@ class Locals:
 
 
 def rest_locals(file: GltfFile) -> Locals:
-    """Returns the nodes' rest transforms as the file states them, F = 1."""
+    """Returns the nodes' rest transforms as the file states them, F = 1; no size is quite 0."""
+    made = _stated(file)
+    _open(made, file.scale_keys)
+    return made
+
+
+def standing_locals(file: GltfFile) -> Locals:
+    """Returns the nodes' rest transforms for the bind pose, F = 1.
+
+    Where the file leaves a node at size 0 and its animations give it a size, it has that size: what pops up
+    has a shape. Where all animations mirror a node that the file does not, it is mirrored.
+    """
+    made, sizes = _stated(file), file.scale_keys
+    for node, clips in sizes.items():
+        rest = made.scale[0, node]
+        keys = np.concatenate(list(clips.values()))
+        largest = keys[np.abs(keys).argmax(0), np.arange(3)]
+        rest[:] = np.where(np.abs(rest) < _CLOSED * np.abs(largest), largest, rest)
+        signs = [np.sign(own).prod(1) for own in clips.values()]
+        if len(clips) == len(file.document.animations) and all((s == -np.sign(rest.prod())).all() for s in signs):
+            rest[:] = keys[0]
+    _open(made, sizes)
+    return made
+
+
+def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
+    """Replaces sizes of 0 by a tiny share of the node's largest, so that every transform can be inverted."""
+    largest = np.abs(made.scale).max((0, 2))
+    for node, clips in sizes.items():
+        largest[node] = max(largest[node], *(np.abs(keys).max(initial=0.0) for keys in clips.values()))
+    least = np.where(largest > 0.0, largest, 1.0)[:, None] * _CLOSED
+    made.scale = np.where(np.abs(made.scale) < least, np.where(made.scale < 0.0, -least, least), made.scale)
+    for node, matrix in made.fixed.items():
+        left, stretch, right = np.linalg.svd(matrix[:3, :3])
+        floor = _CLOSED * (stretch[0] if stretch[0] > 0.0 else 1.0)
+        if stretch[2] < floor:
+            matrix[:3, :3] = left * np.maximum(stretch, floor) @ right
+            made.fixed[node] = matrix
+
+
+def closed_nodes(file: GltfFile) -> set[int]:
+    """The nodes that have size 0 at rest and in all animations, with all that hangs on them."""
+    stated, found = _stated(file), set[int]()
+    for node in range(len(file.parents)):
+        fixed = stated.fixed.get(node)
+        size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
+        clips = file.scale_keys.get(node, {})
+        if not size.any() and not any(keys.any() for keys in clips.values()):
+            found.add(node)
+    for node in range(len(file.parents)) if found else ():
+        at = node
+        while at >= 0 and at not in found:
+            at = file.parents[at]
+        if at >= 0:
+            found.add(node)
+    return found
+
+
+def _stated(file: GltfFile) -> Locals:
+    """The nodes' rest transforms as the file states them, F = 1."""
     nodes = file.document.nodes
     count = len(nodes)
     made = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
@@ -48,6 +109,8 @@ def rest_locals(file: GltfFile) -> Locals:
             made.rotation[0, number] = node.rotation
         if node.scale is not None:
             made.scale[0, number] = node.scale
+    if not all(np.isfinite(values).all() for values in (made.translation, made.rotation, made.scale)):
+        raise file.wrong("a node's place, turn or size is not finite")
     return made
 
 
@@ -97,13 +160,13 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
     """Samples every channel of an animation at ``times`` (F,) seconds."""
-    rest = rest_locals(file)
+    rest = _stated(file)
     count = len(times)
     made = Locals(
         np.repeat(rest.translation, count, 0),
         np.repeat(rest.rotation, count, 0),
         np.repeat(rest.scale, count, 0),
-        rest.fixed,
+        dict(rest.fixed),
     )
     found = file.document.animations[animation]
     for channel in found.channels:
@@ -111,10 +174,11 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
         if node is None or path not in ("translation", "rotation", "scale"):
             continue
         sampler = found.samplers[channel.sampler]
-        values = np.asarray(file.accessor(sampler.output), np.float64)
+        values = file.keys(sampler, path)
         at = sampled(_keys(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times)
         getattr(made, path)[:, node] = at
         made.fixed.pop(node, None)
+    _open(made, file.scale_keys)
     return made
 
 

@@ -10,6 +10,8 @@ import json
 import struct
 from typing import Any
 
+from enliven.errors import InputError, plain_reason
+
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 """Endings of glTF files; a VRM avatar is a GLB with a map of its human bones."""
 MOST_LISTED = 1 << 16
@@ -55,18 +57,20 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     """The JSON object of a glTF or GLB file, its amounts checked.
 
     Raises:
-        ValueError: where there is none, or it states more than a reader has room for.
+        InputError: where there is none, or it states more than a reader has room for.
     """
     try:
         tree = json.loads(_text(data))
-    except RecursionError:
-        raise ValueError("its JSON is nested too deep") from None
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"its JSON is damaged{_place(error)}") from None
     if not isinstance(tree, dict):
-        raise ValueError("its JSON is no object")
+        raise InputError("its JSON is no object")
     try:
         _check_amounts(tree)
     except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
-        raise ValueError(f"its JSON is damaged ({type(error).__name__}: {str(error)[:80]})") from None
+        raise InputError(f"its JSON is damaged: {plain_reason(error)}") from None
     return tree
 
 
@@ -74,7 +78,7 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
     """The document of a glTF or GLB file, the parent of each node (-1 at a root), and the bytes of a GLB.
 
     Raises:
-        ValueError: as :func:`gltf_tree`.
+        InputError: as :func:`gltf_tree`.
     """
     tree = gltf_tree(data)
     parents = parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
@@ -89,24 +93,31 @@ def parents_of(children: list[list[int]]) -> list[int]:
     """The parent of each node, -1 at a root, from the children of each.
 
     Raises:
-        ValueError: where a child is not there or has two parents, and for a cycle or too deep a tree.
+        InputError: where a child is not there or has two parents, and for a cycle or too deep a tree.
     """
     parents = [-1] * len(children)
     for number, own in enumerate(children):
         for child in own:
             if not 0 <= child < len(children) or parents[child] >= 0 or child == number:
-                raise ValueError(f"node {number} has a child {child} that is no child or another's too")
+                raise InputError(f"node {number} has a child {child} that is no child or another's too")
             parents[child] = number
     level = [node for node, parent in enumerate(parents) if parent < 0]
     reached, depth = len(level), 1
     while level:
         if depth > MOST_DEEP:
-            raise ValueError(f"its nodes are nested deeper than {MOST_DEEP}")
+            raise InputError(f"its nodes are nested deeper than {MOST_DEEP}")
         level = [child for node in level for child in children[node]]
         reached, depth = reached + len(level), depth + 1
     if reached < len(children):
-        raise ValueError("its nodes form a cycle")
+        raise InputError("its nodes form a cycle")
     return parents
+
+
+def _place(error: Exception) -> str:
+    """Where a parser stopped, as words to follow others; empty if it does not say."""
+    if isinstance(error, RecursionError):
+        return ": it is nested too deep"
+    return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
 def _text(data: bytes) -> str:
@@ -115,7 +126,7 @@ def _text(data: bytes) -> str:
     if data[:4] == b"glTF":
         found = _chunk(data, b"JSON")
         if found is None:
-            raise ValueError("it is cut short or damaged: it has no JSON")
+            raise InputError("it is cut short or damaged: it has no JSON")
         text = found
     return text.decode("utf-8-sig")
 
@@ -136,7 +147,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
     """Refuse a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
         if isinstance(entries, list) and len(entries) > MOST_LISTED:
-            raise ValueError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
+            raise InputError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
     nodes = tree.get("nodes") or []
     parents_of([node.get("children") or [] for node in nodes])
     counts = [_count(accessor) for accessor in tree.get("accessors") or []]
@@ -158,9 +169,9 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
             total += times * max((counts[at] for at in named if _names(at, counts)), default=0)
             primitives += times
     if total > MOST_ELEMENTS:
-        raise ValueError(f"it shows {total} vertices or corners, and no more than {MOST_ELEMENTS} are read")
+        raise InputError(f"it shows {total} vertices or corners, and no more than {MOST_ELEMENTS} are read")
     if primitives > MOST_LISTED:
-        raise ValueError(f"it shows {primitives} primitives, and no more than {MOST_LISTED} are read")
+        raise InputError(f"it shows {primitives} primitives, and no more than {MOST_LISTED} are read")
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
@@ -169,19 +180,19 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []
         if len(channels) > MOST_LISTED:
-            raise ValueError(f"it has {len(channels)} channels, and no more than {MOST_LISTED} are read")
+            raise InputError(f"it has {len(channels)} channels, and no more than {MOST_LISTED} are read")
         samplers = animation.get("samplers") or []
         named += [sampler.get(end) for sampler in samplers for end in ("input", "output")]
     total = sum(counts[at] for at in named if _names(at, counts))
     if total > MOST_READ:
-        raise ValueError(f"it reads {total} keys, and no more than {MOST_READ} are read")
+        raise InputError(f"it reads {total} keys, and no more than {MOST_READ} are read")
 
 
 def _count(accessor: dict[str, Any]) -> int:
     """How many elements an accessor states."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MOST_ELEMENTS:
-        raise ValueError(f"an accessor states {count} elements, and no more than {MOST_ELEMENTS} are read")
+        raise InputError(f"an accessor states {count} elements, and no more than {MOST_ELEMENTS} are read")
     return count
 
 

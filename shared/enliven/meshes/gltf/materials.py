@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int32
-from enliven.errors import InputError
+from enliven.errors import InputError, plain_reason
 from enliven.files import DAMAGE
-from enliven.formats.gltf.file import GltfFile
-from enliven.meshes import Entry, MeshMaterials, Texture, textures_in
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.gltf_json import Entry
+from enliven.meshes.materials import MeshMaterials, Texture, textures_in
 
 _MOST_IMAGES = 1 << 28
 """Bytes of all encoded images of a file: ten times what detailed characters have; one small buffer can be
@@ -89,7 +90,7 @@ class Materials:
                     self._textures[number] = self._texture(number)
             self.definitions.append(json.dumps(self._kept(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"material {at} cannot be read ({str(error)[:80]}): only its colour is kept")
+            self.notes.append(f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept")
             return -1
         return len(self.definitions) - 1
 
@@ -121,15 +122,14 @@ class Materials:
                 data = self._file.data_of_uri(image.uri)
             self._bytes += len(data)
             if self._bytes > _MOST_IMAGES:
-                raise ValueError(f"with the others it has more than {_MOST_IMAGES} bytes")
+                raise InputError(f"with the others it has more than {_MOST_IMAGES} bytes")
             sampler = texture.sampler
             told = (
                 "" if sampler is None else json.dumps(_plain(_entry(self._file.document.samplers, sampler)))
             )
             made = Texture(np.frombuffer(data, np.uint8), told)
         except (InputError, *DAMAGE) as error:
-            reason = error.what if isinstance(error, InputError) else str(error)
-            self.notes.append(f"texture {number} is not kept ({reason[:100]})")
+            self.notes.append(f"texture {number} is not kept ({plain_reason(error)})")
             return None
         self.textures.append(made)
         return len(self.textures) - 1

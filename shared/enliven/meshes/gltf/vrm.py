@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from enliven.meshes import Entry
+from enliven.meshes.gltf.gltf_json import Entry
 
 
 def human_bones(document: Entry) -> dict[int, str]:

@@ -1,0 +1,139 @@
+"""What glTF extensions mean to the reader: which it reads, which it leaves out, and which stop it.
+
+    notes = extension_notes(document)       # raises for a required one that it cannot do without
+    follow_pointers(document)               # channels of KHR_animation_pointer become ordinary ones
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from enliven.errors import InputError
+from enliven.meshes.gltf.gltf_json import Entry
+
+DRACO = "KHR_draco_mesh_compression"
+"""Vertices and faces compressed by Draco, which are decoded."""
+INSTANCING = "EXT_mesh_gpu_instancing"
+"""One mesh shown many times by a table of transforms."""
+VISIBILITY = "KHR_node_visibility"
+"""Nodes that are hidden with all that hangs on them."""
+POINTER = "KHR_animation_pointer"
+"""Channels that animate any value of the file, named by a JSON pointer."""
+_READ = {
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_materials_unlit",
+    "VRM",
+    "VRMC_vrm",
+    DRACO,
+    INSTANCING,
+    VISIBILITY,
+    POINTER,
+}
+_MESHOPT = {"EXT_meshopt_compression", "KHR_meshopt_compression", "MESHOPT_compression"}
+"""Compression without a decoder that has wheels for both architectures; files without the requirement also
+hold the plain data."""
+_PICTURES = {
+    "EXT_texture_webp": "pictures in WebP",
+    "EXT_texture_avif": "pictures in AVIF",
+    "KHR_texture_basisu": "pictures in Basis Universal",
+    "MSFT_texture_dds": "pictures in DDS",
+}
+_HARMLESS = re.compile(
+    r"KHR_materials_\w+|VRMC_materials_\w+|ADOBE_materials_\w+|NV_materials_mdl|EXT_materials_\w+"
+    r"|KHR_lights_punctual|EXT_lights_\w+|KHR_texture_\w+|KHR_techniques_webgl|KHR_xmp(_json_ld)?"
+    r"|KHR_audio(_\w+)?|MSFT_audio_emitter|KHR_interactivity|KHR_node_(select|hover)ability|GODOT_single_root"
+    r"|KHR_physics_rigid_bodies|KHR_implicit_shapes|KHR_collision_shapes|OMI_\w+|EXT_mesh_features"
+    r"|EXT_(structural|instance)_\w+|EXT_mesh_manifold|CESIUM_primitive_outline|FB_geometry_metadata"
+    r"|AGI_\w+|MSFT_lod|MSFT_packing_\w+|VRMC_springBone\w*|KHR_blend|KHR_accessor_float64"
+)
+"""Extensions that change neither the surface at rest nor the animations of a file."""
+_VISIBLE = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
+"""A JSON pointer to whether a node is shown."""
+_NODE = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
+"""A JSON pointer to what an ordinary channel can animate as well."""
+
+
+def extension_notes(document: Entry) -> list[str]:
+    """Returns a sentence for each extension that is left out and matters, each once.
+
+    Raises:
+        InputError: where the file requires one without which it cannot be read.
+    """
+    required, used = _names(document.extensionsRequired), _names(document.extensionsUsed)
+    compressed = [name for name in required if name in _MESHOPT]
+    if compressed:
+        mend = "Export it without this compression, or with Draco."
+        raise InputError(f"it is compressed with {', '.join(compressed)}, which cannot be read", mend=mend)
+    needed = [name for name in required if name not in _READ and not _harmless(name)]
+    if needed:
+        mend = "Export it without this extension."
+        raise InputError(f"it needs {', '.join(needed)}, which is not known here", mend=mend)
+    notes = list[str]()
+    for name in required:
+        if _harmless(name):
+            told = _PICTURES.get(name, "no part of the shape or its motion")
+            notes.append(f"it requires {name}, which is left out: it holds {told}")
+    for name in used:
+        if name not in required and name not in _READ | _MESHOPT and not _harmless(name):
+            notes.append(f"it uses {name}, which is not known here: what that adds is left out")
+    return notes
+
+
+def follow_pointers(document: Entry) -> list[str]:
+    """Turns channels that name a node's place, turn, size or weights by a pointer into ordinary channels.
+
+    Returns a sentence about channels that name anything else, which are left out.
+    """
+    left = list[str]()
+    for animation in document.animations or []:
+        kept = list[Any]()
+        for channel in animation.channels or []:
+            target = channel.target
+            if target is not None and target.path == "pointer":
+                pointer = getattr(getattr(target.extensions, POINTER, None), "pointer", None)
+                named = _NODE.fullmatch(pointer) if isinstance(pointer, str) else None
+                if named is None:
+                    _show(document, pointer)
+                    left.append(pointer if isinstance(pointer, str) else "nothing")
+                    continue
+                target.node, target.path = int(named[1]), named[2]
+            kept.append(channel)
+        animation.channels = kept
+    if not left:
+        return []
+    shown = ", ".join(name[:80] for name in list(dict.fromkeys(left))[:5])
+    return [f"animations of values other than a node's place, turn and size are left out: {shown}"]
+
+
+def _show(document: Entry, pointer: Any) -> None:
+    """Shows a node that an animation hides and shows: the surface is wanted, not its flicker."""
+    named = _VISIBLE.fullmatch(pointer) if isinstance(pointer, str) else None
+    if named is not None and int(named[1]) < len(document.nodes):
+        node = document.nodes[int(named[1])]
+        said = getattr(node.extensions, VISIBILITY, None)
+        if isinstance(said, Entry):
+            said.visible = True
+
+
+def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
+    """The nodes that the file hides, with all that hangs on them."""
+    said = [getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes]
+    found = set[int]()
+    for node in range(len(parents)):
+        at = node
+        while at >= 0 and said[at] is not False:
+            at = parents[at]
+        if at >= 0:
+            found.add(node)
+    return found
+
+
+def _names(listed: Any) -> list[str]:
+    """The names in a list of extensions, each once."""
+    return list(dict.fromkeys(name for name in listed or [] if isinstance(name, str)))
+
+
+def _harmless(name: str) -> bool:
+    return name in _PICTURES or _HARMLESS.fullmatch(name) is not None

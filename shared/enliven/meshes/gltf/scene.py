@@ -1,0 +1,96 @@
+"""Meshes of a glTF document under construction: nodes, triangles, colours and materials; no motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pygltflib
+
+from enliven import __version__
+from enliven.arrays import Float, Float32, Int
+from enliven.meshes.gltf.blob import Blob
+from enliven.meshes.gltf.scene_materials import SceneMaterials, split_by_material
+from enliven.meshes.gltf.srgb import linear16
+from enliven.meshes.mesh import Mesh
+
+
+class MeshScene:
+    """Takes nodes and meshes, and gives the bytes of a GLB.
+
+    Attributes:
+        document: the glTF document so far.
+        blob: its binary half.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.document, self.blob = pygltflib.GLTF2(), Blob()
+        self.document.asset = pygltflib.Asset(version="2.0", generator=f"enliven {__version__}")
+        self.document.scenes, self.document.scene = [pygltflib.Scene(name=name, nodes=[])], 0
+        self._materials = SceneMaterials(self.blob)
+
+    def bytes(self) -> bytes:
+        """Returns the file."""
+        document = self.document
+        self._materials.put_into(document)
+        document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
+        data = self.blob.bytes()
+        document.buffers = [pygltflib.Buffer(byteLength=len(data))]
+        document.set_binary_blob(data)
+        return b"".join(document.save_to_bytes())
+
+    def node(self, parent: int | None = None, **attributes: Any) -> int:
+        """Adds a node below another and returns its number."""
+        self.document.nodes.append(pygltflib.Node(**attributes))
+        number = len(self.document.nodes) - 1
+        if parent is not None:
+            self.document.nodes[parent].children.append(number)
+        return number
+
+    def put(self, *nodes: int) -> None:
+        """Adds nodes without a parent."""
+        self.document.scenes[0].nodes += list(nodes)
+
+    def primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
+        """Adds the triangles of a mesh with normals, colours and materials.
+
+        Yields:
+            A primitive for each material, and (N,) the vertex of the mesh that each of its vertices is.
+        """
+        blob, array = self.blob, pygltflib.ARRAY_BUFFER
+        normals = unit_normals(mesh.vertex_normals())
+        numbers = self._materials.added(mesh.materials) if mesh.materials is not None else []
+        for number, vertices, faces, corners in split_by_material(mesh):
+            attributes = pygltflib.Attributes(
+                POSITION=blob.add(mesh.vertices[vertices].astype(np.float32), array),
+                NORMAL=blob.add(normals[vertices], array),
+            )
+            for attribute, values in corners.items():
+                setattr(attributes, attribute, blob.add(values, array))
+            if number < 0 and mesh.colours is not None:
+                attributes.COLOR_0 = blob.add(linear16(mesh.colours[vertices]), array, normalised=True)
+            stored = faces.astype(np.uint16 if len(vertices) < 65535 else np.uint32)
+            made = pygltflib.Primitive(
+                attributes=attributes,
+                indices=blob.add(stored.reshape(-1), pygltflib.ELEMENT_ARRAY_BUFFER),
+                material=self._materials.plain(name) if number < 0 else numbers[number],
+                mode=pygltflib.TRIANGLES,
+            )
+            yield made, vertices
+
+
+def mesh_glb(mesh: Mesh) -> bytes:
+    """Returns the bytes of a GLB with one mesh that stands still."""
+    scene = MeshScene(mesh.name)
+    primitives = [primitive for primitive, _ in scene.primitives(mesh.name, mesh)]
+    scene.document.meshes.append(pygltflib.Mesh(name=mesh.name, primitives=primitives))
+    scene.put(scene.node(name=mesh.name, mesh=0))
+    return scene.bytes()
+
+
+def unit_normals(normals: Float) -> Float32:
+    """Normalises normals; a vertex of faces without area gets a unit normal too."""
+    missing = np.linalg.norm(normals, axis=1) < 0.5
+    single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
+    return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
