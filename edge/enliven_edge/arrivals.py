@@ -6,13 +6,15 @@ import hashlib
 import logging
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from enliven.errors import EnlivenError, InputError, plain_reason
 from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.wire import (
+    MAX_REVISION,
     MAX_SENT_BYTES,
     Answer,
     Awaited,
@@ -21,19 +23,27 @@ from enliven.wire import (
     PutCharacter,
 )
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Carried, Stage
+from enliven_edge.stage import Carried, Peer, Stage
 
 log = logging.getLogger(__name__)
 
 _MOST_WAITING = 4
-"""Characters that are collected at a time; together they have at most ``MAX_SENT_BYTES``."""
+"""Characters of one viewer that are collected at a time; together they have at most ``MAX_SENT_BYTES``."""
+_MOST_WAITING_IN_ALL = 12
+"""Characters of all viewers that are collected at a time."""
+_MOST_BYTES_IN_ALL = 2 * MAX_SENT_BYTES
+"""Bytes of all characters that are collected or wait to be prepared: one viewer cannot take all of them."""
 _GIVEN_UP = 10.0
 """Seconds without a part after which a character is not waited for any longer."""
+_SLOWEST = 32 * 1024
+"""Bytes a second at least, after the first ``_GIVEN_UP`` seconds: a slow wireless network carries more."""
 _MOST_REFUSED = 32
 """Refusals that are remembered, so that equal data is not prepared again."""
+MAX_REVISION_JUMP = 64
+"""Largest step from the newest revision to the next. Clients count by one, and skip those of lost answers."""
 
-_Key = tuple[str, bytes]
-"""The id and the digest of a character."""
+_Key = tuple[Peer | None, str, bytes]
+"""The viewer, and the id and the digest of a character."""
 
 
 @dataclass
@@ -41,9 +51,20 @@ class _Arrival:
     """A character that is being collected."""
 
     order: PutCharacter
+    peer: Peer | None = None
     parts: list[bytes] = field(default_factory=list)
     received: int = 0
+    begun: float = field(default_factory=time.monotonic)
     heard: float = field(default_factory=time.monotonic)
+
+    def is_late(self, now: float) -> bool:
+        """Returns whether it is not waited for any longer: parts stopped coming, or come too slowly."""
+        due = (now - self.begun - _GIVEN_UP) * _SLOWEST
+        return now - self.heard >= _GIVEN_UP or self.received < due
+
+    def pace(self, now: float) -> tuple[float, float]:
+        """Returns a key by which the slowest and, of equal ones, the oldest comes first."""
+        return self.received / max(now - self.begun, 0.1), self.heard
 
 
 class _Preparation(threading.Thread):
@@ -51,7 +72,7 @@ class _Preparation(threading.Thread):
 
     def __init__(self, arrival: _Arrival, stage: Stage, settings: EdgeSettings) -> None:
         super().__init__(name="preparation", daemon=True)
-        self.order, self._data = arrival.order, b"".join(arrival.parts)
+        self.order, self.peer, self._data = arrival.order, arrival.peer, b"".join(arrival.parts)
         self._stage, self._settings = stage, settings
         self.actor: Actor | None = None
         self.refused: InputError | None = None
@@ -78,28 +99,40 @@ class _Preparation(threading.Thread):
 class Arrivals:
     """Collects, prepares and puts the characters that clients send; what stood there stays until then.
 
+    A viewer that announces characters and does not deliver them loses their places to viewers that do.
+
     Args:
         settings: how characters are cast.
+
+    Attributes:
+        last_revision: returns the revision that viewers know of a character; of one that is not on the stage,
+            the highest of those that left it.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
+        self.last_revision: Callable[[str], int] = lambda name: 0
         self._stage, self._settings = stage, settings or EdgeSettings()
         self._waiting: dict[_Key, _Arrival] = {}
         self._complete: deque[_Arrival] = deque()
         self._under_way: _Preparation | None = None
         self._standing: dict[str, PutCharacter] = {}
         self._refused: dict[PutCharacter, InputError] = {}
+        self._prepared_for: Peer | None = None
+        stage.places.watch(self._coming)
 
     @property
     def revisions(self) -> dict[str, int]:
         """The revisions of the characters that clients put on the stage, by id."""
         return {name: order.revision for name, order in self._standing.items()}
 
-    def put(self, order: PutCharacter) -> Answer:
+    def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
         """Announces a character, or asks how far it is.
 
+        Args:
+            peer: the viewer that asks; None: the edge itself.
+
         Raises:
-            InputError: where it was refused, is no later revision, or too many are on their way.
+            InputError: where it was refused, is no later revision, or there is no place for it.
         """
         now = self._standing.get(order.id)
         if now is not None and (now.digest, now.fit) == (order.digest, order.fit):
@@ -107,22 +140,20 @@ class Arrivals:
         if order in self._refused:
             raise self._refused[order]
         where = f"character {order.id!r}"
-        if now is not None and order.revision <= now.revision:
-            mend = f"Send revision {now.revision + 1}, or a later one."
-            raise InputError(f"revision {now.revision} of it stands on the stage", where=where, mend=mend)
+        self._check_revision(order, now, where)
         if any(order == each.order for each in self._complete) or (
             self._under_way is not None and self._under_way.order == order
         ):
             return Awaited(order.size)
-        return Awaited(self._expect(order, where).received)
+        return Awaited(self._expect(order, peer, where).received)
 
-    def take(self, part: CharacterPart) -> Answer:
+    def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
         """Takes the next part of a character that was announced.
 
         Raises:
             InputError: for a part that nothing waits for.
         """
-        key = part.id, part.digest
+        key = peer, part.id, part.digest
         arrival = self._waiting.get(key)
         if arrival is None or part.offset != arrival.received:
             mend = "Ask how far it is with PutCharacter."
@@ -135,6 +166,7 @@ class Arrivals:
             raise InputError(what, where=f"character {part.id!r}", mend="Announce it again.")
         arrival.parts.append(part.data)
         if arrival.received == arrival.order.size:
+            self._complete = deque(each for each in self._complete if not _replaces(arrival, each))
             self._complete.append(self._waiting.pop(key))
         return Awaited(arrival.received)
 
@@ -146,8 +178,33 @@ class Arrivals:
             self._under_way = None
             self._finish(ready)
         if self._under_way is None and self._complete:
-            self._under_way = _Preparation(self._complete.popleft(), self._stage, self._settings)
+            self._under_way = _Preparation(self._next(), self._stage, self._settings)
+            self._prepared_for = self._under_way.peer
             self._under_way.start()
+
+    def _check_revision(self, order: PutCharacter, now: PutCharacter | None, where: str) -> None:
+        """Raises InputError for a revision that is not later than the one on the stage, or far too late."""
+        newest = self.last_revision(order.id) or (0 if now is None else now.revision)
+        mend = f"Send revision {newest + 1}."
+        if now is not None and order.revision <= newest:
+            raise InputError(f"revision {newest} of it stands on the stage", where=where, mend=mend)
+        if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
+            what = f"revision {order.revision} is too far above the newest one, {newest}"
+            raise InputError(what, where=where, mend=mend)
+
+    def _next(self) -> _Arrival:
+        """Takes the next character to prepare: viewers that send many take turns with the others."""
+        others = (each for each in self._complete if each.peer is not self._prepared_for)
+        found = next(others, self._complete[0])
+        self._complete = deque(each for each in self._complete if each is not found)
+        return found
+
+    def _coming(self) -> Iterator[tuple[str, Peer | None]]:
+        """Yields the characters that are on their way: id, and the viewer that sends it."""
+        for each in [*self._waiting.values(), *self._complete]:
+            yield each.order.id, each.peer
+        if self._under_way is not None:
+            yield self._under_way.order.id, self._under_way.peer
 
     def _finish(self, ready: _Preparation) -> None:
         """Puts a character that was prepared on the stage, or remembers why it was refused."""
@@ -159,24 +216,58 @@ class Arrivals:
             for old in list(self._refused)[:-_MOST_REFUSED]:
                 del self._refused[old]
         elif now is None or now.revision < order.revision:
-            self._stage.put(ready.actor, ready.carried)
+            self._stage.put(ready.actor, ready.carried, ready.peer)
             self._standing[order.id] = order
             log.info("%s stands on the stage, revision %d", order.id, order.revision)
 
-    def _expect(self, order: PutCharacter, where: str) -> _Arrival:
-        """Returns the collection of a character; it replaces one of an earlier revision."""
-        key, now = (order.id, order.digest), time.monotonic()
-        known = self._waiting.get(key)
+    def _expect(self, order: PutCharacter, peer: Peer | None, where: str) -> _Arrival:
+        """Returns the collection of a character; it replaces an earlier one of the same viewer and id."""
+        key, now = (peer, order.id, order.digest), time.monotonic()
+        self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
+        known = self._waiting.get(key) or self._resumed(order, peer)
         if known is not None and known.order == order:
             return known
-        self._waiting = {
-            key: each
-            for key, each in self._waiting.items()
-            if each.order.id != order.id and now - each.heard < _GIVEN_UP
-        }
-        room = MAX_SENT_BYTES - sum(each.order.size for each in self._waiting.values())
-        if len(self._waiting) >= _MOST_WAITING or order.size > room:
+        arrival = _Arrival(order, peer)
+        self._waiting = {key: each for key, each in self._waiting.items() if not _replaces(arrival, each)}
+        self._stage.places.check(order.id, peer)
+        self._make_room(arrival, where)
+        self._waiting[key] = arrival
+        return arrival
+
+    def _resumed(self, order: PutCharacter, peer: Peer | None) -> _Arrival | None:
+        """Returns the collection that a viewer had begun before it had to connect again; None: none."""
+        for key, each in self._waiting.items():
+            if each.order == order and each.peer is not None and not each.peer.is_open:
+                self._waiting[peer, order.id, order.digest] = self._waiting.pop(key)
+                each.peer = peer
+                return each
+        return None
+
+    def _make_room(self, arrival: _Arrival, where: str) -> None:
+        """Gives up the slowest characters of viewers that send more than this one, as far as it needs room.
+
+        Raises:
+            InputError: if this viewer has too many on their way, or all others send fewer.
+        """
+        order, now = arrival.order, time.monotonic()
+        while True:
+            on_way = [*self._waiting.values(), *self._complete]
+            own = [each for each in on_way if each.peer is arrival.peer]
+            room = MAX_SENT_BYTES - sum(each.order.size for each in own)
             mend = "Send it again in a moment."
-            raise InputError("too many characters are on their way", where=where, mend=mend)
-        self._waiting[key] = _Arrival(order)
-        return self._waiting[key]
+            if len(own) >= _MOST_WAITING or order.size > room:
+                raise InputError("too many characters are on their way", where=where, mend=mend)
+            room = _MOST_BYTES_IN_ALL - sum(each.order.size for each in on_way)
+            if len(on_way) < _MOST_WAITING_IN_ALL and order.size <= room:
+                return
+            counts = Counter(each.peer for each in on_way)
+            others = [one for one in self._waiting.items() if one[1].peer is not arrival.peer]
+            if not others:
+                raise InputError("too many characters are on their way", where=where, mend=mend)
+            slowest = min(others, key=lambda one: (-counts[one[1].peer], *one[1].pace(now)))
+            del self._waiting[slowest[0]]
+
+
+def _replaces(newer: _Arrival, older: _Arrival) -> bool:
+    """Returns whether a viewer sends a character in the place of one that it sent before."""
+    return newer is not older and newer.peer is older.peer and newer.order.id == older.order.id

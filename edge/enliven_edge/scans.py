@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,7 +15,7 @@ from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
 from enliven.wire import Scan, ScanMessage
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Stage, cast_mesh
+from enliven_edge.stage import Peer, Stage, cast_mesh
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
@@ -62,6 +63,8 @@ class Scans:
         self._beginning: _Beginning | None = None
         self._number = 0
         self._begun = self._ended = False
+        self._name = ""
+        stage.places.watch(self._coming)
 
     @property
     def active(self) -> bool:
@@ -128,12 +131,19 @@ class Scans:
             self._scan is not None and self._scan.phase not in ("done", "failed")
         ):
             raise InputError("a scan is under way", where="scan", mend="Finish or cancel it first.")
+        name = order.name or self._free_name()
+        self._stage.places.check(name, None)
         self.close()
         self._number += 1
-        self._begun = True
-        name = order.name or self._free_name()
+        self._begun, self._name = True, name
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _Beginning(self._number, named, self._caster())
+
+    def _coming(self) -> Iterator[tuple[str, Peer | None]]:
+        """Yields the id that the scan will have on the stage, so that its place is kept."""
+        done = self._scan is not None and self._scan.phase == "done"
+        if (self._scan is not None or self._beginning is not None) and not done:
+            yield self._name, None
 
     def _caster(self) -> Cast:
         """Returns what makes the actor of a scanned mesh, ready for its first frame."""

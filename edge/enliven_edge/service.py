@@ -73,6 +73,7 @@ class Edge:
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
         self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
+        self.arrivals.last_revision = outlet.publisher.last_revision
         self.sizing = HandSizing(stage)
         self.glance = Glance()
         self.pace = FrameRate()
@@ -222,7 +223,7 @@ class Edge:
         Raises:
             EnlivenError: where it is refused.
         """
-        self.handlers[type(order)].do(order)
+        self.handlers[type(order)].apply(order)
 
     def _call(self, word: Call, control: str) -> None:
         """Asks the windows for what a control says."""

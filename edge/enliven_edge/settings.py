@@ -14,6 +14,7 @@ from enliven_edge.fusion import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks import ColourSettings
 from enliven_edge.physics import PhysicsSettings
 from enliven_edge.sources import SourceSettings
+from enliven_edge.stage.places import StageSettings
 from enliven_edge.stage.puppet import PuppetSettings
 from enliven_edge.stage.rig import MatchingSettings
 from enliven_edge.tracking import TrackerSettings
@@ -73,6 +74,7 @@ class EdgeSettings:
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
     matching: MatchingSettings = setting(MatchingSettings, "Posing to choose a part of a rigged model.")
     puppet: PuppetSettings = setting(PuppetSettings, "How puppets meet and follow their performers.")
+    stage: StageSettings = setting(StageSettings, "How many characters stand on the stage.")
     colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")

@@ -180,7 +180,7 @@ def serve(
         actors, parts = prepared(characters, chosen)
         playground = _playground(chosen.physics, [actor.character for actor in actors], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
-        stage = Stage(actors)
+        stage = Stage(actors, chosen.stage)
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),

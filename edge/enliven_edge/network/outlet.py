@@ -172,7 +172,9 @@ class Outlet(Closing):
             command.subject = subject_of(handlers, command.request)
             self._commands.add(command)
         self._commands.work(
-            lambda command: command.reply(carried_out(handlers, command.request, command.peer.address))
+            lambda command: command.reply(
+                carried_out(handlers, command.request, command.peer.address, command.peer)
+            )
         )
 
     def end(self, pace: FrameRate) -> None:

@@ -15,9 +15,11 @@ from enliven.document import Character, Pose
 from enliven.wire import (
     BY_TYPE,
     CONTROL_PORT,
+    MAX_REVISION,
     POSE_PORT,
     REQUEST,
     STATUS,
+    STREAMS,
     Answer,
     Ask,
     Endpoint,
@@ -101,9 +103,10 @@ class Publisher(Closing):
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
         self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
-        self._revisions: dict[str, int] = {}
+        self._last_left = 0
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
+        self._last_sequence = -1
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
         self._last_beat = -math.inf
@@ -130,7 +133,8 @@ class Publisher(Closing):
             least: the lowest revision that it may get.
 
         Returns:
-            its revision: 1, 2, ...; it counts on for a character that was removed and comes back.
+            its revision: 1, 2, ...; that of a newcomer is above all that were removed, since it may be one of
+            them that comes back.
 
         Raises:
             InputError: for a character that is larger than the wire carries; what was there stays.
@@ -138,23 +142,34 @@ class Publisher(Closing):
         codec = PoseCodec(character)
         # The first use compiles the codec, which must not happen in the middle of a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
-        revision = max(self._revisions.get(character.id, 0) + 1, least)
+        revision = max(self.last_revision(character.id) + 1, least)
+        if revision > MAX_REVISION:
+            revision = 1  # viewers fetch any revision that is not the one they hold
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
-        self._revisions[character.id] = revision
         self._state_changed()
         return revision
 
     def remove_character(self, character: str) -> None:
-        """Removes a character; viewers drop it."""
-        if self._characters.pop(character, None) is not None:
-            self._packed.pop(character, None)
-            self._latest = {k: v for k, v in self._latest.items() if k[1] != character}
-            self._state_changed()
+        """Removes a character and all that is kept about it; viewers drop it."""
+        held = self._characters.pop(character, None)
+        if held is None:
+            return
+        self._packed.pop(character, None)
+        self._last_left = max(self._last_left, held[0])
+        self._last_sequence = max(self._last_sequence, self._sequences.pop(character, -1))
+        for name, topic in STREAMS.items():
+            if topic.of_character:
+                self._latest.pop((name, character), None)
+        self._state_changed()
 
     def revision(self, character: str) -> int:
         """Returns the revision of a character, 0 where there is none of that id."""
         return self._characters[character][0] if character in self._characters else 0
+
+    def last_revision(self, character: str) -> int:
+        """Returns the revision of a character; if there is none of that id, the highest one removed."""
+        return self.revision(character) or self._last_left
 
     def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
         """Quantises, numbers and sends a pose of a character that was set.
@@ -178,7 +193,7 @@ class Publisher(Closing):
                 pose.character,
             )
         self.clamped += encoded.clamped
-        sequence = self._sequences.get(pose.character, -1) + 1
+        sequence = self._sequences.get(pose.character, self._last_sequence) + 1
         self._sequences[pose.character] = sequence
         message = PoseMessage(
             pose.character,
@@ -196,7 +211,8 @@ class Publisher(Closing):
     def publish(self, message: Any) -> int:
         """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets."""
         topic, data = BY_TYPE[type(message)], pack_stream(message)
-        if topic.latched:
+        # What is said about a character after it left is not kept: it would stay for ever.
+        if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
         self._streams.send(data)
         return len(data)

@@ -18,6 +18,7 @@ from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
 from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.hold_memory import Carried, HoldMemory
+from enliven_edge.stage.places import Peer, Places, StageSettings
 from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
@@ -33,10 +34,14 @@ class Stage:
     another character, then the nearer one; of characters a free one comes before one that is held, then the
     nearer one; at equal distances the first in view and the first on the stage. A command that names both is
     carried out as it is: a performer may hold several characters, a character may have several performers.
+
+    Attributes:
+        places: counts the characters that viewers may put here.
     """
 
-    def __init__(self, actors: Sequence[Actor] = ()) -> None:
+    def __init__(self, actors: Sequence[Actor] = (), settings: StageSettings | None = None) -> None:
         self.actors: dict[str, Actor] = {}
+        self.places = Places(settings or StageSettings(), self.actors.keys())
         self._bodies: list[Body] = []
         self._places: dict[str, Float] = {}
         self._memory = HoldMemory()
@@ -51,13 +56,14 @@ class Stage:
         """The characters by id; an object is replaced with its actor. Other threads may ask, too."""
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
-    def put(self, actor: Actor, carried: Carried | None = None) -> None:
+    def put(self, actor: Actor, carried: Carried | None = None, owner: Peer | None = None) -> None:
         """Puts a character on the stage, or in the place of the one with its id; the others go on.
 
         Who held the one before holds the new one; the caller has warmed the actor up.
 
         Args:
             carried: what :meth:`carry_over` returned for it; it is called again where the holds have changed.
+            owner: the viewer that put it here; None: the edge itself.
         """
         name = actor.character.id
         before = self.actors.get(name)
@@ -66,6 +72,7 @@ class Stage:
         if carried is None or (before and carried != self._memory.holds_of(before, self._bodies)):
             self.carry_over(actor)
         self.actors[name] = actor
+        self.places.settle(name, owner)
         if before is not None:
             self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
 
@@ -88,6 +95,7 @@ class Stage:
         del self.actors[character]
         self._places.pop(character, None)
         self._memory.forget(character)
+        self.places.forget(character)
 
     @property
     def uses_surface(self) -> bool:

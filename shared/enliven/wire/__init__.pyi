@@ -25,6 +25,7 @@ from .envelope import (
     pack_stream as pack_stream,
     payload as payload,
     reply_head as reply_head,
+    reply_number as reply_number,
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
@@ -32,6 +33,7 @@ from .fields import (
     MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
     MAX_PART_BYTES as MAX_PART_BYTES,
+    MAX_REVISION as MAX_REVISION,
     MAX_SENT_BYTES as MAX_SENT_BYTES,
     MAX_SETTINGS as MAX_SETTINGS,
 )
@@ -77,6 +79,8 @@ from .scans import (
 from .sockets import (
     CONTROL_PORT as CONTROL_PORT,
     POSE_PORT as POSE_PORT,
+    UNREAD_REPLIES as UNREAD_REPLIES,
+    UNREAD_STREAMS as UNREAD_STREAMS,
     Endpoint as Endpoint,
     make_socket as make_socket,
     parse_endpoint as parse_endpoint,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Count, Name, expect
+from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, expect
 
 MAX_ITERATIONS = 100
 """Iterations a frame: 3 are usual, and a larger number from a stranger would keep a viewer busy."""
@@ -98,7 +98,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     """
 
     id: Name
-    revision: Count
+    revision: RevisionNumber
     kind: Literal["graph", "bones", "points"]
     vertex_count: Annotated[int, Meta(ge=1, le=MAX_VERTICES)]
     face_count: Annotated[int, Meta(ge=1, le=MAX_FACES)]

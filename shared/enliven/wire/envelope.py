@@ -18,12 +18,17 @@ import msgspec
 
 from enliven.errors import EnlivenError
 from enliven.wire.requests import REQUESTS
-from enliven.wire.topics import BY_TYPE, REQUEST, STREAMS, Topic
+from enliven.wire.topics import BY_TYPE, REPLY, REQUEST, STREAMS, Topic
 
 log = logging.getLogger(__name__)
 
 VERSION = 1
 """Of the wire. Raised when an old program could misread a new message."""
+
+_ID_KEY = b"\xa2id"
+"""The key of a reply's number in MessagePack."""
+_NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
+"""Bytes of a whole number in MessagePack by its first byte; all others take one."""
 
 _ENCODER = msgspec.msgpack.Encoder()
 
@@ -84,6 +89,26 @@ def reply_head(number: int) -> bytes:
     all."""
     # A nil is one byte, the last: the answer takes its place.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
+
+
+def reply_number(data: bytes) -> int:
+    """Returns the number of the request that a reply answers, without reading the rest of it.
+
+    Raises:
+        Malformed: for bytes that do not begin as a reply of this version.
+    """
+    if not data:
+        raise Malformed(REPLY.name, "it is empty")
+    if data[0] != VERSION:
+        raise OtherVersion(data[0])
+    # A short map, its first key "id", and a whole number, which says how many bytes it takes.
+    number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
+    if data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
+        raise Malformed(REPLY.name, "it has no number")
+    try:
+        return msgspec.msgpack.decode(number, type=int)
+    except msgspec.MsgspecError:
+        raise Malformed(REPLY.name, "its number cannot be read") from None
 
 
 def unpack_control(data: bytes, topic: Topic) -> Any:

@@ -14,6 +14,9 @@ Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Text = Annotated[str, Meta(max_length=400)]
 Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
+MAX_REVISION = 2**31 - 1
+"""Largest revision of a character: an edge that changes one 30 times a second gets there in two years."""
+RevisionNumber = Annotated[int, Meta(ge=0, le=MAX_REVISION)]
 Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
 """Of a performer."""
 Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]

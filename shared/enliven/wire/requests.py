@@ -120,7 +120,8 @@ class PutCharacter(Order, frozen=True):
 
     Attributes:
         id: the name that it has on the stage.
-        revision: higher than that of the character in the place of which it is put.
+        revision: higher than that of the character in the place of which it is put. Count by one: the edge
+            refuses a revision far above the newest one, or above ``MAX_REVISION``.
         digest: SHA-256 of the data; equal data is sent once.
         size: bytes of the data.
         fit: whether a possessed mesh is first brought to a person's height, and to where a standing person

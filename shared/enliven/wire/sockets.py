@@ -14,7 +14,11 @@ POSE_PORT = 5580
 CONTROL_PORT = 5581
 """TCP port of the requests where none is chosen: the one after the streams'."""
 QUEUE = 1000
-"""Messages that wait to be sent; a tenth of that wait to be read by a slow viewer."""
+"""Messages that wait to be sent to an edge."""
+UNREAD_STREAMS = 500
+"""Messages of an edge that wait to be read: 128 MB of the longest. More wait in the system's buffers."""
+UNREAD_REPLIES = 4
+"""Replies of an edge that wait to be read: each may be a character of 128 MB."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +68,13 @@ def parse_endpoint(text: str) -> Endpoint:
     return Endpoint(host, pose, control)
 
 
-def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> zmq.Socket[bytes]:
+def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: int) -> zmq.Socket[bytes]:
     """A viewer's socket: never blocks its caller, never lingers, drops an edge that sends too much at once.
+
+    Args:
+        kind: of the socket, such as ``zmq.SUB``.
+        max_bytes: of a message.
+        unread: messages that wait to be read.
 
     TCP's keep-alive finds an edge that vanished without closing, so that it is connected anew. libzmq's own
     heartbeat would too, but it aborts the program where a connection breaks while its queue is full.
@@ -73,7 +82,7 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int) -> zmq.Soc
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)
     socket.setsockopt(zmq.SNDHWM, QUEUE)
-    socket.setsockopt(zmq.RCVHWM, 10 * QUEUE)
+    socket.setsockopt(zmq.RCVHWM, unread)
     socket.setsockopt(zmq.MAXMSGSIZE, max_bytes)
     socket.setsockopt(zmq.IPV6, 1)
     socket.setsockopt(zmq.RECONNECT_IVL, 50)

@@ -21,6 +21,7 @@ from enliven.wire.fields import (
     Name,
     Nanoseconds,
     Number,
+    RevisionNumber,
     Sentence,
     Text,
     expect,
@@ -42,7 +43,7 @@ class PoseMessage(Struct, array_like=True, frozen=True):
     """
 
     character: Name
-    revision: Count
+    revision: RevisionNumber
     instance: Count
     sequence: Count
     time_ns: Nanoseconds
@@ -139,7 +140,7 @@ class HoldMessage(Struct, array_like=True, frozen=True):
     character: Name
     time_ns: Nanoseconds
     mode: Literal["alone", "join", "extend", "release", "take over", "remove"]
-    revision: Count = 0
+    revision: RevisionNumber = 0
     body: Identity = -1
     parts: Text = "all"
     former: Identity = -1
@@ -254,7 +255,7 @@ class Revision(Struct, array_like=True, frozen=True):
     """A character's id and the revision that the edge holds."""
 
     character: Name
-    revision: Count
+    revision: RevisionNumber
 
 
 class StageMessage(Struct, array_like=True, frozen=True):

@@ -57,6 +57,11 @@ class Topic:
     key: Callable[[Any], str] = lambda message: ""
     recorded: bool = False
 
+    @property
+    def of_character(self) -> bool:
+        """Whether its messages are about one character each, and go with it."""
+        return self.key is _character
+
 
 TOPICS: list[Topic] = []
 """All topics, in the order in which they were registered."""

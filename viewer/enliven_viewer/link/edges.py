@@ -126,7 +126,8 @@ class EdgeClient:
 
     def take(self, topic: Topic) -> list[Any]:
         """Every value of a topic since the last call, each edge's in its order."""
-        return [value for edge in self.edges for value in _emptied(edge.inbox.get(topic.name, deque()))]
+        inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
+        return [value for inbox in inboxes for value in inbox.take()]
 
     def take_notices(self) -> list[Notice]:
         """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""

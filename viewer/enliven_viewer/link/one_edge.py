@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import zmq
+from msgspec.structs import astuple
 
 from enliven.document import Character
 from enliven.errors import EnlivenError
@@ -19,6 +19,7 @@ from enliven.wire import (
     STATUS,
     STREAMS,
     SUPERSEDED,
+    UNREAD_STREAMS,
     Answer,
     Ask,
     CharacterMessage,
@@ -42,6 +43,7 @@ from enliven.wire import (
     message_to_pose,
     unpack_stream,
 )
+from enliven_viewer.link.bounded import BoundedQueue, NewestValues
 from enliven_viewer.link.clock import ClockEstimate
 from enliven_viewer.link.received import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
@@ -49,10 +51,22 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
 from enliven_viewer.link.tracks import labelled, track_of
 
-_MOST_PER_POLL = 5000
-"""Messages that one poll takes at most, so that a flood of them does not stop the drawing."""
+_POLL_WITHIN = 0.01
+"""Seconds that one poll spends on messages at most, so that a flood of them does not stop the drawing."""
 _KEPT = 4000
 """Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
+_KEPT_BYTES = 64 * 1024 * 1024
+"""Bytes of one topic that are kept for such a caller: two minutes of poses of a graph of 1,000 nodes."""
+_UNREAD_BYTES = 16 * 1024 * 1024
+"""Bytes of messages that wait for their character, or until it is known which edge sent them."""
+_MOST_KEYS = 4096
+"""Keys of a topic with a newest value each, such as the pieces of a scan: an edge tells at most so many."""
+_NEWEST_BYTES = 128 * 1024 * 1024
+"""Bytes of the newest values of a topic: a scan of a room has some 40 MB of pieces."""
+_MOST_UNKNOWN = 64
+"""Characters that are heard of before the edge lists them: four times as many as stand on a stage."""
+_CHARACTER_BYTES = 512 * 1024 * 1024
+"""Bytes of all characters of an edge: four of two million vertices each."""
 _ASK_EVERY = 1.0
 """Seconds between two requests for the same thing while the streams arrive."""
 _ASK_FIRST_EVERY = 0.1
@@ -63,6 +77,8 @@ _CHARACTER_WITHIN = 10.0
 """Seconds after which the request of a character is given up: it may be megabytes over a slow network."""
 _FETCHED_AT_ONCE = 4
 """Characters that are requested at the same time, so that poses and heartbeats are not held up."""
+_FULL_ASK_AGAIN = 30.0
+"""Seconds until a character that does not fit into memory is requested again."""
 _COMMAND_WITHIN = 3.0
 """Seconds after which a command is given up and the user is told that the edge does not answer."""
 
@@ -72,6 +88,7 @@ class _Held:
     revision: int
     character: Character
     codec: PoseCodec
+    size: int
 
 
 class EdgeConnection:
@@ -99,22 +116,23 @@ class EdgeConnection:
     ) -> None:
         self.endpoint, self.clock = endpoint, ClockEstimate()
         self._viewer, self._label, self._notify = viewer, label, notify
-        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES)
+        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS)
         self._stream.setsockopt(zmq.SUBSCRIBE, b"")
         self._stream.connect(endpoint.stream_address)
         self._requests = Requests(context, endpoint)
         self._rejects = Rejects(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
         self.held: dict[str, _Held] = {}
-        self.inbox: dict[str, deque[Any]] = {}
-        self.latest: dict[str, dict[str, Any]] = {}
+        self.inbox: dict[str, BoundedQueue[Any]] = {}
+        self.latest: dict[str, NewestValues] = {}
         self._watches: dict[str, TopicWatch] = {}
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
-        self._unsure: deque[bytes] = deque(maxlen=_KEPT)
+        self._unsure: BoundedQueue[bytes] = BoundedQueue(_KEPT, _UNREAD_BYTES)
+        self._told_full = False
         self._after_silence = True
         self._told_listening = False
         self.stage = StageLink(self)
@@ -123,7 +141,8 @@ class EdgeConnection:
     def poll(self) -> None:
         """Take in what has arrived, and ask for what is missing; returns at once."""
         self._requests.poll(self._reject)
-        for _ in range(_MOST_PER_POLL):
+        until = time.monotonic() + _POLL_WITHIN
+        while time.monotonic() < until:
             try:
                 parts = self._stream.recv_multipart(zmq.DONTWAIT)
             except zmq.Again:
@@ -212,11 +231,13 @@ class EdgeConnection:
         self._known_revision = -1
         self._revisions: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
-        self._waiting: deque[tuple[PoseMessage, int]] = deque(maxlen=_KEPT)
+        self._unknown: set[str] = set()
+        self._waiting: BoundedQueue[tuple[PoseMessage, int]] = BoundedQueue(_KEPT, _UNREAD_BYTES)
         self._wanted: dict[str, int] = {}
         self._asked_at: dict[str, float] = {}
         self._hello_at = -math.inf
         self._requests.forget()
+        self.stage.restart()
 
     def _reject(self, error: Malformed) -> None:
         """Count a message that cannot be read; tell the user where it is of another version."""
@@ -238,11 +259,12 @@ class EdgeConnection:
             elif topic is POSE:
                 self._take_pose(message, latched)
             elif self._after_silence and not latched:
-                self._unsure.append(data)
+                self._unsure.append(data, len(data))
                 return
-            elif self.status is not None:
+            elif self.status is not None and self._admits(topic, message):
                 own = labelled(message, lambda character: self._label(self.name, character))
-                self._keep(topic, topic.key(own), track_of(topic).read(own, self.name))
+                track = track_of(topic)
+                self._keep(topic, topic.key(own), track.read(own, self.name), track.size_of(len(data)))
             if not latched:
                 self._watch(topic).took(topic.key(message))
             if self._after_silence and not latched:
@@ -265,10 +287,22 @@ class EdgeConnection:
         while self._unsure:
             self._receive(self._unsure.popleft(), latched=False)
 
-    def _keep(self, topic: Topic, key: str, value: Any) -> None:
-        """Keeps a value for the caller, and as the newest of its key."""
-        self.latest.setdefault(topic.name, {})[key] = value
-        self.inbox.setdefault(topic.name, deque(maxlen=_KEPT)).append(value)
+    def _admits(self, topic: Topic, message: Any) -> bool:
+        """Returns whether a message is about a character of the edge's list, or one of a few that are new."""
+        if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
+            return True
+        if len(self._unknown) >= _MOST_UNKNOWN:
+            raise Malformed(topic.name, "it is about a character that the edge does not list")
+        self._unknown.add(message.character)
+        return True
+
+    def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
+        """Keeps a value of a size in bytes for the caller, and as the newest of its key."""
+        if topic.name not in self.inbox:
+            self.inbox[topic.name] = BoundedQueue(_KEPT, _KEPT_BYTES)
+            self.latest[topic.name] = NewestValues(_MOST_KEYS, _NEWEST_BYTES)
+        self.latest[topic.name].put(key, value, size)
+        self.inbox[topic.name].append(value, size)
 
     def _watch(self, topic: Topic) -> TopicWatch:
         """Returns the counts of a topic."""
@@ -290,6 +324,7 @@ class EdgeConnection:
             if latched:
                 return
             self._begin(message.instance)
+        self._admits(POSE, message)
         last = self._sequences.get(message.character)
         if last is not None and (latched or message.sequence <= last):
             return
@@ -302,14 +337,15 @@ class EdgeConnection:
         held_revision = self._revisions.get(message.character, 0)
         if held_revision != message.revision:
             if message.revision > held_revision:
-                self._waiting.append((message, received_ns))
+                self._waiting.append((message, received_ns), len(message.transforms))
             return
         shown = self._label(self.name, message.character)
         held = self.held[shown]
         pose = replace(message_to_pose(message, held.codec), character=shown)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
         of = held.character, message.revision
-        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of))
+        size = pose.linear.nbytes + pose.positions.nbytes
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of), size)
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""
@@ -355,15 +391,23 @@ class EdgeConnection:
         shown = {self._label(self.name, character) for character in self._wanted}
         for gone in [name for name in self.held if name not in shown]:
             del self.held[gone]
-            for newest in self.latest.values():
-                newest.pop(gone, None)
+        self._forget_others(shown)
         self._revisions = {name: held for name, held in self._revisions.items() if name in wanted}
+        self._sequences = {name: last for name, last in self._sequences.items() if name in wanted}
+        self._unknown.clear()
         for message in answer.latest:
             self._receive(message, latched=True)
 
+    def _forget_others(self, shown: set[str]) -> None:
+        """Forgets the newest messages about characters that the edge does not list."""
+        for name, newest in self.latest.items():
+            if STREAMS[name].of_character:
+                for gone in newest.keys() - shown:
+                    newest.forget(gone)
+
     def _take_character(self, answer: Answer | None) -> None:
         """Take a character and the poses that waited for it; an unusable one leaves the old character."""
-        if not isinstance(answer, CharacterMessage):
+        if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return
         shown = self._label(self.name, answer.id)
         try:
@@ -372,11 +416,32 @@ class EdgeConnection:
         except (EnlivenError, ValueError) as error:
             self._rejects.add(error)
             return
-        self.held[shown] = _Held(answer.revision, character, codec)
+        size = _bytes_of(answer)
+        others = sum(held.size for name, held in self.held.items() if name != shown)
+        if others + size > _CHARACTER_BYTES:
+            self._asked_at[answer.id] = time.monotonic() + _FULL_ASK_AGAIN
+            self._tell_full()
+            return
+        self.held[shown] = _Held(answer.revision, character, codec, size)
         self._revisions[answer.id] = answer.revision
-        waiting, self._waiting = self._waiting, deque(maxlen=_KEPT)
-        for message, received_ns in waiting:
+        for message, received_ns in self._waiting.take():
             try:
                 self._decode(message, received_ns)
             except ValueError as error:
                 self._rejects.add(error)
+
+    def _tell_full(self) -> None:
+        """Tells the user, once, that not all characters fit into memory."""
+        if not self._told_full:
+            self._told_full = True
+            most = _CHARACTER_BYTES // 1024**2
+            text = f"the characters of {self.name} have more than {most} MB; some are not shown. Remove some"
+            self._notify(Notice("warning", text))
+
+
+def _bytes_of(message: CharacterMessage) -> int:
+    """Returns the bytes of the arrays and pictures of a character."""
+    parts = [*astuple(message)]
+    if message.materials is not None:
+        parts += [*astuple(message.materials), *(each.image for each in message.materials.textures)]
+    return sum(len(part) for part in parts if isinstance(part, bytes))

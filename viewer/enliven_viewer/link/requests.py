@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ import zmq
 
 from enliven.wire import (
     REPLY,
+    UNREAD_REPLIES,
     Answer,
     Ask,
     Endpoint,
@@ -20,8 +22,18 @@ from enliven.wire import (
     Request,
     make_socket,
     pack_control,
+    reply_number,
     unpack_control,
 )
+
+_POLL_WITHIN = 0.005
+"""Seconds that one poll spends on replies at most; the rest waits for the next."""
+_MOST_LATE = 256
+"""Requests that were given up and may still be answered."""
+_MOST_UNASKED_BYTES = 4 * 1024 * 1024
+"""Bytes of replies to nothing that was asked, after which the connection is ended."""
+_REOPENED_AFTER = 2.0
+"""Seconds until an edge that sent such replies is connected again."""
 
 
 @dataclass
@@ -32,15 +44,17 @@ class _Pending:
 
 
 class Requests:
-    """A DEALER socket and its unanswered requests."""
+    """A DEALER socket and its unanswered requests; only replies to these are decoded."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
-        self._socket = make_socket(context, zmq.DEALER, REPLY.max_bytes + 64)
-        # A request must not wait in a queue for an edge that starts an hour later.
-        self._socket.setsockopt(zmq.IMMEDIATE, 1)
-        self._socket.connect(endpoint.control_address)
+        self._context, self._endpoint = context, endpoint
+        self._socket: zmq.Socket[bytes] | None = None
         self._pending: dict[int, _Pending] = {}
+        self._late: deque[int] = deque(maxlen=_MOST_LATE)
         self._last = 0
+        self._unasked = 0
+        self._reopen_at = 0.0
+        self._open()
 
     def under_way(self, prefix: str) -> int:
         """Number of unanswered requests with a key that begins with ``prefix``."""
@@ -54,6 +68,8 @@ class Requests:
             seconds: how long to wait for the reply.
             on_reply: called from :meth:`poll` with the reply, or None when the time is up.
         """
+        if self._socket is None:
+            return False
         self._last += 1
         try:
             self._socket.send(pack_control(Request(self._last, body)), zmq.DONTWAIT)
@@ -62,34 +78,71 @@ class Requests:
         self._pending[self._last] = _Pending(key, time.monotonic() + seconds, on_reply)
         return True
 
-    def poll(self, malformed: Callable[[Malformed], None], most: int = 256) -> None:
+    def poll(self, malformed: Callable[[Malformed], None]) -> None:
         """Call back each request that was answered, with its reply, and each that timed out, with None."""
-        for _ in range(most):
+        if self._socket is None and time.monotonic() >= self._reopen_at:
+            self._open()
+        until = time.monotonic() + _POLL_WITHIN
+        while self._socket is not None and time.monotonic() < until:
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)
             except zmq.Again:
                 break
             try:
-                if len(parts) != 1:
-                    raise Malformed("reply", f"{len(parts)} parts instead of one")
-                reply: Reply = unpack_control(parts[0], REPLY)
+                self._take(parts)
             except Malformed as error:
                 malformed(error)
-                continue
-            pending = self._pending.pop(reply.id, None)
-            if pending is not None:
-                pending.on_reply(reply.body)
         now = time.monotonic()
         for number in [n for n, p in self._pending.items() if p.deadline < now]:
+            self._late.append(number)
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
         """Give up every unanswered request, since the edge is gone."""
         pending, self._pending = self._pending, {}
+        self._late.extend(pending)
         for each in pending.values():
             each.on_reply(None)
 
     def close(self) -> None:
         """Let the socket go."""
-        with contextlib.suppress(zmq.ZMQError):
-            self._socket.close(linger=0)
+        if self._socket is not None:
+            with contextlib.suppress(zmq.ZMQError):
+                self._socket.close(linger=0)
+        self._socket = None
+
+    def _open(self) -> None:
+        """Connects to the edge."""
+        self._unasked = 0
+        most = REPLY.max_bytes + 64
+        self._socket = make_socket(self._context, zmq.DEALER, most, UNREAD_REPLIES)
+        # A request must not wait in a queue for an edge that starts an hour later.
+        self._socket.setsockopt(zmq.IMMEDIATE, 1)
+        self._socket.connect(self._endpoint.control_address)
+
+    def _take(self, parts: list[bytes]) -> None:
+        """Takes one reply.
+
+        Raises:
+            Malformed: where it cannot be read, or answers nothing that was asked.
+        """
+        if len(parts) != 1:
+            self._count_unasked(sum(map(len, parts)))
+            raise Malformed("reply", f"{len(parts)} parts instead of one")
+        number = reply_number(parts[0])
+        if number not in self._pending:
+            if number in self._late:
+                self._late.remove(number)
+                return
+            self._count_unasked(len(parts[0]))
+            raise Malformed("reply", "it answers nothing that was asked")
+        reply: Reply = unpack_control(parts[0], REPLY)
+        self._pending.pop(number).on_reply(reply.body)
+
+    def _count_unasked(self, size: int) -> None:
+        """Counts bytes that were not asked for; ends the connection after too many of them."""
+        self._unasked += size
+        if self._unasked > _MOST_UNASKED_BYTES:
+            self.close()
+            self._reopen_at = time.monotonic() + _REOPENED_AFTER
+            self.forget()

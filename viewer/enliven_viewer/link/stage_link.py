@@ -135,6 +135,10 @@ class StageLink:
                 sending.ask_at = float("inf")
                 self._ask(sending.order, partial(self._told, sending))
 
+    def restart(self) -> None:
+        """Forgets the revisions of an edge that was started again: it counts from the beginning."""
+        self._last.clear()
+
     def close(self) -> None:
         """Ends the packing."""
         if self._packer is not None:
@@ -201,6 +205,8 @@ class StageLink:
             return
         if isinstance(answer, Done):
             self._last[sending.name] = max(self._last.get(sending.name, 0), self._edge.revision(sending.name))
+        else:
+            self._last.pop(sending.name, None)  # the edge refuses revisions far above its own
         sending.then(answer)
         waiting = self._next.pop(sending.name, None)
         if waiting is not None:

@@ -29,6 +29,9 @@ from enliven.wire import (
 from enliven_viewer.link.received import ReceivedBodies, ReceivedCues, ReceivedPose
 from enliven_viewer.playback import CueFrame, Document
 
+_OBJECT_BYTES = 500
+"""Bytes of a value in addition to its numbers: its object, its arrays and its strings."""
+
 
 @dataclass(frozen=True)
 class TopicTrack:
@@ -37,10 +40,16 @@ class TopicTrack:
     Attributes:
         read: (message, the edge's name) to the viewer's own value.
         put: puts a value onto the timeline of a document.
+        growth: how many times the bytes of a message its value takes.
     """
 
     read: Callable[[Any, str], Any]
     put: Callable[[Document, Any], None]
+    growth: int = 1
+
+    def size_of(self, received: int) -> int:
+        """Returns the bytes that a value takes, of a message of ``received`` bytes."""
+        return _OBJECT_BYTES + self.growth * received
 
 
 def _read_bodies(message: BodiesMessage, edge: str) -> ReceivedBodies:
@@ -70,12 +79,12 @@ def _put_hold(document: Document, held: HoldMessage) -> None:
 
 TRACKS: dict[str, TopicTrack] = {
     BODIES.name: TopicTrack(
-        _read_bodies, lambda document, seen: document.add_bodies(seen.time_ns, seen.bodies)
+        _read_bodies, lambda document, seen: document.add_bodies(seen.time_ns, seen.bodies), growth=12
     ),
     POSE.name: TopicTrack(lambda pose, edge: pose, _put_pose),
-    PROPS.name: TopicTrack(lambda message, edge: message_to_props(message), Document.add_props),
-    MATCHES.name: TopicTrack(lambda message, edge: message_to_board(message), Document.add_board),
-    CUES.name: TopicTrack(_read_cues, _put_cues),
+    PROPS.name: TopicTrack(lambda message, edge: message_to_props(message), Document.add_props, growth=6),
+    MATCHES.name: TopicTrack(lambda message, edge: message_to_board(message), Document.add_board, growth=4),
+    CUES.name: TopicTrack(_read_cues, _put_cues, growth=4),
     HOLDS.name: TopicTrack(lambda message, edge: message, _put_hold),
 }
 """By topic, in the order in which messages of one time are applied; poses are decoded by their characters."""

@@ -1,0 +1,110 @@
+"""The places on a stage: how many characters stand on it, and how many of one viewer."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from enliven.errors import InputError
+from enliven.settings import setting
+
+
+class Peer(Protocol):
+    """A viewer that puts characters on the stage, known by its connection and its address.
+
+    Attributes:
+        address: of its machine, without the port.
+    """
+
+    address: str
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is still connected."""
+
+
+@dataclass(frozen=True)
+class StageSettings:
+    """How many characters stand on the stage."""
+
+    characters: int = setting(
+        16,
+        "Characters on the stage at most; viewers may put no more there. The frame rate falls with each.",
+        low=1,
+        high=256,
+    )
+    per_viewer: int = setting(
+        12, "Characters on the stage at most that one viewer put there.", low=1, high=256
+    )
+
+
+Coming = Iterable[tuple[str, Peer | None]]
+"""Characters that are on their way: id, and the viewer that sends it."""
+
+
+class Places:
+    """Counts the characters on a stage and those on their way, in all and for each viewer.
+
+    Viewers on other machines count by address. Viewers on this machine share one address, and count by
+    connection; characters of closed connections count for every viewer of their address.
+
+    Args:
+        standing: the ids of the characters on the stage, kept up to date by the stage.
+    """
+
+    def __init__(self, settings: StageSettings, standing: Collection[str]) -> None:
+        self._settings, self._standing = settings, standing
+        self._owners: dict[str, Peer] = {}
+        self._sources: list[Callable[[], Coming]] = []
+
+    def watch(self, coming: Callable[[], Coming]) -> None:
+        """Counts the characters that a function returns as on their way."""
+        self._sources.append(coming)
+
+    def settle(self, character: str, owner: Peer | None) -> None:
+        """Remembers who put a character on the stage; None: the edge itself."""
+        self.forget(character)
+        if owner is not None:
+            self._owners[character] = owner
+
+    def forget(self, character: str) -> None:
+        """Forgets a character that left the stage."""
+        self._owners.pop(character, None)
+
+    def check(self, character: str, peer: Peer | None) -> None:
+        """Checks that there is a place for one more character; one that has a place already may stay.
+
+        Raises:
+            InputError: if the stage is full, or the viewer has too many characters on it.
+        """
+        coming = dict(one for source in self._sources for one in source())
+        if character in self._standing or character in coming:
+            return
+        where, taken = f"character {character!r}", len(set(self._standing) | coming.keys())
+        if taken >= self._settings.characters:
+            mend = "Remove one first, or raise characters under [stage] in the edge's settings."
+            raise InputError(f"the stage is full, it has {taken} characters", where=where, mend=mend)
+        if peer is None:
+            return
+        owners = [self._owners.get(name) for name in self._standing] + list(coming.values())
+        own = sum(owner is not None and _counts_for(owner, peer) for owner in owners)
+        if own >= self._settings.per_viewer:
+            mend = "Remove one first, or raise per_viewer under [stage] in the edge's settings."
+            raise InputError(f"this viewer has {own} characters on the stage", where=where, mend=mend)
+
+
+def _counts_for(owner: Peer, peer: Peer) -> bool:
+    """Returns whether a character of one viewer counts for another."""
+    if owner is peer:
+        return True
+    return owner.address == peer.address and not (owner.is_open and _is_loopback(owner.address))
+
+
+def _is_loopback(address: str) -> bool:
+    """Returns whether an address is that of this machine."""
+    try:
+        return ipaddress.ip_address(address.partition("%")[0]).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,80 @@
+"""Containers that hold a limited number of values and bytes: an edge cannot fill a viewer's memory."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class BoundedQueue(Generic[T]):
+    """A queue that drops its oldest values beyond its limits.
+
+    Args:
+        most: values.
+        most_bytes: bytes of all values; one value is kept however large it is.
+    """
+
+    def __init__(self, most: int, most_bytes: int) -> None:
+        self._most, self._most_bytes = most, most_bytes
+        self._held: deque[tuple[T, int]] = deque()
+        self.bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def __bool__(self) -> bool:
+        return bool(self._held)
+
+    def __iter__(self) -> Iterator[T]:
+        return (value for value, _ in self._held)
+
+    def append(self, value: T, size: int) -> None:
+        """Adds a value of a size in bytes."""
+        self._held.append((value, size))
+        self.bytes += size
+        while len(self._held) > self._most or (self.bytes > self._most_bytes and len(self._held) > 1):
+            self.popleft()
+
+    def popleft(self) -> T:
+        """Removes the oldest value and returns it."""
+        value, size = self._held.popleft()
+        self.bytes -= size
+        return value
+
+    def take(self) -> list[T]:
+        """Removes all values and returns them, the oldest first."""
+        values = [value for value, _ in self._held]
+        self._held.clear()
+        self.bytes = 0
+        return values
+
+
+class NewestValues(dict[str, Any]):
+    """The newest value of each key; keys that were not heard for longest are dropped beyond the limits.
+
+    Args:
+        most: keys.
+        most_bytes: bytes of all values; one value is kept however large it is.
+    """
+
+    def __init__(self, most: int, most_bytes: int) -> None:
+        super().__init__()
+        self._most, self._most_bytes = most, most_bytes
+        self._sizes: dict[str, int] = {}
+        self.bytes = 0
+
+    def put(self, key: str, value: Any, size: int) -> None:
+        """Sets the newest value of a key, of a size in bytes."""
+        self.forget(key)
+        self[key], self._sizes[key] = value, size
+        self.bytes += size
+        while len(self) > self._most or (self.bytes > self._most_bytes and len(self) > 1):
+            self.forget(next(iter(self)))
+
+    def forget(self, key: str) -> None:
+        """Removes a key, where it is there."""
+        self.pop(key, None)
+        self.bytes -= self._sizes.pop(key, 0)
