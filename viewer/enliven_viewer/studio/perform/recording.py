@@ -45,6 +45,7 @@ class StageRecording:
         count_in: whether three beats come before a recording.
         hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
         loops: whether the span is recorded again and again, each time as one more alternative.
+        pressed: the phase in which the button of the recording went down.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class StageRecording:
         self.editor = editor
         self.recorder = LiveRecorder()
         self.phase: Phase = "idle"
+        self.pressed: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
