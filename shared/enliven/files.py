@@ -1,6 +1,7 @@
 """Reads files from other programs: checks their size before reading, and opens only what lies beside them.
 
-A file is read whole by :func:`read_file`, and a file of our own is written whole by :func:`write_file`. Every
+A file is read whole by :func:`read_file`, and a file of our own is written whole by :func:`write_file` or
+:func:`replace_file`. Every
 file that a file names (buffers and pictures of a glTF, materials and textures of an OBJ) is opened by
 :class:`Beside`: regular files of that file's own folder or below it, of a bounded size. Pipes, devices, links
 that lead elsewhere and paths that climb out are refused in a sentence.
@@ -11,8 +12,15 @@ from __future__ import annotations
 import base64
 import contextlib
 import difflib
+import errno
+import glob
 import os
+import secrets
+import shutil
 import stat
+import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
@@ -35,6 +43,15 @@ DAMAGE = (
 reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """A pipe without a writer is opened and refused, not waited for."""
+_NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+"""Makes a file, and never opens one that exists or that a link names."""
+_OVER = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+PART = ".part"
+"""Ending of a file that is not written completely yet."""
+_PART_LETTERS = 40
+"""Letters of a file's name that its unfinished part shows: file systems have room for 255 bytes."""
+_LEFT_OVER_S = 86_400.0
+"""Seconds after which an unfinished file belongs to a program that was killed: nothing is written for a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 NO_NAME = "no file can have that name"
 """What is wrong with a path that the system refuses without a reason of its own."""
@@ -106,25 +123,158 @@ def need_folder(*paths: Path | None) -> None:
 def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
     """Writes a file whole or not at all, text as UTF-8, and its folder where that is not there.
 
+    A pipe or a device is written to; see :func:`replace_file` for what is kept of a file that was there.
+
     Args:
         mend: what to do where it cannot be written.
 
     Raises:
         ResourceError: where it cannot be written; then what was there is untouched.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
+    content = data.encode() if isinstance(data, str) else data
+    with _explained(path, mend):
+        if _is_stream(path):
+            path.write_bytes(content)
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
-            file.write(data.encode() if isinstance(data, str) else data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
+    with replace_file(path, mend) as part, _explained(path, mend), part.open("r+b") as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def replace_file(path: Path, mend: str = _ROOM) -> Iterator[Path]:
+    """Yields an empty file to write, which takes the place of ``path`` unless something is raised.
+
+    The file that was there keeps its mode, its owner and its extended attributes; a symbolic link stays, and
+    the file that it names is replaced. The new file lies in the same folder under a name that nobody can
+    guess, and never opens one that exists.
+
+    Args:
+        mend: what to do where it cannot be written.
+
+    Raises:
+        ResourceError: where it cannot be written; then what was there is untouched.
+    """
+    part = None
+    try:
+        with _explained(path, mend):
+            target = Path(os.path.realpath(path)) if path.is_symlink() else path
+            before = _stat_regular(target)
+            _remove_leftovers(target)
+            if not target.parent.is_dir():
+                what = "its folder does not exist"
+                raise ResourceError(what, where=str(path), mend=f"Make the folder {target.parent}.")
+            part = _new_part(target, 0o666 if before is None else 0o600)
+        yield part
+        with _explained(path, mend):
+            _put(part, target, before)
+    except BaseException:
+        if part is not None:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def _explained(path: Path, mend: str) -> Iterator[None]:
+    """Turns the errors of the operating system into one that names the file and what to do."""
+    try:
+        yield
     except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
         what = f"it cannot be written ({error.strerror or error})"
         raise ResourceError(what, where=str(path), mend=mend) from None
+
+
+def _is_stream(path: Path) -> bool:
+    """Returns True for a pipe or a device, such as /dev/stdout."""
+    try:
+        kind = path.stat().st_mode
+    except (OSError, ValueError):
+        return False
+    return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+
+
+def _stat_regular(path: Path) -> os.stat_result | None:
+    """Returns the state of the file that is replaced; None if there is none.
+
+    Raises:
+        OSError: if a folder, a pipe or a device has that name.
+    """
+    try:
+        state = path.stat()
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(state.st_mode):
+        code = errno.EISDIR if stat.S_ISDIR(state.st_mode) else errno.EINVAL
+        raise OSError(code, os.strerror(code))
+    return state
+
+
+def _new_part(target: Path, mode: int) -> Path:
+    """Makes an empty file beside another; its name is random, so that nobody can have planted it."""
+    while True:
+        part = target.with_name(f".{target.name[:_PART_LETTERS]}.{secrets.token_hex(8)}{PART}")
+        try:
+            os.close(os.open(part, _NEW, mode))
+        except FileExistsError:
+            continue
+        return part
+
+
+def _remove_leftovers(target: Path) -> None:
+    """Removes unfinished files that a killed program left beside a file long ago."""
+    oldest = time.time() - _LEFT_OVER_S
+    for part in target.parent.glob(f".{glob.escape(target.name[:_PART_LETTERS])}.*{PART}"):
+        with contextlib.suppress(OSError):
+            if part.lstat().st_mtime < oldest:
+                part.unlink()
+
+
+def _put(part: Path, target: Path, before: os.stat_result | None) -> None:
+    """Puts a finished file in the place of another, with that one's attributes."""
+    with part.open("r+b") as file:
+        kept = before is None or _copy_attributes(file.fileno(), target, before)
+        os.fsync(file.fileno())
+    if kept:
+        os.replace(part, target)
+    else:  # a new file would belong to somebody else
+        _write_over(part, target)
+
+
+def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> bool:
+    """Gives a new file the owner, mode and extended attributes of the file before it.
+
+    Returns:
+        False if this user may not give it that owner.
+    """
+    if sys.platform == "win32":  # permissions are the folder's there
+        return True
+    now = os.fstat(descriptor)
+    if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
+        try:
+            os.fchown(descriptor, before.st_uid, before.st_gid)
+        except OSError:
+            return False
+    if hasattr(os, "listxattr"):
+        with contextlib.suppress(OSError):  # not every file system has them
+            for name in os.listxattr(target):
+                with contextlib.suppress(OSError):  # some belong to the system
+                    os.setxattr(descriptor, name, os.getxattr(target, name))
+    os.fchmod(descriptor, stat.S_IMODE(before.st_mode))
+    return True
+
+
+def _write_over(part: Path, target: Path) -> None:
+    """Copies a finished file into another of a different owner, after its space is reserved."""
+    with part.open("rb") as new, os.fdopen(os.open(target, _OVER), "r+b") as old:
+        size = os.fstat(new.fileno()).st_size
+        if size and hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(old.fileno(), 0, size)
+        shutil.copyfileobj(new, old)
+        old.truncate()
+        old.flush()
+        os.fsync(old.fileno())
+    part.unlink()
 
 
 class Beside:

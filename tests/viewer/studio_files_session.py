@@ -59,7 +59,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["recent"] = [Path(name).name for name in workspace.preferences.recent]
     film(ctx, window)
-    ctx.menu_click("##MainMenuBar/File/Open recent/squid.enliven##1")
+    ctx.menu_click("##MainMenuBar/File/Open recent/###recent 1")
     ctx.yield_(2)
     said["recent asks"] = workspace.asking
     workspace.go_on(discard=True)

@@ -43,11 +43,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(2)
     said["several"] = list(editor.selection.characters)
     whole = picture(ctx, window)
-    ctx.item_click("//outliner/**/" + "\uf06e##eye limb")
+    ctx.item_click("//outliner/**/" + "###eye limb")
     ctx.yield_(4)
     said["hidden"] = sorted(name for name, one in handling().items() if one.hidden)
     said["darker"] = float(np.abs(picture(ctx, window) - whole).mean())
-    ctx.item_click("//outliner/**/" + "\uf09c##lock post")
+    ctx.item_click("//outliner/**/" + "###lock post")
     said["locked"] = [name for name, one in handling().items() if one.locked]
     editor.choose("limb")
     ctx.key_press(imgui.Key.f2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import threading
 from collections import Counter
@@ -12,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import replace_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -136,11 +136,10 @@ def write_recording(
 
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
-    passing = output.with_name(output.name + ".part")
     found = Found()
-    try:
+    with replace_file(output) as part:
         with (
-            Recorder(passing, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
+            Recorder(part, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
             frame_progress(console) as progress,
         ):
             bar = progress.add_task(task, total=None, count=0)
@@ -151,14 +150,4 @@ def write_recording(
                 progress.update(bar, advance=1, count=found.frames)
         if not found.frames:
             raise empty
-        _rename(passing, output)
-    finally:
-        passing.unlink(missing_ok=True)
     return found
-
-
-def _rename(passing: Path, output: Path) -> None:
-    try:
-        os.replace(passing, output)
-    except OSError as error:
-        raise ResourceError(f"it cannot be replaced ({error.strerror})", where=str(output)) from None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import threading
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 from enliven.errors import InputError
+from enliven.files import replace_file
 from enliven.recording import Recorder, Recording
 from enliven.scanning import Scanner, ScanState
 from enliven.scanning.objects import MovedScanner
@@ -39,17 +38,14 @@ def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> No
     Raises:
         ResourceError: where it cannot be written; nothing is left behind.
     """
-    passing = path.with_name(path.name + ".part")
-    try:
-        with Recorder(passing, sync_seconds=_SYNC, overwrite=True) as recorder:
-            numbers = [number for number in scanner.history.numbers if number >= since]
-            recorder.add_metadata(_FACT, {"images": str(len(numbers))})
-            for number, frame in scanner.history.frames(numbers):
-                recorder.write_frame(replace(frame, world_from_camera=scanner.poses[number][1]))
-        os.replace(passing, path)
-    finally:
-        with contextlib.suppress(OSError):
-            passing.unlink(missing_ok=True)
+    with (
+        replace_file(path) as part,
+        Recorder(part, sync_seconds=_SYNC, overwrite=True) as recorder,
+    ):
+        numbers = [number for number in scanner.history.numbers if number >= since]
+        recorder.add_metadata(_FACT, {"images": str(len(numbers))})
+        for number, frame in scanner.history.frames(numbers):
+            recorder.write_frame(replace(frame, world_from_camera=scanner.poses[number][1]))
 
 
 def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 import zipfile
 from pathlib import Path
@@ -226,11 +227,15 @@ def test_files_that_are_none(tmp_path):
         read_project(tmp_path / "other.enliven")
 
 
-def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path):
+def full(*_):
+    raise OSError(28, "No space left on device")
+
+
+def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path, monkeypatch):
     project, _ = random_project(2)
     path = tmp_path / "a.enliven"
     write_project(path, project)
-    (tmp_path / ".a.enliven.part").mkdir()
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ResourceError, match="cannot be written"):
         write_project(path, Project())
     assert same(read_project(path), project)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 PARTS = (
     "all",
@@ -57,10 +57,9 @@ class PossessionChoice:
             self._smoothing[body], amounts[body] = at, SMOOTHING[at]
         return amounts
 
-    @property
-    def words(self) -> str:
-        """For people: "P steps in: the legs of performer 2"."""
-        who = "the next person" if self.body is None else f"performer {self.body}"
+    def words(self, number_of: Callable[[int], int]) -> str:
+        """For people: "P steps in: the legs of performer 2"; ``number_of`` gives the number of an id."""
+        who = "the next person" if self.body is None else f"performer {number_of(self.body)}"
         whole = f"P steps in: the {'whole body' if self.parts == 'all' else self.parts} of {who}"
         if self.body in self._smoothing:
             whole += f" · smoothed by {SMOOTHING[self._smoothing[self.body]]:g}"

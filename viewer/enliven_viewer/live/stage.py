@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from enliven.wire import Browse, Lock, Mode, Possess, Release, Resize, Smooth
 from enliven_viewer.link import Feed
+from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
 from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
@@ -33,7 +34,8 @@ class LiveStage:
         scene: what was shown last.
         scrubbing: whether the pointer drags the playhead.
         meant: the character that orders are about; None leaves it to the edge.
-        held: the characters that are held.
+        held: the characters that are held; holding: the ids of the performers who hold something.
+        numbers: of the performers, as people are told of them.
         near: whether the edge was started on this machine for this window, and has to be waited for.
     """
 
@@ -52,6 +54,8 @@ class LiveStage:
         self._since, self.scrubbing = 0.0, False
         self.meant: str | None = None
         self.held: set[str] = set()
+        self.holding: set[int] = set()
+        self.numbers = PerformerNumbers()
         self.near = False
 
     def advance(self, seconds: float) -> None:
@@ -63,6 +67,7 @@ class LiveStage:
         moment = self.playhead.moment()
         style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
         self.scene = scene_of(self.document, moment, style, self._surfaces)
+        self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
     def quiet(self) -> bool:
@@ -139,7 +144,7 @@ class LiveStage:
             return ""
         if hidden(self.scene, view):
             return "Some bones point at you: V shows more of them"
-        return self.possession.words
+        return self.possession.words(self.numbers.number_of)
 
     @property
     def notice(self) -> str:

@@ -140,7 +140,9 @@ class StudioWindow:
             raise
         finally:
             self.workspace.sound.stop()
-            self.workspace.perform.disconnect()
+            self.workspace.perform.disconnect()  # a recording that ran becomes an edit
+            if not self.workspace.ended:  # nobody was asked whether to save
+                self.workspace.store.autosave_now()
 
     def close(self) -> None:
         """Close the window after this picture."""

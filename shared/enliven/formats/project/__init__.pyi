@@ -1,4 +1,9 @@
-from .file import project_of as project_of, read_project as read_project, write_project as write_project
+from .file import (
+    project_bytes as project_bytes,
+    project_of as project_of,
+    read_project as read_project,
+    write_project as write_project,
+)
 from .one_character import (
     character_bytes as character_bytes,
     project_of_mesh as project_of_mesh,

@@ -63,7 +63,7 @@ def _names(
     """The groups that can be shown, and the channels of the one that is, with their values now."""
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
-        if imgui.selectable(f"{_NAMES[name]}##group", name == shown.name, 0, ImVec2(LABELS - 70, 0))[0]:
+        if imgui.selectable(f"{_NAMES[name]}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0))[0]:
             curves.group = name
         workspace.remember(f"curves {name}")
         if name == shown.name:
@@ -180,7 +180,7 @@ def _menu(curves: CurveInput) -> None:
     dot = next((one for one in (group.dots if group else ()) if one.number == curves.chosen), None)
     if dot is not None and dot.ease:
         for ease in EASES:
-            if imgui.menu_item(f"{_EASES[ease]}##ease", "", dot.ease == ease)[0]:
+            if imgui.menu_item(f"{_EASES[ease]}###ease {ease}", "", dot.ease == ease)[0]:
                 curves.ease(ease)
         imgui.separator()
     if imgui.menu_item("Remove##key", "", False)[0]:

@@ -12,6 +12,7 @@ from enliven_viewer.studio.panels.key_list import draw_key_list
 from enliven_viewer.studio.panels.modal import button, choice, modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
+from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import FileBrowser, Workspace
 from enliven_viewer.theme import WAIT
@@ -89,21 +90,6 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.attempt(lambda: workspace.chosen(path))
 
 
-def _unsaved(workspace: Workspace) -> None:
-    """Ask before work is thrown away."""
-    with modal("Save your work?", 430) as shown:
-        if not shown:
-            return
-        name = workspace.store.name
-        imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
-        imgui.dummy(ImVec2(0, 6))
-        if choice(workspace, "Save", "Cancel"):
-            workspace.go_on(discard=False)
-        imgui.same_line(0.0, 40)
-        if button(workspace, "Discard"):
-            workspace.go_on(discard=True)
-
-
 def _recover(workspace: Workspace) -> None:
     """Offer the unsaved work of a studio that crashed."""
     found = workspace.store.recoverable()
@@ -136,7 +122,8 @@ def _when(path: Path) -> str:
 
 
 _DIALOGUES = {
-    "unsaved": _unsaved,
+    "unsaved": draw_unsaved,
+    "changed": draw_changed_file,
     "recover": _recover,
     "help": draw_key_list,
     "palette": draw_palette,

@@ -85,7 +85,7 @@ def _takes(workspace: Workspace, layer: Playing) -> None:
         return
     quiet("takes of this lane")
     for recorded, heard in beside.items():
-        if imgui.radio_button(f"{recorded}##heard", heard) and not heard:
+        if imgui.radio_button(f"{recorded}###heard {recorded}", heard) and not heard:
             takes.choose(recorded)
         workspace.remember(f"hear {recorded}")
         imgui.same_line(imgui.get_content_region_avail().x - 44)

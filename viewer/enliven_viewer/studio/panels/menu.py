@@ -58,7 +58,7 @@ def _recent(workspace: Workspace) -> None:
     if not imgui.begin_menu("Open recent", bool(paths)):
         return
     for number, path in enumerate(paths):
-        if imgui.menu_item(f"{path.name}##{number}", "", False, True)[0]:
+        if imgui.menu_item(f"{path.name}###recent {number}", "", False, True)[0]:
             workspace.attempt(lambda path=path: workspace.open(path))
         workspace.remember(f"recent {path.name}")
         imgui.set_item_tooltip(str(path.parent))

@@ -50,7 +50,7 @@ def _reading(workspace: Workspace) -> None:
     imgui.same_line(110)
     for sign, action in (("-", "view.smaller_text"), ("+", "view.larger_text")):
         imgui.begin_disabled(bool(actions[action].why_not()))
-        if imgui.button(f"{sign}##{action}", ImVec2(32, 0)):
+        if imgui.button(f"{sign}###{action}", ImVec2(32, 0)):
             actions.do(action)
         imgui.end_disabled()
         workspace.remember(action)

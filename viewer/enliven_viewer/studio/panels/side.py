@@ -83,7 +83,7 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
     for number, (brush, word) in enumerate(BRUSHES.items()):
         if number:
             imgui.same_line()
-        if imgui.radio_button(word, tool.brush == brush):
+        if imgui.radio_button(f"{word}###brush {brush}", tool.brush == brush):
             workspace.actions.do(f"paint.{brush}")
         workspace.remember(f"brush {brush}")
         told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))

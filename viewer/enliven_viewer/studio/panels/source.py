@@ -83,7 +83,7 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE:
-        on = imgui.checkbox(label, getattr(tool.whole, name))[1]
+        on = imgui.checkbox(f"{label}###{name}", getattr(tool.whole, name))[1]
         setattr(tool.whole, name, on)
         workspace.remember(f"whole {name}")
         told(about)
@@ -119,7 +119,7 @@ def _takes(workspace: Workspace, tool: MapTool) -> None:
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##take", tool.source.take or "choose a take"):
         for name in takes:
-            if imgui.selectable(name, name == tool.source.take)[0]:
+            if imgui.selectable(f"{name}###take {name}", name == tool.source.take)[0]:
                 tool.source.show(name)
             workspace.remember(f"pick {name}")
         imgui.end_combo()

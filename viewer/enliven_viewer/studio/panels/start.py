@@ -82,7 +82,7 @@ def _recent(workspace: Workspace, column: float) -> None:
     if not paths:
         quiet("What you open or save is listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):
-        if imgui.selectable(f"{path.name}##{number}", False, 0, ImVec2(column, 0))[0]:
+        if imgui.selectable(f"{path.name}###recent {number}", False, 0, ImVec2(column, 0))[0]:
             workspace.attempt(lambda path=path: workspace.open(path))
         workspace.remember(f"start {path.name}")
         imgui.set_item_tooltip(str(path.parent))

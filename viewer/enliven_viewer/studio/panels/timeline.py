@@ -58,7 +58,7 @@ def _transport(workspace: Workspace) -> None:
     if imgui.button(_START + "##start", ImVec2(34, 0)):
         editor.scrub(0.0)
     imgui.same_line()
-    if imgui.button((_PAUSE if editor.playing else _PLAY) + "##play", ImVec2(44, 0)):
+    if imgui.button((_PAUSE if editor.playing else _PLAY) + "###play", ImVec2(44, 0)):
         editor.playing = not editor.playing
     workspace.remember("play")
     imgui.same_line()

@@ -67,7 +67,8 @@ class Guest:
     @property
     def present(self) -> tuple[str, ...]:
         """What is there, a line each."""
-        people = (f"Performer {body} at {self.name}" for body in self.performers)
+        numbers = self.live.numbers
+        people = (f"Performer {numbers.number_of(body)} at {self.name}" for body in self.performers)
         return (*people, *self._client.characters)
 
     @property
@@ -85,7 +86,8 @@ class Guest:
 
     def advance(self, seconds: float) -> None:
         """Take in what has arrived."""
-        self.live.held = {one.character for one in self.recorder.holders.now}
+        now = self.recorder.holders.now
+        self.live.held, self.live.holding = {one.character for one in now}, {one.body for one in now}
         self.live.advance(seconds)
 
     def close(self) -> None:

@@ -18,17 +18,19 @@ class Holder:
         body: the performer's id.
         character: the id of what is held.
         parts: names of the parts that hold it, in the order in which they took hold.
+        number: of the performer, as people are told; 0: it is not known yet.
     """
 
     body: int
     character: str
     parts: tuple[str, ...]
+    number: int = 0
 
     @property
     def words(self) -> str:
         """For an audience: "Performer 1 is in the horse: both arms"."""
         parts = [_WORDS.get(part, part.replace(" + ", " and the ")) for part in self.parts]
-        return f"Performer {self.body} is in the {self.character}: {' and '.join(parts)}"
+        return f"Performer {self.number or self.body} is in the {self.character}: {' and '.join(parts)}"
 
 
 class Holders:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 from enliven.frames import BodyFrame
@@ -79,6 +80,19 @@ class LiveRecorder:
         kept, self._kept, self._delay_ns = self._kept, None, None
         kept.events.sort(key=lambda said: said.time_ns)
         return kept
+
+    def so_far(self) -> Performed | None:
+        """A copy of what was recorded until now, while the recording goes on; None without a recording."""
+        if self._kept is None:
+            return None
+        kept = self._kept
+        return replace(
+            kept,
+            frames=list(kept.frames),
+            events=sorted(kept.events, key=lambda said: said.time_ns),
+            characters=dict(kept.characters),
+            poses={key: list(poses) for key, poses in kept.poses.items()},
+        )
 
     def heard(self, topic: Topic, value: Any) -> None:
         """Take a value of a topic, as the link brings it."""

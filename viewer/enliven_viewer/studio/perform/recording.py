@@ -45,6 +45,7 @@ class StageRecording:
         count_in: whether three beats come before a recording.
         hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
         loops: whether the span is recorded again and again, each time as one more alternative.
+        pressed: the phase in which the button of the recording went down.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class StageRecording:
         self.editor = editor
         self.recorder = LiveRecorder()
         self.phase: Phase = "idle"
+        self.pressed: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
@@ -182,14 +184,7 @@ class StageRecording:
         made: list[str] = []
 
         def change(project: Project) -> Project:
-            after, names = project, list[str]()
-            for one in (performed, *others):
-                begin = one.since_ns - round(start * 1e9)
-                after, new = with_performed(after, one, begin, replaces=replaces, beside=beside)
-                names += new
-            if not names:
-                what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
-                raise InputError(what, where="recording", mend=mend)
+            after, names = _recorded(project, (performed, *others), start, replaces=replaces, beside=beside)
             made.extend(names)
             return after
 
@@ -200,6 +195,28 @@ class StageRecording:
             )
             editor.scrub(start)
             editor.playing, self._fresh = True, told[-1]
+
+    def so_far(self) -> Callable[[Project], Project] | None:
+        """The edit that keeps what is recorded until now, which goes on; None where nothing is recorded.
+
+        The edit has its own copy of the recording, so it can be done in another thread.
+        """
+        if self.phase != "recording":
+            return None
+        recorders = (self.recorder, *(guest.recorder for guest in self._guests))
+        copies = [copy for copy in (one.so_far() for one in recorders) if copy is not None]
+        start, replaces, beside = self._start, self.replaces, self._beside
+        return lambda project: _recorded(project, copies, start, replaces=replaces, beside=beside)[0]
+
+    def drop(self) -> None:
+        """Give up the count-in, or what is being recorded; nothing of it is kept."""
+        phase, self.phase = self.phase, "idle"
+        beside, self._beside = self._beside, ""
+        if phase == "recording":
+            self._ended()
+            self.editor.growing, self.editor.playing = 0.0, False
+        if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+            self.editor.undo()
 
     def seen(self) -> str:
         """The character that was recorded last, once; empty where it was asked for already."""
@@ -247,3 +264,22 @@ class StageRecording:
         while any(one == f"take {number}" or one.startswith(f"take {number} ") for one in known):
             number += 1
         return f"take {number}"
+
+
+def _recorded(
+    project: Project, performed: Sequence[Performed], start: float, *, replaces: bool, beside: str
+) -> tuple[Project, list[str]]:
+    """Returns a project with what was recorded from a second of it on, and the ids of what is new in it.
+
+    Raises:
+        InputError: where nothing moved.
+    """
+    after, names = project, list[str]()
+    for one in performed:
+        begin = one.since_ns - round(start * 1e9)
+        after, new = with_performed(after, one, begin, replaces=replaces, beside=beside)
+        names += new
+    if not names:
+        what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
+        raise InputError(what, where="recording", mend=mend)
+    return after, names

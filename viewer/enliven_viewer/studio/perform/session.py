@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -194,8 +195,10 @@ class PerformSession:
     @property
     def holders(self) -> tuple[Holder, ...]:
         """Who holds what now."""
-        own = self.recording.recorder.holders.now if self.connected else ()
-        beside = (one for guest in self.guests if guest.connected for one in guest.recorder.holders.now)
+        own = _numbered(self.live, self.recording.recorder) if self.connected and self.live else ()
+        beside = (
+            one for guest in self.guests if guest.connected for one in _numbered(guest.live, guest.recorder)
+        )
         return (*own, *beside)
 
     @property
@@ -208,7 +211,7 @@ class PerformSession:
         """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
         if self.live is None:
             return ()
-        people = (f"Performer {body}" for body in self.performers)
+        people = (f"Performer {self.live.numbers.number_of(body)}" for body in self.performers)
         beside = (line for guest in self.guests for line in guest.present)
         return (*people, *self.standing, *beside) or ("No one is there yet",)
 
@@ -235,6 +238,7 @@ class PerformSession:
         if self.live is None:
             return
         self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
+        self.live.holding = {one.body for one in self.recording.recorder.holders.now}
         self.live.advance(seconds)
         for guest in self.guests:
             guest.advance(seconds)
@@ -322,3 +326,8 @@ class PerformSession:
         if lacking:
             self.editor.toasts.say(*lacking.split(". "))
         return not lacking
+
+
+def _numbered(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
+    """Who holds what on one edge, with the numbers that people are told."""
+    return tuple(replace(one, number=live.numbers.number_of(one.body)) for one in recorder.holders.now)

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import logging
 import os
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 from enliven.document import Project
-from enliven.errors import EnlivenError
-from enliven.files import own_folder
-from enliven.formats.project import read_project, write_project
+from enliven.errors import EnlivenError, InputError
+from enliven.files import PART, own_folder, read_file, write_file
+from enliven.formats.project import project_bytes, project_of, read_project, write_project
 from enliven.modeling.possessed import solve_lost
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import StageRecording
 
 PROJECT = ".enliven"
 _UNNAMED = "Untitled"
 _FRESH = 60.0
 """Seconds."""
+_WRITING_SHARE = 0.1
+"""Highest share of the time that is spent on recovery files: a long recording takes seconds to write."""
+log = logging.getLogger(__name__)
+
+
+class FileChangedError(InputError):
+    """The file of the project has been saved by another window or program since it was opened here."""
 
 
 class ProjectStore:
@@ -30,15 +42,21 @@ class ProjectStore:
 
     Args:
         folder: where recovery files are; None takes the user's own place.
+
+    Attributes:
+        recording: the recording from the stage, which is work as well while it runs.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
+        self.recording: StageRecording | None = None
         self.path: Path | None = None
         self.folder = folder or own_folder()
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
         self._since = time.monotonic()
+        self._pause = 0.0
+        self._content = ""  # the checksum of the file as this window read or wrote it last
         self._writer: ThreadPoolExecutor | None = None
         self._writing: tuple[Future[None], Project] | None = None
 
@@ -54,8 +72,13 @@ class ProjectStore:
 
     @property
     def dirty(self) -> bool:
-        """Whether something is not saved."""
-        return self.editor.history.project is not self._saved
+        """Whether something is not saved: edits, or a recording that runs."""
+        return self.editor.history.project is not self._saved or self.records
+
+    @property
+    def records(self) -> bool:
+        """Whether a recording runs."""
+        return self.recording is not None and self.recording.phase == "recording"
 
     @property
     def title(self) -> str:
@@ -63,12 +86,14 @@ class ProjectStore:
         return f"{'*' * self.dirty}{self.name} - enliven"
 
     def forget(self) -> None:
-        """Give up the unsaved changes."""
+        """Give up the unsaved changes, and a recording that runs."""
+        if self.recording is not None:
+            self.recording.drop()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
         """Begin another project; the one before is forgotten."""
-        self.path = None
+        self.path, self._content = None, ""
         self._begin(project or Project())
 
     def open(self, path: Path) -> None:
@@ -77,25 +102,67 @@ class ProjectStore:
         Raises:
             InputError: where the file cannot be read; what is open stays.
         """
-        project = solve_lost(read_project(path))
-        self.path = path
+        data = read_file(path)
+        project = solve_lost(project_of(data, str(path)))
+        self.path, self._content = path, _checksum(data)
         self._begin(project)
         self.editor.toasts.say(f"Opened {path.name}")
 
-    def save(self, path: Path | None = None) -> None:
+    def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Write the project to its file, or to another that is its file from then on.
 
+        What a running recording has so far is written as well; the recording goes on.
+
+        Args:
+            over: also where another window or program has saved the file since.
+
         Raises:
+            FileChangedError: where another window or program has; nothing is written.
             ResourceError: where it cannot be written; the file from before stays.
         """
         target = path or self.path
         assert target is not None, "a project without a file is saved with a path"
         project = self.editor.history.project
-        write_project(target, project)
+        change = self._so_far()
+        written = project if change is None else _with(project, change)
+        data = project_bytes(written)
+        if not over:
+            self._refuse_changed(target, data)
+        write_file(target, data, "Save it elsewhere.")
         self.settle()  # before its file goes
-        self.path, self._saved, self._autosaved = target, project, project
+        # With part of a recording in the file, what is in the window stays unsaved until it is saved again.
+        self._saved = self._autosaved = written
+        self.path, self._content = target, _checksum(data)
         self._own().unlink(missing_ok=True)
         self.editor.toasts.say(f"Saved {target.name}")
+
+    def saved_now(self) -> Project:
+        """Return the project that the file holds now, which another window may have saved.
+
+        Raises:
+            InputError: where the file cannot be read.
+        """
+        assert self.path is not None, "only a project with a file has one that is saved"
+        return solve_lost(read_project(self.path))
+
+    def _so_far(self) -> Callable[[Project], Project] | None:
+        """The edit that keeps what is recorded until now; None without a recording."""
+        return None if self.recording is None else self.recording.so_far()
+
+    def _refuse_changed(self, target: Path, data: bytes) -> None:
+        """Raise FileChangedError if the file is not as this window left it, nor as it is to be."""
+        if self.path is None or not _is_same_file(target, self.path):
+            return  # the dialogue asked before another file is replaced
+        try:
+            now = _checksum(read_file(target))
+        except InputError:
+            return  # it is gone, or writing says what is wrong with it
+        if now not in (self._content, _checksum(data)):
+            raise FileChangedError(
+                f"{target.name} was saved by another window or program since it was opened here",
+                where=str(target),
+                mend="Save under another name, or compare the two.",
+            )
 
     def autosave(self, now: float | None = None) -> None:
         """Begin to write the recovery file, beside the window, where it is time and something has changed."""
@@ -103,7 +170,7 @@ class ProjectStore:
         if self._writing is not None:
             if self._writing[0].done():
                 self.settle()
-        elif now - self._since >= self.editor.settings.autosave:
+        elif now - self._since >= max(self.editor.settings.autosave, self._pause):
             self._since = now
             self._begin_writing()
 
@@ -114,15 +181,18 @@ class ProjectStore:
         self.settle()
 
     def _begin_writing(self) -> None:
-        project = self.editor.history.project  # a value: it may be edited on while it is written
-        if project is self._autosaved or not self.dirty:
+        project, change = self.editor.history.project, self._so_far()
+        if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        self._writing = (self._writer.submit(self._write, project), project)
+        # A project is a value, and the change has its own copy: both go on in the window meanwhile.
+        self._writing = (self._writer.submit(self._write, project, change), project)
 
-    def _write(self, project: Project) -> None:
+    def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
+        began = time.monotonic()
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_project(self._own(), project)
+        write_project(self._own(), project if change is None else _with(project, change))
+        self._pause = (time.monotonic() - began) / _WRITING_SHARE
 
     def settle(self) -> None:
         """Wait for the recovery file that is being written, and say where it cannot be."""
@@ -145,8 +215,8 @@ class ProjectStore:
         """
         if not self.folder.is_dir():
             return []
-        for part in self.folder.glob(f".recovery-*{PROJECT}.part"):
-            if not _running(Path(part.stem.removeprefix("."))):
+        for part in self.folder.glob(f".recovery-*{PROJECT}*{PART}"):
+            if not _running(Path(part.name.removeprefix(".").partition(PROJECT)[0] + PROJECT)):
                 part.unlink(missing_ok=True)
         found = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
         return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
@@ -185,6 +255,28 @@ class ProjectStore:
 
     def _own(self) -> Path:
         return self.folder / f"recovery-{os.getpid()}{PROJECT}"
+
+
+def _with(project: Project, change: Callable[[Project], Project]) -> Project:
+    """Returns a project with what is recorded so far; without it where that cannot be kept yet."""
+    try:
+        return change(project)
+    except EnlivenError:  # nothing has moved yet
+        return replace(project)
+    except Exception as error:  # the rest of the work must not be lost by it
+        log.error("what is being recorded cannot be saved yet", exc_info=error)
+        return replace(project)
+
+
+def _checksum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _is_same_file(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:
+        return one == other
 
 
 def _running(path: Path) -> bool:

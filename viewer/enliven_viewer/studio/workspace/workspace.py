@@ -40,7 +40,12 @@ from enliven_viewer.studio.workspace.files import (
     save_session,
 )
 from enliven_viewer.studio.workspace.input import ViewportInput
-from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
+from enliven_viewer.studio.workspace.project_comparison import (
+    Difference,
+    compare_projects,
+    with_saved_items,
+)
+from enliven_viewer.studio.workspace.project_store import PROJECT, FileChangedError, ProjectStore
 from enliven_viewer.studio.workspace.view_table import curve_action, ghost_action
 
 Rectangle = tuple[float, float, float, float]
@@ -70,6 +75,7 @@ class Workspace:
         starting: whether the start page is shown while nothing is there; tour: the tour while it is taken.
         caption: what a session says of what it does; empty without a session.
         pressed: the key that a session presses just now.
+        compared: what the project and its file do not share, once it was asked for.
         ended: whether the studio is to end.
     """
 
@@ -103,6 +109,7 @@ class Workspace:
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
+        self.store.recording = self.perform.recording
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
@@ -110,6 +117,7 @@ class Workspace:
         self.history_shown, self.history_seen = False, (0, 0)
         self.shown_layer: tuple[str, int] | None = None
         self.ended = self.starting = False
+        self.compared: tuple[Difference, ...] | None = None
         self.tour: Tour | None = None
         self._after = ""
         self._wanted: Path | None = None
@@ -138,7 +146,7 @@ class Workspace:
         elif dialogue == "history":
             self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
-            self.attempt(self.store.save)
+            self.attempt(self.save)
         elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
@@ -188,13 +196,7 @@ class Workspace:
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
         else:
-            try:
-                self.store.save(path)
-            except EnlivenError:
-                self.cancel()  # what waited for the work to be saved must not go on later
-                raise
-            self.preferences.opened(path)
-            self._go_on()
+            self.save(path)
 
     def go_on(self, *, discard: bool) -> None:
         """Go on with the command that waited for unsaved work, with or without saving."""
@@ -202,11 +204,56 @@ class Workspace:
         if discard:
             self.store.forget()
             self._go_on()
-        elif self.store.path is not None:
-            if self.attempt(self.store.save):
-                self._go_on()
+            return
+        self.perform.recording.stop()  # it becomes a part of what is saved
+        if self.store.path is not None:
+            self.attempt(self.save)
         else:
             self._browse("save as")
+
+    def save(self, path: Path | None = None, *, over: bool = False) -> None:
+        """Save the project, and go on with what waited for that; ask if another window saved its file.
+
+        Args:
+            path: the file that is the project's from then on; None: the one that it has.
+            over: also where another window has saved the file since.
+
+        Raises:
+            EnlivenError: where it cannot be written; what waited does not go on later.
+        """
+        self.asking = ""
+        try:
+            self.store.save(path, over=over)
+        except FileChangedError:
+            self.asking, self.compared = "changed", None
+        except EnlivenError:
+            self.cancel()
+            raise
+        else:
+            if path is not None:
+                self.preferences.opened(path)
+            self._go_on()
+
+    def ask_for_name(self) -> None:
+        """Open the dialogue that saves the project under another name; what waits goes on after it."""
+        self._browse("save as")
+
+    def compare(self) -> None:
+        """Compare the project with the one that another window saved to its file."""
+        self.attempt(lambda: setattr(self, "compared", self._differences()))
+
+    def add_saved_items(self) -> None:
+        """Add the items to the project that only its file has, as one edit, and compare the two again."""
+
+        def add() -> None:
+            saved = self.store.saved_now()
+            self.editor.edit("add what the file has", lambda project: with_saved_items(project, saved))
+
+        if self.attempt(add):
+            self.compare()
+
+    def _differences(self) -> tuple[Difference, ...]:
+        return compare_projects(self.editor.history.project, self.store.saved_now())
 
     def watch_tour(self, seconds: float) -> None:
         """Let the tour see what was done; to be called once a picture, so long after the one before."""

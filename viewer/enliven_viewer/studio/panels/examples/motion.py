@@ -56,7 +56,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
     imgui.set_next_item_width(third.x)
     if imgui.begin_combo("##level", "Level"):
         for other in (point.name for point in puppet.points if point.name != name):
-            if imgui.selectable(f"with {other}", False)[0]:
+            if imgui.selectable(f"with {other}###with {other}", False)[0]:
                 wanted = Coupling(name, other, frame)
         imgui.end_combo()
     workspace.remember("hold level")
@@ -72,7 +72,7 @@ def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held:
     wide = imgui.get_content_region_avail().x
     with small():
         if imgui.selectable(
-            f"{constraint_text(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0)
+            f"{constraint_text(held, take.step)}###held {row}", False, 0, ImVec2(wide - 30, 0)
         )[0]:
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(wide - 12)

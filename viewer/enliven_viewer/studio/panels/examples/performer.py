@@ -40,7 +40,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     imgui.set_next_item_width(max(area.width - (152 if unused else 66), 90))
     if imgui.begin_combo("##performer take", view.take or "choose a take"):
         for name, take in takes.items():
-            if imgui.selectable(f"{name}   {take.duration:.1f} s", name == view.take)[0]:
+            if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
                 view.show(name)
             workspace.remember(f"pick {name}")
         if not takes:

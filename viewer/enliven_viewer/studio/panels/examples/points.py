@@ -46,7 +46,7 @@ def _standing(workspace: Workspace, puppet: Puppet) -> None:
         ("Stand it up", "x", "For a mesh that lies on its back"),
         ("Quarter turn", "y", "Until it looks at you with View > From the front (1)"),
     ):
-        if imgui.button(label, half):
+        if imgui.button(f"{label}###{label}", half):
             _stand(workspace, puppet.id, label, axis)
         workspace.remember(label.lower())
         told(said)
@@ -121,11 +121,11 @@ def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
             best = suggested_joint(editor.project, puppet.id, str(take), point.name)
-            if imgui.selectable(f"{best}   likely", best == point.joint)[0]:
+            if imgui.selectable(f"{best}   likely###likely", best == point.joint)[0]:
                 workspace.performer.pair(best)
             imgui.separator()
         for joint in names:
-            if imgui.selectable(f"{joint}##joint", joint == point.joint)[0]:
+            if imgui.selectable(f"{joint}###joint {joint}", joint == point.joint)[0]:
                 workspace.performer.pair(joint)
         imgui.end_combo()
     workspace.remember("joint")

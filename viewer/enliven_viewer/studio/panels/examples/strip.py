@@ -100,7 +100,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
             imgui.same_line(0, 5)
         if label == "Done":
             imgui.push_style_color(imgui.Col_.button, packed(ACCENT, 0.75))
-        pressed = imgui.button(label)
+        pressed = imgui.button(f"{label}###{label}")
         if label == "Done":
             imgui.pop_style_color()
         workspace.remember(f"pose {label}")
@@ -208,7 +208,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
 def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draw the menu of the right button."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
-        if imgui.menu_item_simple(label):
+        if imgui.menu_item_simple(f"{label}###{label}"):
             run_pose_command(workspace, puppet, number, label)
 
 

@@ -101,8 +101,8 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     switches = _SWITCH * {CHARACTER: 2, TAKE: 1, GROUP: int(row.id == "live")}.get(row.kind, 0)
     start = left + _INDENT * row.depth
     imgui.set_next_item_allow_overlap()
-    label = f"##{row.key}"
-    clicked = imgui.selectable(label, outliner.is_chosen(row), 0, ImVec2(width - switches, _HIGH))[0]
+    size = ImVec2(width - switches, _HIGH)
+    clicked = imgui.selectable(f"##{row.key}", outliner.is_chosen(row), 0, size)[0]
     hovered, twice = imgui.is_item_hovered(), imgui.is_mouse_double_clicked(0)
     workspace.remember(row.key)
     on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT * row.depth + _FOLD
@@ -214,7 +214,7 @@ def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
     """One small button without a frame: bright while it is set."""
     with tinted((0, 0, 0, 0), imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
-        pressed = imgui.button(f"{icon}##{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
+        pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
         imgui.pop_style_var()
     workspace.remember(name)
     return bool(pressed)

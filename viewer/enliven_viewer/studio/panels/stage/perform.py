@@ -6,38 +6,79 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import PARTS, time_text
+from enliven_viewer.live import PARTS, LiveStage, time_text
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
+from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, GOOD, QUIET, WAIT, Colour
+from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, QUIET, RAISED, WAIT, Colour
 
 _WHOLE = ImVec2(-1, 0)
-_HALF = ImVec2(126, 0)
-_RECORD = ImVec2(-1, 38)
+_PRIMARY = 40.0
+"""Pixels of height of the two buttons that a performance needs: hit without aiming."""
+_STATE = 66.0
+"""Pixels of height of the box with the state of the stage: three lines; more are scrolled."""
+_STATE_ROOMY = 104.0
+"""The same where the panel has room for a whole message with what to do about it."""
+_ROOMY = 520.0
+"""Pixels of a panel's height from which on it has that room."""
 _STILL = 2.0
 """Seconds of holding still that end a recording, if nothing else is set: longer than a pause for effect."""
 _LOCAL = "127.0.0.1"
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
-    """Draw the panel at the right."""
+    """Draw the panel at the right: the two buttons that count stay at its top, the rest scrolls."""
     perform = workspace.perform
     with panel("perform", area):
-        _stage(workspace, perform)
         if perform.live is None:
+            _stage(workspace, perform)
             return
-        _recording(workspace, perform.recording)
+        _primary(workspace, perform)
+        imgui.begin_child("##rest")
+        _connected(workspace, perform, perform.live, area)
+        _performers(workspace, perform, perform.live)
+        _characters(workspace, perform)
         if imgui.button("\uf030  Scan a thing...", _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
-        _characters(workspace, perform)
-        _performers(workspace, perform)
+        _recording(workspace, perform.recording)
         if perform.client is not None:
             _guests(workspace, perform)
+        imgui.end_child()
+
+
+def _primary(workspace: Workspace, perform: PerformSession) -> None:
+    """The two buttons that a performance needs, always in the same place."""
+    size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
+    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+        if imgui.button("Possess", size):
+            workspace.actions.do("perform.possess_alone")
+    workspace.remember("possess")
+    told("Step in: nobody else holds it then  (P)")
+    imgui.same_line()
+    _record_button(workspace, perform.recording, size)
+    imgui.separator()
+
+
+def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
+    """Begins a recording, or ends it; a press means what the button said when it went down."""
+    if recording.phase == "recording":
+        label, tint = f"Stop   {time_text(recording.recorder.seconds)}", BAD
+    elif recording.phase == "counting":
+        label, tint = f"Cancel   {recording.counted}", WAIT
+    else:
+        label, tint = "\uf111  Record", RAISED
+    with tinted(tint, imgui.Col_.button, imgui.Col_.button_hovered):
+        pressed = imgui.button(f"{label}###record", size)
+    if imgui.is_item_activated():
+        recording.pressed = recording.phase
+    if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
+        recording.record()
+    workspace.remember("record")
+    told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
@@ -81,22 +122,6 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
-    if perform.live is not None:
-        if perform.connected and (refused := perform.live.document.edge.message):
-            with tinted(WAIT, imgui.Col_.text):
-                imgui.push_text_wrap_pos(0.0)
-                imgui.text_unformatted(refused)
-                imgui.pop_text_wrap_pos()
-        for state in perform.live.document.edge.health[:2]:
-            with tinted(WAIT, imgui.Col_.text):
-                imgui.push_text_wrap_pos(0.0)
-                imgui.text_unformatted(state.what)
-                imgui.pop_text_wrap_pos()
-            quiet(state.mend)
-        if imgui.button("Leave the stage", _WHOLE):
-            perform.disconnect()
-        workspace.remember("leave")
-        return
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
@@ -108,7 +133,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         perform.address = ""  # the field is another camera's from now on
     workspace.remember("connect")
     for address in perform.known:
-        if imgui.selectable(f"{address}##known {address}", False)[0]:
+        if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
     heading("No camera here?")
     if imgui.button("A recorded person", _WHOLE):
@@ -127,6 +152,44 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
     told("A figure that waves and walks, for trying things out")
+
+
+def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
+    """The state of the stage, and what is wrong there, in a box of one height: nothing below it moves."""
+    top = imgui.get_cursor_pos_y()
+    heading("Stage")
+    below = imgui.get_cursor_pos()
+    imgui.set_cursor_pos(ImVec2(imgui.get_content_region_avail().x - 44, top))
+    with small():
+        if imgui.small_button("Leave"):
+            perform.disconnect()
+    workspace.remember("leave")
+    told("Leave the stage; what was recorded stays")
+    imgui.set_cursor_pos(below)
+    roomy = area.height > _ROOMY
+    imgui.begin_child("##state", ImVec2(0, _STATE_ROOMY if roomy else _STATE), imgui.ChildFlags_.frame_style)
+    words, colour = stage_words(perform)
+    at, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
+    draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
+    _wrapped(words)
+    edge = live.document.edge
+    with small():
+        if perform.connected and edge.message:
+            with tinted(WAIT, imgui.Col_.text):
+                _wrapped(edge.message)
+        for state in edge.health[:2]:
+            with tinted(WAIT, imgui.Col_.text):
+                _wrapped(state.what)
+            quiet(state.mend)
+    imgui.end_child()
+    workspace.remember("stage state")
+
+
+def _wrapped(text: str) -> None:
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(text)
+    imgui.pop_text_wrap_pos()
 
 
 def _guests(workspace: Workspace, perform: PerformSession) -> None:
@@ -153,24 +216,15 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:
+    """How a recording begins and ends; the button itself is at the top."""
     heading("Record")
-    if recording.phase == "recording":
-        with tinted(BAD, imgui.Col_.button):
-            if imgui.button(f"Stop   {time_text(recording.recorder.seconds)}", _RECORD):
-                recording.stop()
-    elif recording.phase == "counting":
-        if imgui.button("Cancel", _RECORD):
-            recording.stop()
-    else:
-        if imgui.button("\uf111  Record", _RECORD):
-            recording.record()
-        told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
-    workspace.remember("record")
-    if recording.phase == "idle" and recording.recorded:
-        if imgui.button(f"Again, and keep {recording.recorded}", _WHOLE):
-            recording.again(beside=True)
-        workspace.remember("again beside")
-        told("Both are kept: the lane on the timeline says which is heard, and lets you choose")
+    last = recording.recorded
+    imgui.begin_disabled(recording.phase != "idle" or not last)
+    if imgui.button(f"Again, and keep {last or 'the last one'}###again beside", _WHOLE):
+        recording.again(beside=True)
+    workspace.remember("again beside")
+    imgui.end_disabled()
+    told("Both are kept: the lane on the timeline says which is heard, and lets you choose")
     recording.count_in = imgui.checkbox("Count in: three, two, one", recording.count_in)[1]
     workspace.remember("count in")
     recording.replaces = imgui.checkbox("In place of what moves there", recording.replaces)[1]
@@ -216,14 +270,14 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     others = [name for name in editor.project.characters if name not in standing]
     for name in others:
         chosen = editor.selection.character == name
-        if imgui.selectable(f"{name}##waits {name}", chosen)[0]:
+        if imgui.selectable(f"{name}###waits {name}", chosen)[0]:
             editor.choose(name)
         workspace.remember(f"waits {name}")
         state = perform.sender.states.get(name, "")
         if state:
             quiet(state)
         if chosen and not state.startswith("being"):
-            if imgui.button(f"Put {name} on the stage", _WHOLE):
+            if imgui.button(f"Put {name} on the stage###put {name}", _WHOLE):
                 perform.put()
             workspace.remember("put")
             told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
@@ -244,21 +298,20 @@ def _character(workspace: Workspace, perform: PerformSession, name: str) -> None
         workspace.remember(f"remove {name}")
 
 
-def _performers(workspace: Workspace, perform: PerformSession) -> None:
-    heading("Performers")
-    live = perform.live
-    assert live is not None
+def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
+    """Who steps in with which parts of the body, and the other ways to hold a character."""
+    heading("Who steps in, with what")
     present, choice = perform.performers, live.possession
-    if not present:
-        quiet("" if not perform.connected else "Nobody is in view. Step in front of the camera.")
-        return
-    names = ["Whoever is free", *(f"Performer {one}" for one in present)]
-    at = 1 + present.index(choice.body) if choice.body in present else 0
+    numbers = {live.numbers.number_of(body): body for body in present}
+    everyone = "Whoever is free" if present else "Whoever comes: nobody is in view"
+    names = [everyone, *(f"Performer {number}" for number in sorted(numbers))]
+    bodies = [numbers[number] for number in sorted(numbers)]
+    at = 1 + bodies.index(choice.body) if choice.body in bodies else 0
     imgui.set_next_item_width(-1)
     changed, at = imgui.combo("##performer", at, names)
     workspace.remember("performer")
     if changed:
-        choice.body = present[at - 1] if at else None
+        choice.body = bodies[at - 1] if at else None
         live.possess("preview")
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
@@ -266,26 +319,24 @@ def _performers(workspace: Workspace, perform: PerformSession) -> None:
     told("Which parts of the body take hold; the stage shows what they would hold  (1 to 9)")
     if changed:
         live.choose_parts(number)
-    if imgui.button("Possess", _HALF):
-        live.possess()
-    workspace.remember("possess")
-    told("Step in: nobody else holds it then  (P)")
-    imgui.same_line()
-    if imgui.button("Join", _HALF):
+    third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
+    if imgui.button("Join", third):
         live.possess("join")
     workspace.remember("join")
     told("Step in beside those who hold it already  (J)")
-    if imgui.button("Hold more", _HALF):
+    imgui.same_line()
+    if imgui.button("Hold more", third):
         live.possess("extend")
     workspace.remember("extend")
     told("Hold with these parts as well as before  (E)")
     imgui.same_line()
-    if imgui.button("Release", _HALF):
+    if imgui.button("Release", third):
         live.release()
     workspace.remember("release")
     told("Let go  (R)")
     if imgui.checkbox("Only who is here now performs", choice.locked)[0]:
         live.toggle_lock()
+    workspace.remember("lock")
     told("People who come later are left out  (K)")
 
 

@@ -80,13 +80,13 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     workspace.remember("scan size")
     if opened:
         for size, words in _SIZES.items():
-            if imgui.selectable(words, scan.size == size)[0]:
+            if imgui.selectable(f"{words}###size {size}", scan.size == size)[0]:
                 scan.size = size
             workspace.remember(f"scan {size}")
         imgui.end_combo()
     heading("How?")
     for way, (words, more) in _WAYS.items():
-        if imgui.radio_button(words, scan.way == way):
+        if imgui.radio_button(f"{words}###way {way}", scan.way == way):
             scan.way = way
         workspace.remember(f"scan {way}")
         told(more)
@@ -101,7 +101,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     workspace.remember("scan start")
     imgui.end_disabled()
     if not scan.lacks_again():
-        if imgui.button(f"Add to {scan.said.character}", _WHOLE):
+        if imgui.button(f"Add to {scan.said.character}###again", _WHOLE):
             workspace.actions.do("scan.again")
         workspace.remember("scan again")
         told("Scan on, for what was not seen yet: lay it on its side, or look from below")
@@ -128,8 +128,8 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     heading("Go on")
     making = said.phase == "finishing"
     imgui.begin_disabled(making)
-    label = "\uf04c  Pause###pause" if said.phase == "scanning" else "\uf04b  Go on###pause"
-    if imgui.button(label, _HALF):
+    label = "\uf04c  Pause" if said.phase == "scanning" else "\uf04b  Go on"
+    if imgui.button(f"{label}###pause", _HALF):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
     imgui.same_line()
@@ -156,7 +156,7 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
     """What of it is kept."""
     heading("What is kept")
     for kept, words in _KEPT.items():
-        if imgui.radio_button(words, scan.keeps == kept):
+        if imgui.radio_button(f"{words}###keep {kept}", scan.keeps == kept):
             scan.keep(kept)
         workspace.remember(f"scan keep {kept}")
     if scan.keeps == "box":

@@ -1,0 +1,159 @@
+"""A recording that runs is work: slow presses end it, and no way out of the window loses it."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from in_a_window import in_a_window
+from swaying import swaying
+
+from enliven.formats.project import read_project, write_project
+from enliven.wire import BODIES
+from enliven_viewer.link.received import ReceivedBodies
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.project_store import ProjectStore
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+SESSION = Path(__file__).parents[1] / "studio_recording_session.py"
+STEP = 33_333_333
+
+
+def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> None:
+    said = in_a_window(SESSION, str(tmp_path))
+    assert said["done"], said
+    assert said["record"] == "counting" and said["cancel"] == "idle", "0.3 s on what changes with each beat"
+    assert said["stop"] == ["idle", ["chair"]], "0.3 s on what shows the running time"
+    assert said["play"] is False and said["again"] == [True, True]
+    quiet, *others = said["places"]
+    assert all(quiet) and all(other == quiet for other in others), "nothing moves as messages come and go"
+    left, top, wide, high = said["inside"]
+    for place in quiet[:2]:
+        assert left <= place[0] and place[2] <= left + wide and top <= place[1] and place[3] <= top + high
+    assert said["moved"] is True
+    assert said["title"] == "*clean - enliven", "a clean project with a recording has something to save"
+    assert said["asks"] == ["unsaved", "recording"] and said["goes on"] == ["", "recording"]
+    takes = list(read_project(tmp_path / "clean.enliven").bodies)
+    assert takes == ["take 1", "take 2"], "the running one was saved with the rest"
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    """A clean project with a file, and a recording of a second that runs."""
+    made = Workspace.new(Editor(), tmp_path / "recovery")
+    made.store.save(tmp_path / "work.enliven")
+    recording = made.perform.recording
+    recording.recorder.heard(BODIES, frame(0))
+    recording.recorder.begin("take 1")
+    recording.phase = "recording"
+    perform(made, 30)
+    return made
+
+
+def frame(number: int) -> ReceivedBodies:
+    return ReceivedBodies("edge", number * STEP, 0, (swaying(1, number),))
+
+
+def perform(workspace: Workspace, until: int) -> None:
+    recorder = workspace.perform.recording.recorder
+    begun = recorder.so_far()
+    for number in range(len(begun.frames) if begun else 0, until):
+        recorder.heard(BODIES, frame(number))
+
+
+def seconds(path: Path) -> float:
+    """How long the take of the performer is in a project file; 0 where there is none."""
+    return max((take.duration for name, take in read_project(path).takes.items() if "take 1" in name), default=0)
+
+
+@pytest.mark.parametrize("wish", ["quit", "new"])
+def test_a_clean_project_asks_while_it_records(workspace: Workspace, tmp_path: Path, wish: str) -> None:
+    assert workspace.store.dirty and workspace.store.title.startswith("*")
+    workspace.ask(wish)
+    assert workspace.asking == "unsaved" and not workspace.ended
+    workspace.cancel()
+    assert workspace.perform.recording.phase == "recording", "it went on meanwhile"
+    workspace.ask(wish)
+    workspace.go_on(discard=False)
+    assert seconds(tmp_path / "work.enliven") > 0.9
+    assert workspace.perform.recording.phase == "idle"
+    assert workspace.ended if wish == "quit" else workspace.store.path is None
+
+
+def test_opening_another_project_asks_while_it_records(workspace: Workspace, tmp_path: Path) -> None:
+    write_project(tmp_path / "other.enliven", workspace.editor.project)
+    workspace.open(tmp_path / "other.enliven")
+    assert workspace.asking == "unsaved"
+    workspace.go_on(discard=False)
+    assert workspace.store.name == "other" and seconds(tmp_path / "work.enliven") > 0.9
+
+
+def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, tmp_path: Path) -> None:
+    before = (tmp_path / "work.enliven").read_bytes()
+    workspace.ask("quit")
+    workspace.go_on(discard=True)
+    assert workspace.ended and not workspace.perform.recording.recorder.recording
+    assert (tmp_path / "work.enliven").read_bytes() == before
+
+
+def test_saving_meanwhile_keeps_what_is_there_and_the_recording_goes_on(workspace: Workspace, tmp_path) -> None:
+    workspace.ask("save")
+    first = seconds(tmp_path / "work.enliven")
+    assert first > 0.9 and workspace.perform.recording.phase == "recording" and workspace.store.dirty
+    perform(workspace, 60)
+    workspace.ask("save")
+    assert seconds(tmp_path / "work.enliven") > first + 0.9
+    workspace.perform.recording.stop()
+    assert workspace.store.dirty
+    workspace.ask("save")
+    assert not workspace.store.dirty and seconds(tmp_path / "work.enliven") > 1.9
+    assert [name for name in workspace.editor.project.takes if "take 1" in name] == ["take 1"]
+
+
+def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(workspace, tmp_path: Path) -> None:
+    workspace.ask("save")
+    workspace.perform.recording.drop()
+    assert workspace.store.dirty, "the file has what the window no longer has"
+    workspace.ask("save")
+    assert not workspace.store.dirty and not seconds(tmp_path / "work.enliven")
+
+
+def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_path: Path) -> None:
+    store = workspace.store
+    store.autosave(store._since + 60.0)
+    store.settle()
+    (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")
+    assert seconds(kept) > 0.9
+    perform(workspace, 90)
+    store.autosave(store._since + 600.0)
+    store.settle()
+    assert seconds(kept) > 2.8, "again and again while it runs"
+    after = ProjectStore(Editor(), tmp_path / "recovery")
+    moved = kept.rename(tmp_path / "recovery" / "recovery-999999999.enliven")
+    after.recover(moved)
+    assert any("take 1" in name for name in after.editor.project.takes)
+
+
+def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspace, tmp_path: Path) -> None:
+    """A recording that has nothing yet costs neither the project nor the window."""
+    recorder = workspace.perform.recording.recorder
+    recorder.end()
+    recorder.restarted()
+    recorder.begin("take 1")
+    workspace.store.autosave_now()
+    (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")
+    assert read_project(kept).takes.keys() == workspace.editor.project.takes.keys()
+    assert not workspace.editor.toasts.shown or not workspace.editor.toasts.shown[-1].bad
+
+
+def test_what_is_written_does_not_change_while_the_performer_goes_on(workspace: Workspace) -> None:
+    change, took = workspace.perform.recording.so_far(), []
+    assert change is not None
+    thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))
+    perform(workspace, 200)
+    thread.start()
+    thread.join()
+    (take,) = (one for name, one in took[0].takes.items() if "take 1" in name)
+    assert np.isclose(take.duration, 29 / 30, atol=0.05)

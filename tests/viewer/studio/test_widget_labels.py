@@ -1,0 +1,124 @@
+"""Every widget keeps its id while it is shown: ImGui makes the id of the label, so a label that changes
+during a press loses the click. What changes stands before ``###``, which alone is left out of the id."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+VIEWER = Path(__file__).parents[3] / "viewer" / "enliven_viewer"
+WIDGETS = {
+    *("button", "small_button", "invisible_button", "arrow_button", "image_button", "text_link"),
+    *("selectable", "checkbox", "radio_button", "menu_item", "menu_item_simple", "begin_menu"),
+    *("tree_node", "tree_node_ex", "collapsing_header", "begin_combo", "combo", "list_box"),
+    *("begin_tab_item", "tab_item_button", "begin", "begin_child", "begin_popup", "begin_popup_modal"),
+    *("open_popup", "color_edit3", "color_edit4"),
+}
+"""Functions of ImGui that make an id of their first argument."""
+PREFIXES = ("slider_", "drag_", "input_", "v_slider_")
+HELPERS = {"button": 1, "choice": 1, "switch": 1, "modal": 0, "panel": 0}
+"""Our own functions that pass a label on, with its place: those who call them are looked at instead."""
+PASSED_ON = {
+    *(("modal.py", word) for word in ("label", "title", "yes", "no")),
+    *(("fields.py", "label"), ("style.py", "name"), ("layer.py", "label")),
+    *(("dialogs.py", "_TITLES[workspace.asking]"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
+}
+"""Labels that helpers pass on, the names of a layer's fields, and those of a dialogue about files, which are
+its own while it is open."""
+FIXED = {"action.label", "action.entry", "menu", "group"}
+"""Labels of the table of actions, which does not change while the window is open."""
+NAMES = {"name", "stem", "label", "id"}
+"""What tells one item of a list from the others; it is the item's id in any case."""
+
+
+def is_constant(label: ast.expr) -> bool:
+    """Whether an expression is a text, or a constant of its module."""
+    if isinstance(label, ast.Name):
+        return label.id.lstrip("_").isupper()
+    if isinstance(label, ast.BinOp):
+        return is_constant(label.left) and is_constant(label.right)
+    return isinstance(label, ast.Constant)
+
+
+def is_name(label: ast.expr, items: set[str]) -> bool:
+    """Whether an expression is the name of an item of a list that is gone through."""
+    if isinstance(label, ast.Attribute):
+        return label.attr in NAMES and is_name(label.value, items)
+    return isinstance(label, ast.Name) and label.id in items
+
+
+def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
+    """Whether what is written before the mark of the id cannot change, or does not count."""
+    if is_constant(label) or is_name(label, items) or ast.unparse(label) in FIXED:
+        return True
+    if isinstance(label, ast.IfExp):
+        ends = [ast.unparse(one).partition("###") for one in (label.body, label.orelse)]
+        return all(mark for _, mark, _ in ends) and ends[0][2].strip("'\"") == ends[1][2].strip("'\"")
+    if isinstance(label, ast.BinOp):
+        return isinstance(label.right, ast.Constant) and str(label.right.value).startswith("###")
+    if not isinstance(label, ast.JoinedStr):
+        return False
+    before, named = True, False
+    for piece in label.values:
+        if isinstance(piece, ast.Constant):
+            if "###" in piece.value:
+                return True
+            named = named or "##" in piece.value
+        elif piece.format_spec is not None:  # type: ignore[attr-defined]
+            before = False  # a number that is written as a part of the id, unless the mark comes after it
+        elif not (is_constant(piece.value) or is_name(piece.value, items)):  # type: ignore[attr-defined]
+            before = before and named
+    return before
+
+
+def labels(tree: ast.AST) -> Iterator[tuple[int, ast.expr]]:
+    """The labels of all widgets of a module, with their lines."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called, place = node.func, None
+        if isinstance(called, ast.Attribute) and ast.unparse(called.value) == "imgui":
+            place = 0 if called.attr in WIDGETS or called.attr.startswith(PREFIXES) else None
+        elif isinstance(called, ast.Name):
+            place = HELPERS.get(called.id)
+        if place is not None and len(node.args) > place:
+            yield node.lineno, node.args[place]
+
+
+def changing(name: str, text: str) -> list[str]:
+    """The labels of a module that may change while they are shown."""
+    found, tree = [], ast.parse(text)
+    loops = [node.target for node in ast.walk(tree) if isinstance(node, ast.For)]
+    items = {node.id for target in loops for node in ast.walk(target) if isinstance(node, ast.Name)}
+    for line, label in labels(tree):
+        if not keeps_its_id(label, items) and (name, ast.unparse(label)) not in PASSED_ON:
+            found.append(f"{name}:{line}: {ast.unparse(label)}")
+    return found
+
+
+def test_no_label_changes_the_id_of_its_widget() -> None:
+    found = [said for path in sorted(VIEWER.rglob("*.py")) for said in changing(path.name, path.read_text())]
+    assert not found, (
+        'write f"{what changes}###a name that stays": the id would change while it is pressed\n'
+        + "\n".join(found)
+    )
+
+
+@pytest.mark.parametrize(
+    "label",
+    ['f"Stop {clock(x)}"', "text", 'f"Keep {it.name}"', 'f"{x:.1f} s##stop"', '("a" if on else "b") + "##p"', 'f"##{x:.1f}"'],
+)
+def test_labels_that_change_are_found(label: str) -> None:
+    assert changing("a.py", f"imgui.button({label})")
+    assert changing("a.py", f"button(workspace, {label})")
+
+
+@pytest.mark.parametrize(
+    "label",
+    ['"Stop"', '_ICON + "##stop"', 'f"Stop {clock(x)}###stop"', 'f"Leave##{n}"', 'f"{x:.1f} s###{name}"'],
+)
+def test_labels_that_stay_pass(label: str) -> None:
+    assert not changing("a.py", f"imgui.button({label})")

@@ -1,0 +1,158 @@
+"""Records in the real window with a real edge: slow presses, a panel that stays still, and a window that is
+closed meanwhile; prints what came of it. A second argument is a folder for pictures."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from coarse_pixels import coarse_pixels
+from deeds import scripted
+from perform_session import PATIENCE, PAUSE, RealEdge
+
+from enliven.health import HealthState, Severity
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+HELD = 0.3
+"""Seconds that a button is pressed: as long as people press who aim."""
+SAID = "The camera sees little: the room is dark, and what is behind the performer is very near to the camera"
+WRONG = tuple(HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6) for n in (1, 2))
+STEADY = ("possess", "record", "performer", "parts", "join", "stands chair", "count in", "scan")
+"""Widgets whose places are looked at."""
+said: dict[str, object] = {"done": False}
+wanted: list[str] = []
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge, folder: Path) -> None:
+    """What an artist does."""
+    workspace = window.workspace
+    perform, recording = workspace.perform, workspace.perform.recording
+
+    def until(done: Callable[[], object], what: str) -> None:
+        said["waits for"], end = what, time.monotonic() + PATIENCE
+        while not done():
+            if time.monotonic() > end:
+                raise TimeoutError(what)
+            ctx.yield_()
+            time.sleep(PAUSE)
+
+    def aim(name: str) -> None:
+        ctx.yield_(2)
+        left, top, right, bottom = workspace.widget(name)
+        ctx.mouse_move_to_pos(ImVec2((left + right) / 2, (top + bottom) / 2))
+
+    def press(name: str, seconds: float = 0.0) -> None:
+        aim(name)
+        ctx.mouse_down(0)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            ctx.yield_()
+        ctx.mouse_up(0)
+        ctx.yield_(2)
+
+    def shot(name: str) -> None:
+        wanted.append(name)
+        until(lambda: not wanted, "a picture")
+
+    def places(health: tuple[HealthState, ...], message: str = "", nobody: bool = False) -> list[object]:
+        """Where the widgets are while the edge says this of its health."""
+        document, feed = perform.live.document, perform.live.feed
+        poll = feed.poll
+
+        def told(into: object) -> int:
+            count = poll(into)
+            document.edge = replace(document.edge, health=health, message=message)
+            if nobody:
+                document.edge = replace(document.edge, signal="slow", sensor_to_pose_ms=None)
+            return count
+
+        feed.poll = told
+        for name in STEADY:
+            workspace.widgets.pop(name, None)
+        ctx.yield_(4)
+        shot(f"panel_{len(health)}_health" + "_message" * bool(message))
+        del feed.poll
+        return [workspace.widgets.get(name) for name in STEADY]
+
+    press("room Perform")
+    ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
+    until(lambda: perform.holders and perform.performers and perform.standing, "somebody who holds the chair")
+    before = places(())
+    said["places"] = [before, places(WRONG[:1]), places(WRONG, "Too many characters"), places((), nobody=True)]
+    said["inside"] = list(window.places.side)
+    press("record", HELD)
+    said["record"] = recording.phase
+    until(lambda: recording.counted == 2, "the second beat")
+    press("record", HELD)
+    said["cancel"] = recording.phase
+    recording.count_in = False
+    press("record", HELD)
+    until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.8, "a recording")
+    said["moved"] = before[:2] == [workspace.widgets.get(name) for name in STEADY[:2]]
+    shot("recording")
+    press("record", HELD)
+    said["stop"] = [recording.phase, sorted(workspace.editor.project.characters)]
+    press("play", HELD)
+    said["play"] = workspace.editor.playing
+    said["again"] = [bool(recording.recorded), workspace.widgets.get("record") == before[1]]
+    close(ctx, window, press, until, shot, folder)
+    said["done"] = True
+
+
+def close(ctx, window, press, until, shot, folder: Path) -> None:  # type: ignore[no-untyped-def]
+    """Close the window while it records: it asks; the recording goes on, and is then saved with the rest."""
+    workspace, recording = window.workspace, window.workspace.perform.recording
+    workspace.store.save(folder / "clean.enliven")
+    recording.record()
+    until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.5, "another recording")
+    said["title"] = workspace.store.title
+    assert not window._may_close()
+    ctx.yield_(3)
+    said["asks"] = [workspace.asking, recording.phase]
+    shot("closing")
+    press("dialog Cancel", HELD)
+    said["goes on"] = [workspace.asking, recording.phase]
+    assert not window._may_close()
+    ctx.yield_(3)
+    press("dialog Save", HELD)
+    until(lambda: workspace.ended, "the end")
+
+
+def main() -> None:
+    folder, pictures = Path(sys.argv[1]), len(sys.argv) > 2
+    edge = RealEdge(folder)
+    render = RenderSettings() if pictures else RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    settings = StudioSettings(render=render, width=1360, height=820)
+    workspace = Workspace.new(Editor(settings), folder)
+    window = StudioWindow(workspace)
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            name = wanted.pop()
+            if pictures:
+                Image.fromarray(window.pixels()).save(Path(sys.argv[2]) / f"{name}.png")
+
+    try:
+        with coarse_pixels(lambda: pictures):
+            script = scripted(lambda ctx: work(ctx, window, edge, folder))
+            window.run(seconds=300, after=after, register_tests=script)
+    finally:
+        edge.kill()
+    print(json.dumps(said, default=str))
+
+
+if __name__ == "__main__":
+    main()

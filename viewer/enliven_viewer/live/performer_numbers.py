@@ -1,0 +1,29 @@
+"""Numbers for performers: from 1 on, the same for as long as they are there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class PerformerNumbers:
+    """Small numbers for the performers in view. An edge's own ids only grow: a lost performer gets another.
+
+    A performer who comes back, or the next one who comes, takes the lowest number that is free.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: dict[int, int] = {}
+
+    def see(self, present: Iterable[int]) -> None:
+        """Take the ids of all who are in view or hold something now; numbers of others become free."""
+        ids = sorted(set(present))
+        self._numbers = {body: number for body, number in self._numbers.items() if body in ids}
+        for body in ids:
+            self.number_of(body)
+
+    def number_of(self, body: int) -> int:
+        """Return the number of a performer, from 1 on."""
+        if body not in self._numbers:
+            taken = set(self._numbers.values())
+            self._numbers[body] = next(n for n in range(1, len(taken) + 2) if n not in taken)
+        return self._numbers[body]

@@ -1,0 +1,66 @@
+"""Asks what to do if another window saved the project's file: save elsewhere, compare, or save over it."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.workspace import Difference, Workspace
+
+_LIST_HEIGHT = 150.0
+"""Pixels of the list of differences: seven rows; more are scrolled."""
+_SIDES = {
+    "only here": "Only in this window",
+    "only in the file": "Only in the file",
+    "different": "Different in this window and in the file",
+}
+"""The heading of each kind of difference."""
+
+
+def draw_changed_file(workspace: Workspace) -> None:
+    """Draw the dialogue."""
+    if workspace.store.path is None:
+        workspace.cancel()
+        return
+    name = workspace.store.path.name
+    with modal("The file has changed", 500) as shown:
+        if not shown:
+            return
+        imgui.text_wrapped(
+            f"{name} was saved by another window or program since you opened it here. "
+            "Saving over it would undo that work."
+        )
+        imgui.dummy(ImVec2(0, 6))
+        if workspace.compared is not None:
+            _draw_differences(workspace, workspace.compared)
+        if button(workspace, "Save as..."):
+            workspace.ask_for_name()
+        imgui.same_line()
+        if button(workspace, "Compare"):
+            workspace.compare()
+        imgui.same_line()
+        if button(workspace, "Save over it"):
+            workspace.attempt(lambda: workspace.save(over=True))
+        imgui.same_line()
+        if button(workspace, "Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+            workspace.cancel()
+
+
+def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...]) -> None:
+    """Draw the differences by kind, and a button that adds what is only in the file."""
+    imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
+    if not differences:
+        quiet("Both hold the same.")
+    for side, heading in _SIDES.items():
+        items = [one.item for one in differences if one.side == side]
+        if items:
+            quiet(heading)
+        for item in items:
+            imgui.text_wrapped(f"  {item}")
+    imgui.end_child()
+    if any(one.side == "only in the file" for one in differences):
+        if imgui.button("Add to this window what is only in the file", ImVec2(-1, 0)):
+            workspace.add_saved_items()
+        workspace.remember("dialog Add what is only in the file")
+    imgui.dummy(ImVec2(0, 6))

@@ -1,0 +1,37 @@
+"""Asks before work is thrown away: edits that are not saved, and a recording that runs."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live import time_text
+from enliven_viewer.studio.panels.modal import button, choice, modal
+from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import BAD
+
+
+def draw_unsaved(workspace: Workspace) -> None:
+    """Ask before work is thrown away."""
+    with modal("Save your work?", 430) as shown:
+        if not shown:
+            return
+        if workspace.store.records:
+            _draw_recording(workspace)
+        name = workspace.store.name
+        imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
+        imgui.dummy(ImVec2(0, 6))
+        if choice(workspace, "Save", "Cancel"):
+            workspace.go_on(discard=False)
+        imgui.same_line(0.0, 40)
+        if button(workspace, "Discard"):
+            workspace.go_on(discard=True)
+
+
+def _draw_recording(workspace: Workspace) -> None:
+    """Say that a recording runs, how long it is, and what each button does with it."""
+    seconds = time_text(workspace.perform.recording.seconds)
+    with tinted(BAD, imgui.Col_.text):
+        imgui.text_unformatted(f"A recording is running: {seconds}")
+    imgui.text_wrapped("Save ends it and keeps it. Discard throws it away. Cancel lets it go on.")
+    imgui.dummy(ImVec2(0, 6))

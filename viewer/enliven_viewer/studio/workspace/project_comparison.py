@@ -1,0 +1,57 @@
+"""Compares the project of this window with the one that another window saved to the same file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Literal
+
+from enliven.document import Project, same
+
+Side = Literal["only here", "only in the file", "different"]
+
+_WORDS = {
+    "characters": "character",
+    "takes": "take",
+    "streams": "motion",
+    "bodies": "performance",
+    "markers": "marker",
+    "handling": "visibility, lock or size of",
+    "views": "view",
+    "sounds": "sound",
+}
+"""The artist's word for an item of each part of a project."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One item that two versions of a project do not share.
+
+    Attributes:
+        item: the kind and name of the item, such as "take walk".
+        side: the version that has the item, or "different" if both do.
+    """
+
+    item: str
+    side: Side
+
+
+def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
+    """Returns the differences between the window's project and the saved one, in the window's order."""
+    differences = list[Difference]()
+    for part in fields(Project):
+        mine, theirs = getattr(here, part.name), getattr(saved, part.name)
+        word = _WORDS.get(part.name, part.name)
+        for name in dict.fromkeys((*mine, *theirs)):
+            if name not in theirs:
+                differences.append(Difference(f"{word} {name}", "only here"))
+            elif name not in mine:
+                differences.append(Difference(f"{word} {name}", "only in the file"))
+            elif not same(mine[name], theirs[name]):
+                differences.append(Difference(f"{word} {name}", "different"))
+    return tuple(differences)
+
+
+def with_saved_items(here: Project, saved: Project) -> Project:
+    """Returns the window's project with the items that only the saved one has; shared items stay."""
+    parts = (part.name for part in fields(Project))
+    return replace(here, **{name: {**getattr(saved, name), **getattr(here, name)} for name in parts})
