@@ -41,7 +41,9 @@ def _letters(drawn) -> Letters | None:  # type: ignore[no-untyped-def]
         return None
     size = imgui.VERTEX_SIZE
     assert size == _VERTEX.itemsize
-    corner = np.frombuffer((ctypes.c_char * (len(vertices) * size)).from_address(vertices.data_address()), _VERTEX)
+    corner = np.frombuffer(
+        (ctypes.c_char * (len(vertices) * size)).from_address(vertices.data_address()), _VERTEX
+    )
     kind = np.uint32 if imgui.INDEX_SIZE == 4 else np.uint16
     order = np.frombuffer(
         (ctypes.c_char * (len(indices) * imgui.INDEX_SIZE)).from_address(indices.data_address()), kind
@@ -52,7 +54,10 @@ def _letters(drawn) -> Letters | None:  # type: ignore[no-untyped-def]
         if command.get_tex_id() != letters_are_in:
             continue  # a picture
         clip = np.array([command.clip_rect.x, command.clip_rect.y, command.clip_rect.z, command.clip_rect.w])
-        used = order[command.idx_offset : command.idx_offset + command.elem_count].astype(int) + command.vtx_offset
+        used = (
+            order[command.idx_offset : command.idx_offset + command.elem_count].astype(int)
+            + command.vtx_offset
+        )
         at = 0
         while at + 6 <= len(used):
             quad = used[at : at + 6]

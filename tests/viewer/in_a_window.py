@@ -14,9 +14,7 @@ from pathlib import Path
 import pytest
 
 
-def in_a_window(
-    session: Path, *arguments: str, seconds: float = 400.0, screen: str = "1400x900x24"
-) -> dict:
+def in_a_window(session: Path, *arguments: str, seconds: float = 400.0, screen: str = "1400x900x24") -> dict:
     """What a session in the real window printed within so many seconds.
 
     Args:

@@ -37,7 +37,11 @@ def places_of(workspace: Workspace, *, bare: bool) -> Places:
     without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
     if room == "Play" and workspace.perform.live is not None:
         without = (*without, "timeline")  # the live one is drawn over the picture
-    how = {"puppet": edits_puppet(workspace), "curves": workspace.curves.on, "hinted": not bare and has_tool(room)}
+    how = {
+        "puppet": edits_puppet(workspace),
+        "curves": workspace.curves.on,
+        "hinted": not bare and has_tool(room),
+    }
     return places_in(size.x, size.y, without=without, **how)
 
 

@@ -24,9 +24,7 @@ _WIDE = 380.0
 """Pixels of a line of a message at most: about sixty letters, easy to read."""
 
 
-def draw_overlay(
-    workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None
-) -> None:
+def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None) -> None:
     """Draw marks and the hint, where tools are in reach, then messages, below every panel.
 
     Args:
