@@ -14,13 +14,17 @@ from pathlib import Path
 import pytest
 
 
-def in_a_window(session: Path, *arguments: str, seconds: float = 400.0) -> dict:
-    """What a session in the real window printed within so many seconds."""
+def in_a_window(session: Path, *arguments: str, seconds: float = 400.0, screen: str = "1400x900x24") -> dict:
+    """What a session in the real window printed within so many seconds.
+
+    Args:
+        screen: pixels and bits of the screen that is made if there is none.
+    """
     command = [sys.executable, str(session), *arguments]
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         if shutil.which("xvfb-run") is None:
             pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", *command]
+        command = ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", *command]
     # Processes of their own group: neither window nor edge nor Xvfb outlives a test that gave up.
     started = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True

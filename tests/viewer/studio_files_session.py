@@ -115,7 +115,7 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def main() -> None:
     folder = Path(sys.argv[1])
     os.chdir(folder)
-    workspace = acting_stage(folder / "own", 700, 520)
+    workspace = acting_stage(folder / "own", 800, 520)
     workspace.preferences.recent.clear()
     limb = performance_of(workspace.editor.project, workspace.editor.project.characters["limb"])
     exporter_of("limb.glb").write(Path("limb.glb"), [limb], "limb")

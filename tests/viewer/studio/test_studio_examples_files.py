@@ -60,13 +60,12 @@ def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(
     assert other.place[0] > puppet.mesh.vertices[:, 0].max(), "beside the first"
 
 
-def test_a_mesh_in_millimetres_becomes_as_tall_as_a_person_and_that_is_said(
-    workspace: Workspace, tmp_path
-) -> None:
+def test_a_mesh_in_millimetres_gets_its_size_in_metres_with_a_note(workspace: Workspace, tmp_path) -> None:
     save_mesh(Mesh(1000.0 * star().vertices, star().faces, "star"), tmp_path / "star.ply")
     workspace.open(tmp_path / "star.ply")
-    assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(1.7)  # type: ignore[union-attr]
-    assert "made 1.7 m tall" in said(workspace)
+    tall = np.ptp(star().vertices[:, 1])
+    assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(tall)  # type: ignore[union-attr]
+    assert "read as millimetres" in said(workspace)
 
 
 def test_a_mesh_that_cannot_be_read_changes_nothing(workspace: Workspace, tmp_path) -> None:

@@ -52,7 +52,7 @@ def test_what_is_opened_at_another_size_is_said_and_of_the_same_is_not(
     editor = stage.editor
     editor.go_to(0)
     chair = load_sample("chair")
-    for name, size in (("giant", 5.0), ("alike", 0.8)):
+    for name, size in (("giant", 2.9), ("alike", 0.8)):
         tall = float(np.ptp(chair.vertices[:, 1]))
         save_mesh(replace(chair, vertices=chair.vertices * size / tall), tmp_path / f"{name}.ply")
         stage.open(tmp_path / f"{name}.ply")

@@ -37,8 +37,17 @@ def places_of(workspace: Workspace, *, bare: bool) -> Places:
     without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
     if room == "Play" and workspace.perform.live is not None:
         without = (*without, "timeline")  # the live one is drawn over the picture
-    how = {"puppet": edits_puppet(workspace), "curves": workspace.curves.on}
+    how = {
+        "puppet": edits_puppet(workspace),
+        "curves": workspace.curves.on,
+        "hinted": not bare and has_tool(room),
+    }
     return places_in(size.x, size.y, without=without, **how)
+
+
+def has_tool(room: str) -> bool:
+    """Returns whether tools are in reach in a workspace."""
+    return room in ("Animate", "Model")
 
 
 def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
@@ -58,7 +67,7 @@ def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) 
         draw_timeline(workspace, places.timeline)
     if places.curves is not None:
         draw_curves(workspace, places.curves)
-    draw_overlay(workspace, places.viewport, tool=room in ("Animate", "Model"))
+    draw_overlay(workspace, places.viewport, tool=has_tool(room), hint=places.hint)
 
 
 def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
@@ -74,7 +83,8 @@ def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> Non
         above = column  # nothing is chosen, or there is no room for more than the tree and the source
     elif places.performer is None:
         draw_side(workspace, below)
-    draw_outliner(workspace, above, column)
+    if above.height >= 1.0:
+        draw_outliner(workspace, above, column)
     if places.performer is not None:
         texture = pictures.performer.renderer.picture.texture.glo
         draw_performer(workspace, places.performer, texture)

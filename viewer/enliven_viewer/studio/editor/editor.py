@@ -15,7 +15,7 @@ from enliven.modeling.edits import refuse_locked
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
-from enliven_viewer.studio.editor.framing import way_of
+from enliven_viewer.studio.editor.framing import seen_points, way_of
 from enliven_viewer.studio.editor.stage import StudioStage
 from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.puppets import PuppetEditor
@@ -227,7 +227,8 @@ class Editor:
         chosen = [one for one in self.seen if one.id in self.selection.characters]
         for one in chosen or self.seen:
             if len(one.extent):
-                ways.append(way_of(*self._solved(one.id), self.time, one.extent))
+                extent = seen_points(one.extent, one.vertices)
+                ways.append(way_of(*self._solved(one.id), self.time, extent))
         self._frame(bounds_of(ways))
 
     def _solved(self, name: str) -> tuple[Project, RigBase]:
@@ -256,7 +257,7 @@ class Editor:
 
     def box(self) -> Box | None:
         """The box around all that is seen now, and what is live; None where there is nothing."""
-        points = [points for one in self.seen for points in (one.handles, one.vertices)]
+        points = [seen_points(one.handles, one.vertices) for one in self.seen]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None

@@ -11,6 +11,9 @@ from enliven.modeling.edits import rig_of
 _MOMENTS = 40
 """Moments at which the way of a character is looked at: some of each step of a walk."""
 
+_STRAY = 0.5
+"""Share of a surface's longest side: a joint farther off it is a target of an animator's rig, not a limb."""
+
 
 def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
     """(2M, 3) metres, the corners of the boxes that a character fills at moments of all that it plays.
@@ -27,8 +30,26 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
 
     def box(seconds: float) -> Float:
         pose, handles = player(seconds)
-        places = np.concatenate([pose.positions, handles])
+        places = np.concatenate([pose.positions, handles])[near]
         return np.stack([places.min(0), places.max(0)])
+
+    near = _near(np.concatenate([player(time)[0].positions, player(time)[1]]), extent)
 
     beyond = np.stack([extent.min(0), extent.max(0)]) - box(time)
     return np.concatenate([box(float(one)) + beyond for one in moments])
+
+
+def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
+    """Returns the points that a camera has to show of a character: of its surface, or else of its handles.
+
+    Joints far off the surface, such as the targets of an animator's rig, do not count.
+    """
+    return vertices if len(vertices) else extent
+
+
+def _near(places: Float, extent: AnyArray) -> AnyArray:
+    """Returns which (N, 3) places lie no farther off a surface than half of its size; all if none does."""
+    low, high = extent.min(0), extent.max(0)
+    air = _STRAY * float((high - low).max())
+    near = ((places >= low - air) & (places <= high + air)).all(1)
+    return near if near.any() else np.ones(len(places), bool)

@@ -9,13 +9,35 @@ from imgui_bundle import imgui
 
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import action_tip
+from enliven_viewer.studio.panels.stage import rooms_width
 from enliven_viewer.studio.workspace import Workspace
+
+_ALL_MENUS = "\uf0c9  Menu"
+"""The menu that has all others in a narrow window; the icon has three lines."""
 
 
 def draw_menu(workspace: Workspace) -> None:
     """Draw the bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
+    names = list(workspace.actions.menus)
+    letters = sum(imgui.calc_text_size(name).x for name in names)
+    # ImGui puts the spacing of items on both sides of a menu's name.
+    needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
+    room = imgui.get_window_width() - rooms_width(narrow=True)
+    if needed <= room:
+        _menus(workspace)
+    else:  # one menu with all of them, so that the tabs stay in reach
+        opened = imgui.begin_menu(_ALL_MENUS)
+        workspace.remember("menu all")
+        if opened:
+            _menus(workspace)
+            imgui.end_menu()
+    imgui.end_main_menu_bar()
+
+
+def _menus(workspace: Workspace) -> None:
+    """Draws each menu with its actions."""
     for menu, actions in workspace.actions.menus.items():
         opened = imgui.begin_menu(menu)
         workspace.remember(f"menu {menu}")
@@ -23,7 +45,6 @@ def draw_menu(workspace: Workspace) -> None:
             for number, (group, entries) in enumerate(itertools.groupby(actions, lambda one: one.group)):
                 _entries(workspace, group, list(entries), first=not number)
             imgui.end_menu()
-    imgui.end_main_menu_bar()
 
 
 def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: bool) -> None:

@@ -20,12 +20,14 @@ _ROWS = 34.0
 """Pixels under the picture of the take: a row of buttons."""
 _SAID = 4 * 20.0
 """Pixels of the lines that say how good a motion is."""
+_LEAST = 340.0
+"""Pixels of the panel's height: in a lower one the view of sources has all of it, for its picture."""
 _THUMB = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
     """Split the right panel: the list of shapes above, the view of sources below."""
-    high = round(_SHARE * side.height)
+    high = round(_SHARE * side.height) if side.height >= _LEAST else side.height
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
 

@@ -9,25 +9,38 @@ from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, INK, QUIET
+from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WIDE = 72.0
 """Pixels of a button: the longest name."""
-_HIGH = (30.0, 50.0)
+_HIGH = (13.0, 50.0)
 """Pixels, the lowest and the highest button: in a low window they are lower, so that all are in sight."""
-_NAMED = 40.0
-"""Pixels: a lower button has no room for its name, which is on its tooltip."""
+_STACKED = 34.0
+"""Pixels: a lower button has its name beside its icon; a higher one has it below."""
 _APART = 4.0
-"""Pixels between two buttons."""
+"""Pixels between two buttons; half of it in a low window."""
+_LOW_PAD = 3.0
+"""Pixels over the first and under the last button in a low window."""
+_ICON, _NAME = 18.0, 12.0
+"""Pixels of the letters of the icon and of the name."""
+_LOW_ICON, _LOW_NAME = 13.0, 11.0
+"""Pixels of these letters where they stand side by side."""
+_ICON_SPACE = 19.0
+"""Pixels of a low button in which its icon stands, left of the name."""
 
 
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
     """Draw the buttons; that of the active tool is amber."""
     actions = workspace.actions.menus["Tools"]
-    with panel("tools", area):
-        room = imgui.get_content_region_avail().y / len(actions) - _APART
-        size = ImVec2(_WIDE, min(max(room, _HIGH[0]), _HIGH[1]))
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, _APART))
+    with panel("tools", area, imgui.WindowFlags_.no_scrollbar):
+        each = imgui.get_content_region_avail().y / len(actions)
+        is_low = each - _APART < _STACKED
+        apart = _APART / 2 if is_low else _APART
+        if is_low:  # less air above and below: every tool stays in sight
+            imgui.set_cursor_pos_y(_LOW_PAD)
+            each = (area.height - 2 * _LOW_PAD) / len(actions)
+        size = ImVec2(_WIDE, min(max(each - apart, _HIGH[0]), _HIGH[1]))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, apart))
         for action in actions:
             name, chosen = action.id.removeprefix("tool."), action.on is not None and action.on()
             at = imgui.get_cursor_screen_pos()
@@ -41,14 +54,28 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
 
 
 def _face(at: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool) -> None:
-    draw, font = imgui.get_window_draw_list(), imgui.get_font()
+    """Draws icon and name: one below the other, or side by side in a low button."""
+    draw = imgui.get_window_draw_list()
     if chosen or hovered:
         tint = packed(ACCENT, 0.22 if chosen else 0.08)
         draw.add_rect_filled(at, ImVec2(at.x + size.x, at.y + size.y), tint, 7.0)
-    named = size.y >= _NAMED
-    top = (size.y - (36 if named else 18)) / 2
-    texts = ((action.icon, 18.0, top, INK), (action.label, 12.0, top + 24, QUIET))
-    for text, high, below, colour in texts[: 1 + named]:
-        wide = imgui.calc_text_size(text).x * high / imgui.get_font_size()
-        place = ImVec2(at.x + (size.x - wide) / 2, at.y + below)
-        draw.add_text(font, high, place, packed(ACCENT if chosen else colour), text)
+    colours = (ACCENT, ACCENT) if chosen else (INK, QUIET)
+    if size.y >= _STACKED:
+        top = at.y + max((size.y - _ICON - _NAME - 6.0) / 2, 0.0)
+        name_top = min(top + _ICON + 6.0, at.y + size.y - _NAME - 2.0)
+        _centred(action.icon, _ICON, at.x, size.x, top, colours[0])
+        _centred(action.label, _NAME, at.x, size.x, name_top, colours[1])
+        return
+    icon, letters = min(_LOW_ICON, size.y - 1.0), min(_LOW_NAME, size.y - 2.0)
+    _centred(action.icon, icon, at.x, _ICON_SPACE, at.y + (size.y - icon) / 2 - 1.0, colours[0])
+    grown = letters / imgui.get_font_size()
+    room = min(imgui.calc_text_size(action.label).x * grown, size.x - _ICON_SPACE)
+    _centred(action.label, letters, at.x + _ICON_SPACE, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
+
+
+def _centred(text: str, high: float, left: float, room: float, top: float, colour: Colour) -> None:
+    """Draws a line in the middle of some pixels, in smaller letters if it is wider than these."""
+    wide = imgui.calc_text_size(text).x * high / imgui.get_font_size()
+    high *= min(room / max(wide, 1e-3), 1.0)
+    place = ImVec2(left + max(room - wide, 0.0) / 2, top)
+    imgui.get_window_draw_list().add_text(imgui.get_font(), high, place, packed(colour), text)

@@ -7,27 +7,35 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import spoken
 from enliven_viewer.studio.panels.start import draw_start
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.panels.style import SMALL, packed
 from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
+from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
 _AIR = 8.0
 """Pixels between a chosen character and the corners around it."""
 _CORNER = 10.0
 """Pixels of each arm of a corner."""
+_LEAST_LETTERS = 9.0
+"""Pixels of the letters of a long hint in the strip under a narrow picture, at least."""
 _WIDE = 380.0
 """Pixels of a line of a message at most: about sixty letters, easy to read."""
 
 
-def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None:
-    """Draw marks and the hint, where tools are in reach, then messages, below every panel."""
+def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None) -> None:
+    """Draw marks and the hint, where tools are in reach, then messages, below every panel.
+
+    Args:
+        hint: the strip for the hint, if it does not stand over the picture.
+    """
     draw = imgui.get_background_draw_list()
+    if tool and hint is not None:
+        _hint_strip(workspace, draw, hint)
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     if tool:
-        _tool(workspace, draw, area)
+        _tool(workspace, draw, area, over=hint is None)
     _toasts(workspace, draw, area)
     if tool:
         draw_start(workspace, area)
@@ -36,7 +44,7 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None
     draw.pop_clip_rect()
 
 
-def _tool(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _tool(workspace: Workspace, draw, area: Area, *, over: bool) -> None:  # type: ignore[no-untyped-def]
     """Draw the marks of the tool, the axes of a puppet, and the hint."""
     _brackets(workspace, draw, area)
     for mark in workspace.input.tool.overlay().marks:
@@ -44,7 +52,10 @@ def _tool(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-un
     if workspace.puppets.puppet is not None:
         for mark in axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw, area, mark)
-    _hint(workspace, draw, area)
+    if over:
+        _hint(workspace, draw, area)
+    elif workspace.input.tool.warning:
+        _warning(workspace.input.tool.warning, draw, area.x + 14, area.y + 14)
 
 
 def _brackets(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
@@ -95,10 +106,31 @@ def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-un
     wide, high = shift + extent.x + 28, extent.y + 17
     x, y = area.x + 14, area.y + 14
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
+    workspace.widgets["hint"] = (x, y, x + wide, y + high)
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
     _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tool.hint, room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
+
+
+def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw the tool's name and hint in a strip under the picture, in small letters."""
+    tool, font, room = workspace.input.tool, imgui.get_font(), area.width - 28
+    draw.add_rect_filled(
+        ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height), packed(DARK)
+    )
+    size = SMALL
+    words = f"{tool.label}   {tool.hint}"
+    grown = size / imgui.get_font_size()
+    high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
+    while high > area.height - 6 and size > _LEAST_LETTERS:
+        size -= 0.5
+        grown = size / imgui.get_font_size()
+        high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
+    top = area.y + (area.height - high) / 2
+    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(INK), words, room)
+    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(ACCENT), tool.label)
+    workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 
 def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]

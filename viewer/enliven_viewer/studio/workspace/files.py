@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from enliven.document import Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
+from enliven.formats.rig import resized
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
@@ -20,6 +19,7 @@ from enliven.sounds import heard_from
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
+from enliven_viewer.studio.workspace.opened_size import opened_size
 
 MODELS = GLTF_SUFFIXES
 MESHES = (".obj", ".ply", ".stl", ".off")
@@ -34,10 +34,6 @@ _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
 """Metres between a model that is opened and what is there."""
-_LIKELY = (0.25, 6.0)
-"""Metres: a height of a mesh between these is believed; others are taken for another unit."""
-_PERSON = 1.7
-"""Metres: the height that a mesh of no likely height is given, that of a person."""
 
 
 def add_file(editor: Editor, path: Path) -> None:
@@ -131,6 +127,9 @@ def _add_model(editor: Editor, path: Path) -> None:
         # A puppet has no bones, so that the note on the one that it was given would only confuse.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
+    size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
+    if size.note:
+        rig = replace(resized(rig, size.height), notes=(size.note, *rig.notes))
     box, made = editor.box(), list[str]()
 
     def add(project: Project) -> Project:
@@ -155,12 +154,11 @@ def _add_mesh(editor: Editor, path: Path) -> None:
 
 def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) -> None:
     """A mesh that has no rig, standing on the floor; of no likely size it becomes as tall as a person."""
-    tall = float(np.ptp(mesh.vertices[:, 1]))
-    height = tall if _LIKELY[0] <= tall <= _LIKELY[1] else _PERSON
+    size = opened_size(mesh.vertices)
     box, made = editor.box(), []
-    fitted = fit_height(mesh, height)
-    if height != tall:
-        notes = (*notes, f"it was {tall:.3g} m tall, and was made {height} m tall")
+    fitted = fit_height(mesh, size.height)
+    if size.note:
+        notes = (size.note, *notes)
 
     def add(project: Project) -> Project:
         everything = project.characters

@@ -14,6 +14,8 @@ from enliven_viewer.studio.viewport import axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
+_NARROW = 110.0
+"""Pixels of the choice of take below which it has no arrow: the name needs the room."""
 _LINKED = "\uf0c1"
 
 
@@ -37,8 +39,10 @@ def _bar(workspace: Workspace, area: Area) -> None:
     view, puppet = workspace.performer, workspace.editor.puppets.puppet
     takes = workspace.editor.project.takes
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
-    imgui.set_next_item_width(max(area.width - (152 if unused else 66), 90))
-    if imgui.begin_combo("##performer take", view.take or "choose a take"):
+    wide = max(area.width - (152 if unused else 66), 60)
+    imgui.set_next_item_width(wide)
+    flags = imgui.ComboFlags_.no_arrow_button if wide < _NARROW else imgui.ComboFlags_.none
+    if imgui.begin_combo("##performer take", view.take or "choose a take", flags):
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
                 view.show(name)
@@ -108,6 +112,9 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
     with small():
         said = f"the performer at {time_text(moment[1])}"
         wide = imgui.calc_text_size(said).x + 18
+        if wide + 12 > area.width:
+            said = time_text(moment[1])
+            wide = imgui.calc_text_size(said).x + 18
         low = origin.y + area.height - 32
         left = origin.x + area.width - wide - 12
         draw.add_rect_filled(ImVec2(left, low), ImVec2(left + wide, low + 22), packed(GLASS), 7.0)

@@ -18,6 +18,15 @@ _MEANT = {
 }
 _WIDE = 84.0
 """Pixels of a tab: the longest name with room."""
+_NARROW = 64.0
+"""Pixels of a tab in a narrow window: the longest name, and the dot of a recording."""
+_LEAST_GAP = 12.0
+"""Pixels between the menus and the first tab."""
+
+
+def rooms_width(*, narrow: bool = False) -> float:
+    """Returns the pixels that the tabs need, with the gap before them."""
+    return _LEAST_GAP + (_NARROW if narrow else _WIDE) * len(ROOMS)
 
 
 def draw_rooms(workspace: Workspace) -> None:
@@ -25,8 +34,9 @@ def draw_rooms(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform
-    tab = _WIDE
-    left = max((imgui.get_window_width() - tab * len(ROOMS)) / 2, imgui.get_cursor_pos_x() + 12.0)
+    begin, wide = imgui.get_cursor_pos_x() + _LEAST_GAP, imgui.get_window_width()
+    tab = min(max((wide - begin) / len(ROOMS), _NARROW), _WIDE)
+    left = min(max((wide - tab * len(ROOMS)) / 2, begin), wide - tab * len(ROOMS))
     draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
     for number, room in enumerate(ROOMS):
         x = left + number * tab
@@ -39,8 +49,8 @@ def draw_rooms(workspace: Workspace) -> None:
         told(f"{_MEANT[room]}  (Ctrl+{number + 1})")
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
-        wide = imgui.calc_text_size(room).x
-        at = ImVec2(x + (tab - wide) / 2, (high - imgui.get_text_line_height()) / 2)
+        letters = imgui.calc_text_size(room).x
+        at = ImVec2(x + (tab - letters) / 2, (high - imgui.get_text_line_height()) / 2)
         draw.add_text(at, packed(ACCENT if lit else INK), room)
         if room == "Perform" and perform.recording.phase == "recording":
             draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))

@@ -1,0 +1,129 @@
+"""Finds cut and overlapping letters in what ImGui draws: by the rectangles of the letters themselves."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+from imgui_bundle import imgui
+
+_VERTEX = np.dtype([("at", "f4", 2), ("uv", "f4", 2), ("colour", "u4")])
+_TRIMMED = 0.90
+"""Letters narrower than this fraction of the widest drawing of the same letter were cut by their widget."""
+_OVERLAP = 0.35
+"""Letters of one line overlap by less than this fraction of the smaller one: kerning, icons."""
+_CORNER_PX = 7.0
+"""Pixels of the round corner of a box at most: ImGui keeps its picture with the letters'."""
+_CUT_PX = 1.5
+"""Pixels that a letter may reach beyond its clip rectangle: smooth edges."""
+
+
+@dataclass(frozen=True)
+class Letters:
+    """The letters of one draw list: (N, 4) rectangles, their (N, 4) texture places, and (N, 4) clips."""
+
+    window: str
+    places: np.ndarray
+    texels: np.ndarray
+    clips: np.ndarray
+
+
+def drawn_letters() -> list[Letters]:
+    """Returns the letters that the last frame drew, a draw list each; call between render and the next frame."""
+    return [letters for one in imgui.get_draw_data().cmd_lists if (letters := _letters(one)) is not None]
+
+
+def _letters(drawn) -> Letters | None:  # type: ignore[no-untyped-def]
+    """Returns the letters of a draw list: two triangles with four corners and a texture place of some width."""
+    vertices, indices = drawn.vtx_buffer, drawn.idx_buffer
+    if not len(vertices) or not len(indices):
+        return None
+    size = imgui.VERTEX_SIZE
+    assert size == _VERTEX.itemsize
+    corner = np.frombuffer(
+        (ctypes.c_char * (len(vertices) * size)).from_address(vertices.data_address()), _VERTEX
+    )
+    kind = np.uint32 if imgui.INDEX_SIZE == 4 else np.uint16
+    order = np.frombuffer(
+        (ctypes.c_char * (len(indices) * imgui.INDEX_SIZE)).from_address(indices.data_address()), kind
+    )
+    found = [[], [], []]  # type: list[list[np.ndarray]]
+    letters_are_in = imgui.get_io().fonts.tex_data.get_tex_id()
+    for command in drawn.cmd_buffer:
+        if command.get_tex_id() != letters_are_in:
+            continue  # a picture
+        clip = np.array([command.clip_rect.x, command.clip_rect.y, command.clip_rect.z, command.clip_rect.w])
+        used = (
+            order[command.idx_offset : command.idx_offset + command.elem_count].astype(int)
+            + command.vtx_offset
+        )
+        at = 0
+        while at + 6 <= len(used):
+            quad = used[at : at + 6]
+            four = corner[quad[[0, 1, 2, 5]]]
+            wide = np.ptp(four["uv"], axis=0)
+            if quad[0] == quad[3] and quad[2] == quad[4] and (wide > 1e-5).all():
+                found[0].append(np.concatenate([four["at"].min(0), four["at"].max(0)]))
+                found[1].append(np.concatenate([four["uv"].min(0), four["uv"].max(0)]))
+                found[2].append(clip)
+                at += 6
+            else:
+                at += 3
+    if not found[0]:
+        return None
+    return Letters(str(drawn._owner_name), *(np.array(part, float) for part in found))
+
+
+def seen(letters: Letters) -> Letters:
+    """Returns the letters of which something lies in their clip rectangle."""
+    low = np.maximum(letters.places[:, :2], letters.clips[:, :2])
+    high = np.minimum(letters.places[:, 2:], letters.clips[:, 2:])
+    inside = (high - low > 0.5).all(1)
+    return Letters(letters.window, letters.places[inside], letters.texels[inside], letters.clips[inside])
+
+
+def _key(texel: np.ndarray) -> tuple[float, ...]:
+    """Returns the place of a letter in the texture without its right end, which a widget may cut off."""
+    return tuple(round(float(texel[k]), 5) for k in (0, 1, 3))
+
+
+def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
+    """Returns window and rectangle of letters that are cut at their left or right.
+
+    A widget cuts the last letter that it has room for: that is then narrower than the same letter elsewhere.
+    """
+    whole: dict[tuple[float, ...], float] = {}
+    for letters in lists:
+        for texel in letters.texels:
+            whole[_key(texel)] = max(whole.get(_key(texel), 0.0), texel[2] - texel[0])
+    wrong = []
+    for letters in map(seen, lists):
+        over = np.maximum(
+            letters.clips[:, 0] - letters.places[:, 0], letters.places[:, 2] - letters.clips[:, 2]
+        )
+        for place, texel, beyond in zip(letters.places, letters.texels, over, strict=True):
+            known = whole[_key(texel)]
+            if beyond > _CUT_PX or texel[2] - texel[0] < _TRIMMED * known:
+                wrong.append((letters.window, [round(float(x), 1) for x in place]))
+    return wrong
+
+
+def overlapping_letters(lists: list[Letters]) -> list[tuple[str, list[float], list[float]]]:
+    """Returns window and both rectangles of letters of one draw list that lie on each other."""
+    wrong = []
+    for letters in map(seen, lists):
+        places = letters.places
+        area = (places[:, 2] - places[:, 0]) * (places[:, 3] - places[:, 1])
+        low = np.maximum(places[:, None, :2], places[None, :, :2])
+        high = np.minimum(places[:, None, 2:], places[None, :, 2:])
+        extent = np.clip(high - low, 0, None)
+        shared = extent.prod(2) * (extent > _CUT_PX).all(2)
+        much = np.triu(shared > _OVERLAP * np.minimum(area[:, None], area[None]), 1)
+        for one, other in np.argwhere(much):
+            shadow = np.allclose(letters.texels[one], letters.texels[other], atol=1e-5)
+            corners = (places[[one, other], 2:] - places[[one, other], :2] <= _CORNER_PX).all()
+            if shadow or corners:
+                continue
+            wrong.append((letters.window, places[one].round(1).tolist(), places[other].round(1).tolist()))
+    return wrong

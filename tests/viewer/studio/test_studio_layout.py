@@ -1,0 +1,54 @@
+"""The window from 600x400 to 3840x2160, and with text of twice its size: all is in reach, nothing overlaps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from in_a_window import in_a_window
+
+from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.tools import TOOLS
+
+SESSION = Path(__file__).parents[1] / "studio_layout_session.py"
+MOST_PIXELS = 3.0
+"""Pixels of the window's usual ones that a widget may reach over its edge: rounding."""
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory) -> dict:
+    return in_a_window(SESSION, str(tmp_path_factory.mktemp("layout")), screen="3840x2160x24")
+
+
+def test_no_letters_are_cut_or_overlap_at_any_size(shown: dict) -> None:
+    assert len(shown) == 20
+    for name, said in shown.items():
+        assert said["letters"] > 100, f"{name}: the letters were not found"
+        assert not said["cut"], f"{name}: {said['cut']}"
+        assert not said["overlapping"], f"{name}: {said['overlapping']}"
+
+
+def test_tabs_tools_and_menu_are_inside_the_window_at_any_size(shown: dict) -> None:
+    for name, said in shown.items():
+        wide, high = said["usual"]
+        wanted = [f"room {room}" for room in ROOMS]
+        if not name.startswith(("Perform", "a scan")):
+            wanted += [f"tool {kind.name}" for kind in TOOLS]
+        for widget in wanted:
+            left, top, right, bottom = said["widgets"][widget]
+            assert left >= 0 and top >= 0, (name, widget)
+            assert right <= wide + MOST_PIXELS and bottom <= high + MOST_PIXELS, (name, widget)
+        lines = [said["widgets"][f"room {room}"] for room in ROOMS]
+        assert all(one[2] <= other[0] + 0.5 for one, other in zip(lines, lines[1:], strict=False)), name
+        menu = max(place[2] for widget, place in said["widgets"].items() if widget.startswith("menu "))
+        assert menu <= lines[0][0], f"{name}: the menus and the tabs share pixels"
+
+
+def test_the_hint_covers_no_character_and_every_character_is_in_the_picture(shown: dict) -> None:
+    hinted = {name: said for name, said in shown.items() if "hint" in said["widgets"]}
+    assert len(hinted) >= 12
+    for name, said in hinted.items():
+        left, top, right, bottom = said["widgets"]["hint"]
+        low_x, low_y, high_x, high_y = said["character"]
+        apart = right <= low_x or high_x <= left or bottom <= low_y or high_y <= top
+        assert apart, f"{name}: the hint covers what is worked on"

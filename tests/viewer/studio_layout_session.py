@@ -1,0 +1,127 @@
+"""Opens the studio once and shows workspaces at sizes of window and text; prints wrong letters as JSON.
+
+Arguments: a folder for preferences, and perhaps a folder for pictures.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import glfw
+import numpy as np
+from imgui_bundle import imgui
+from imgui_bundle.glfw_utils import glfw_window_hello_imgui
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from drawn_text import Letters, cut_letters, drawn_letters, overlapping_letters
+from made_acting_stage import acting_stage
+
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace import Workspace
+
+SIZES = {
+    "600x400": (600, 400, 1.0),
+    "1280x720": (1280, 720, 1.0),
+    "1280x720 at 200 %": (1280, 720, 2.0),
+    "3840x2160": (3840, 2160, 1.0),
+}
+SMALL = ("600x400", "1280x720 at 200 %")
+FRAMED, SETTLED = 4, 6
+"""Frames until a window of a new size has its size, and ImGui its contents' places."""
+ROOMS = ("Perform", "Animate", "Model")
+said: dict[str, dict] = {}
+
+
+def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
+    """Shows a workspace with a character and a tool."""
+    workspace.perform.room, workspace.scan.shown = room, False
+    workspace.input.take(tool)
+    workspace.editor.choose(chosen)
+
+
+def scan(workspace: Workspace) -> None:
+    """Shows the panel of a scan."""
+    enter(workspace, "Perform")
+    workspace.scan.open()
+
+
+STATES = {
+    "Perform": lambda workspace: enter(workspace, "Perform"),
+    "Animate": lambda workspace: enter(workspace, "Animate"),
+    "Model": lambda workspace: enter(workspace, "Model"),
+    "a puppet": lambda workspace: enter(workspace, "Animate", chosen="star"),
+    "a motion to map": lambda workspace: enter(workspace, "Animate", chosen="limb", tool="map"),
+    "a brush": lambda workspace: enter(workspace, "Model", chosen="post", tool="paint"),
+    "a scan": scan,
+}
+"""What is shown, by its name: three workspaces at all sizes, the others in small windows."""
+
+
+def main() -> None:
+    pictures = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+    workspace = acting_stage(Path(sys.argv[1]), 1280, 720)
+    window = StudioWindow(workspace)
+    shown = [(size, room) for size in SIZES for room in STATES if room in ROOMS or size in SMALL]
+    state = {"at": 0, "since": 0}
+    lists: dict[str, list[Letters]] = {}
+
+    def before(window: StudioWindow) -> None:
+        if window.desktop is None:
+            return
+        if state["at"] == len(shown):
+            workspace.store.forget()
+            window.close()
+            return
+        size, room = shown[state["at"]]
+        wide, high, text = SIZES[size]
+        if state["since"] == FRAMED:
+            workspace.editor.frame_all(at_once=True)
+        if state["since"] == 0:
+            workspace.preferences.text_size = text
+            STATES[room](workspace)
+            if glfw.get_window_size(glfw_window_hello_imgui()) != (wide, high):
+                glfw.set_window_size(glfw_window_hello_imgui(), wide, high)
+            workspace.widgets.clear()
+
+    def after(window: StudioWindow) -> None:
+        if window.desktop is None or state["at"] == len(shown):
+            return
+        state["since"] += 1
+        if state["since"] < SETTLED:
+            return
+        size, room = shown[state["at"]]
+        state.update(at=state["at"] + 1, since=0)
+        name = f"{room} {size}"
+        lists[name] = drawn_letters()
+        io = imgui.get_io()
+        area = window.places.viewport
+        character = [
+            point
+            for one in workspace.editor.seen
+            for point in workspace.editor.lens.pixels_of(np.asarray(one.extent, float))
+        ]
+        low, high = np.min(character, axis=0), np.max(character, axis=0)
+        said[name] = {
+            "usual": [io.display_size.x, io.display_size.y],
+            "widgets": dict(workspace.widgets),
+            "character": [*(low + area[:2]).tolist(), *(high + area[:2]).tolist()],
+        }
+        if pictures is not None:
+            from PIL import Image
+
+            Image.fromarray(window.pixels()).save(pictures / f"{name}.png")
+
+    window.run(seconds=300, before=before, after=after)
+    for name, letters in lists.items():
+        said[name]["letters"] = sum(len(one.places) for one in letters)
+        said[name]["cut"] = cut_letters(letters)
+        said[name]["overlapping"] = overlapping_letters(letters)
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()
