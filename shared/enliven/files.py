@@ -9,8 +9,10 @@ that lead elsewhere and paths that climb out are refused in a sentence.
 from __future__ import annotations
 
 import base64
+import codecs
 import contextlib
 import difflib
+import locale
 import os
 import stat
 from pathlib import Path
@@ -35,6 +37,15 @@ DAMAGE = (
 reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """A pipe without a writer is opened and refused, not waited for."""
+_BYTE_ORDER_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+"""The first bytes of a text file that states its encoding. UTF-32 comes before UTF-16, which begins alike."""
+_USUAL_CODE_PAGE = "cp1252"
+"""The 8-bit code page assumed on computers that work in UTF-8: most old files come from western Windows."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _TOGETHER = "Keep the files of the model in one folder."
 
@@ -83,6 +94,48 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
         except OSError as error:
             what = f"it cannot be read ({error.strerror or error})"
             raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+
+
+def decode_text(data: bytes) -> str:
+    """Decodes a text file of another program; every line ends in "\\n".
+
+    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8, else it
+    is in the computer's own 8-bit code page. No bytes are refused, so names keep all their letters apart.
+    """
+    for mark, encoding in _BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            text = data[len(mark) :].decode(encoding, "replace")
+            break
+    else:
+        try:
+            text = data.decode("utf-8")
+        except UnicodeDecodeError:
+            text = _decode_code_page(data)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text
+
+
+def text_bytes(data: bytes) -> bytes:
+    """Returns a text file as bytes in which each line ends in b"\\n" and ASCII characters are single bytes.
+
+    Readers of large files search these bytes and decode only names. They are UTF-8, or the file's own 8-bit
+    code page, which :func:`decode_text` decodes.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_LE)):
+        return decode_text(data).encode()
+    data = data.removeprefix(codecs.BOM_UTF8)
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+
+
+def _decode_code_page(data: bytes) -> str:
+    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if they do not all have a letter there."""
+    own = codecs.lookup(locale.getpreferredencoding(False)).name
+    is_single_byte = own.startswith(("cp125", "iso8859", "koi8", "mac"))
+    try:
+        return data.decode(own if is_single_byte else _USUAL_CODE_PAGE)
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def need_folder(*paths: Path | None) -> None:

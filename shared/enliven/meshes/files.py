@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError
-from enliven.files import need_folder, read_file, write_file
+from enliven.files import Beside, need_folder, read_file, write_file
 from enliven.meshes.gltf_json import GLTF_SUFFIXES, gltf_tree
-from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
+from enliven.meshes.obj import read_obj
+from enliven.meshes.ply import read_ply
 from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
@@ -17,7 +18,8 @@ from enliven.meshes.text import read_medit, read_off
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
-_OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
+_TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
+"""Readers of formats that hold vertices and faces only."""
 
 
 class LoadedMesh(NamedTuple):
@@ -47,7 +49,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     if not data:
         raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
     try:
-        mesh = _read(path, suffix, data)
+        mesh, read_notes = _read(path, suffix, data)
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
@@ -58,6 +60,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         ) from None
     try:
         mesh, notes = repair(mesh)
+        notes = [*read_notes, *notes]
     except InputError as error:
         raise InputError(error.what, where=str(path), mend=error.mend) from None
     if suffix == ".stl":
@@ -82,22 +85,21 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     return LoadedMesh(upright(mesh, up or "y"), notes)
 
 
-def _read(path: Path, suffix: str, data: bytes) -> Mesh:
-    """The mesh as the file has it, unrepaired."""
-    if suffix in _OWN_READERS:
-        vertices, faces = _OWN_READERS[suffix](data)
-        return Mesh(vertices, faces, path.stem)
+def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
+    """Returns the mesh as the file has it, unrepaired, and notes of its reader."""
+    if suffix in _TABLES:
+        vertices, faces, notes = _TABLES[suffix](data)
+        return Mesh(vertices, faces, path.stem), notes
+    if suffix == ".obj":
+        return read_obj(data, Beside(path), path.stem)
+    if suffix == ".ply":
+        return read_ply(data, path.stem)
     if suffix == ".pcd":
-        return surface_through(*parse_pcd(data, str(path)), name=path.stem)
-    if suffix in GLTF_SUFFIXES:
-        gltf_tree(data)
-    elif suffix == ".ply":
-        check_ply(data)
-    elif suffix == ".obj":
-        check_obj(data)
+        return surface_through(*parse_pcd(data, str(path)), name=path.stem), []
+    gltf_tree(data)
     from enliven.meshes.scenes import read_scene  # loads trimesh, which only files need
 
-    return read_scene(data, path)
+    return read_scene(data, path), []
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:
