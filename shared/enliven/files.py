@@ -10,10 +10,12 @@ that lead elsewhere and paths that climb out are refused in a sentence.
 from __future__ import annotations
 
 import base64
+import codecs
 import contextlib
 import difflib
 import errno
 import glob
+import locale
 import os
 import secrets
 import shutil
@@ -52,6 +54,15 @@ _PART_LETTERS = 40
 """Letters of a file's name that its unfinished part shows: file systems have room for 255 bytes."""
 _LEFT_OVER_S = 86_400.0
 """Seconds after which an unfinished file belongs to a program that was killed: nothing is written for a day."""
+_BYTE_ORDER_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+"""The first bytes of a text file that states its encoding. UTF-32 comes before UTF-16, which begins alike."""
+_USUAL_CODE_PAGE = "cp1252"
+"""The 8-bit code page assumed on computers that work in UTF-8: most old files come from western Windows."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 NO_NAME = "no file can have that name"
 """What is wrong with a path that the system refuses without a reason of its own."""
@@ -102,6 +113,48 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
         except OSError as error:
             what = f"it cannot be read ({error.strerror or error})"
             raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+
+
+def decode_text(data: bytes) -> str:
+    """Decodes a text file of another program; every line ends in "\\n".
+
+    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8, else it
+    is in the computer's own 8-bit code page. No bytes are refused, so names keep all their letters apart.
+    """
+    for mark, encoding in _BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            text = data[len(mark) :].decode(encoding, "replace")
+            break
+    else:
+        try:
+            text = data.decode("utf-8")
+        except UnicodeDecodeError:
+            text = _decode_code_page(data)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text
+
+
+def text_bytes(data: bytes) -> bytes:
+    """Returns a text file as bytes in which each line ends in b"\\n" and ASCII characters are single bytes.
+
+    Readers of large files search these bytes and decode only names. They are UTF-8, or the file's own 8-bit
+    code page, which :func:`decode_text` decodes.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_LE)):
+        return decode_text(data).encode()
+    data = data.removeprefix(codecs.BOM_UTF8)
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+
+
+def _decode_code_page(data: bytes) -> str:
+    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if they do not all have a letter there."""
+    own = codecs.lookup(locale.getpreferredencoding(False)).name
+    is_single_byte = own.startswith(("cp125", "iso8859", "koi8", "mac"))
+    try:
+        return data.decode(own if is_single_byte else _USUAL_CODE_PAGE)
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def need_folder(*paths: Path | None) -> None:

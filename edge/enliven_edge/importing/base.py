@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -12,12 +12,16 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError, plain_reason
-from enliven.files import open_file, read_file
+from enliven.errors import InputError
+from enliven.files import decode_text, open_file, read_file
 from enliven.frames import Frame
 
 _MOST_TEXT = 1 << 28
 """Bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
+
+
+def _ignore(sentence: str) -> None:
+    """Drops a note that nobody asked for."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,15 @@ class ImportOptions:
         fps: frames a second where the files hold no times; None for the layout's usual rate.
         device: which of several sensors in one file to read; None for the one that saw most.
         lens: fx, fy, cx and cy in pixels, of depth images without a camera file; None for a usual sensor's.
+        units_per_metre: values of a depth image in a metre; None to find it, else millimetres.
+        note: is called with a sentence for each assumption about the files, and for each that is left out.
     """
 
     fps: float | None = None
     device: str | None = None
     lens: tuple[float, float, float, float] | None = None
+    units_per_metre: float | None = None
+    note: Callable[[str], None] = _ignore
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
         """Yields evenly spaced times from 0, for files without their own."""
@@ -123,12 +131,11 @@ def text_of(path: Path) -> str:
     """Returns the text of a file.
 
     Raises:
-        InputError: where it cannot be read as UTF-8.
+        InputError: where it cannot be read.
     """
-    try:
-        return read_file(path, _MOST_TEXT).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError("it is not text in UTF-8", where=str(path)) from None
+    return decode_text(read_file(path, _MOST_TEXT))
+
+
 
 
 def only_one(paths: Sequence[Path]) -> Path:
@@ -154,9 +161,10 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
         InputError: where the file cannot be read or is empty.
     """
     try:
-        rows = list(csv.reader(text_of(path).splitlines(), delimiter=delimiter, skipinitialspace=True))
-    except csv.Error as error:
-        raise InputError(f"it is not a table: {plain_reason(error)}", where=str(path)) from None
+        rows = list(csv.reader(text_of(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
+    except csv.Error:
+        what = f"it is not a table with {delimiter!r} between its columns"
+        raise InputError(what, where=str(path), mend="Copy it again from its source.") from None
     rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
     rows = [row for row in rows if row]
     if not rows:
@@ -182,7 +190,13 @@ def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_li
     try:
         return np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
     except ValueError:
-        raise InputError("a cell is not a number", where=str(path)) from None
+        line, wrong = next(
+            (line, cell)
+            for line, row in enumerate(rows, first_line)
+            for cell in row
+            if cell.strip() and not are_numbers([cell])
+        )
+        raise InputError(f"line {line}: {wrong[:40]!r} is not a number", where=str(path)) from None
 
 
 def floats_of(path: Path) -> Float:
@@ -191,10 +205,13 @@ def floats_of(path: Path) -> Float:
     Raises:
         InputError: where it holds something else.
     """
+    words = text_of(path).split()
     try:
-        return np.array([float(word) for word in text_of(path).split()])
+        return np.array([float(word) for word in words])
     except ValueError:
-        raise InputError("it holds something else than numbers", where=str(path)) from None
+        wrong = next(word for word in words if not are_numbers([word]))
+        what = f"it holds something else than numbers: {wrong[:40]!r}"
+        raise InputError(what, where=str(path)) from None
 
 
 def are_numbers(cells: Sequence[str]) -> bool:
@@ -208,8 +225,5 @@ def are_numbers(cells: Sequence[str]) -> bool:
 
 def first_lines(head: bytes, count: int) -> list[str]:
     """Returns the first whole lines of the beginning of a text file; none where it is no text."""
-    try:
-        lines = head.decode("utf-8-sig", errors="strict" if len(head) < 4096 else "ignore").splitlines()
-    except UnicodeDecodeError:
-        return []
-    return lines[:count] if b"\0" not in head else []
+    text = decode_text(head)
+    return text.split("\n")[:count] if "\0" not in text else []

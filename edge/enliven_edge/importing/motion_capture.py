@@ -9,11 +9,20 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit, read_bvh, read_expmap
+from enliven.files import decode_text
+from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit
 from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
-from enliven.takes import Roles, find_roles, half_way, limb_rotations
+from enliven.takes import (
+    Roles,
+    find_roles,
+    half_way,
+    leg_length,
+    limb_rotations,
+    read_capture,
+    upright_capture,
+)
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     FileReader,
@@ -32,8 +41,6 @@ _BONE_LIMBS = (
     Limb.PELVIS, Limb.THIGH_RIGHT, Limb.SHANK_RIGHT, Limb.FOOT_RIGHT,
 )  # fmt: skip
 """(20,) the limb that gives the orientation of the bone ending at each joint."""
-_Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""(3, 3) rotation that brings +Z up to +Y up."""
 _HEAD_CENTRE = 0.075
 """Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
 
@@ -54,7 +61,9 @@ class MotionCaptureReader(FileReader):
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
         path = self.chosen(paths)
-        capture = read_expmap(path) if _is_expmap(path) else read_bvh(path)
+        capture = read_capture(path)
+        for note in capture.notes:
+            options.note(note)
         try:
             roles = find_roles(capture)
         except InputError as error:
@@ -71,11 +80,9 @@ class MotionCaptureReader(FileReader):
 
 def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
     """(F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
-    capture = _upright(capture, roles)
+    capture = upright_capture(capture)
     p = capture.positions
-    upper = np.linalg.norm(p[:, roles.hips[0]] - p[:, roles.knees[0]], axis=-1)
-    lower = np.linalg.norm(p[:, roles.knees[0]] - p[:, roles.ankles[0]], axis=-1)
-    metres = UNITS[guess_unit(float(np.median(upper + lower)))]
+    metres = UNITS[guess_unit(leg_length(capture, roles))]
     limbs, _ = limb_rotations(capture, roles)
     joints = np.empty((capture.frames, J, 3))
     hips, shoulders = p[:, list(roles.hips)].mean(1), p[:, list(roles.shoulders)].mean(1)
@@ -99,20 +106,8 @@ def _fill(
             joints[:, first[side] + k] = positions[:, pair[side]]
 
 
-def _upright(capture: Capture, roles: Roles) -> Capture:
-    """Returns the capture with +Y up; the heads of files with +Z up are above the ankles along Z."""
-    p = capture.positions
-    tall = np.median(p[:, roles.head] - p[:, list(roles.ankles)].mean(1), axis=0)
-    if abs(tall[2]) <= abs(tall[1]):
-        return capture
-    turn = _Y_UP_FROM_Z_UP
-    return Capture(
-        capture.names, capture.parents, p @ turn.T, turn @ capture.rotations, capture.seconds, capture.notes
-    )
-
-
 def _is_bvh(path: Path) -> bool:
-    return head_of(path, 256).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"HIERARCHY")
+    return decode_text(head_of(path, 1024)).lstrip().upper().startswith("HIERARCHY")
 
 
 def _is_expmap(path: Path) -> bool:

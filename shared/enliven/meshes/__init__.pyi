@@ -40,3 +40,10 @@ from .materials import (
     textures_in as textures_in,
 )
 from .pictures import opened_picture as opened_picture
+from .tokens import (
+    WrongWord as WrongWord,
+    blocks as blocks,
+    lines_of as lines_of,
+    numbers_in as numbers_in,
+    word_starts as word_starts,
+)

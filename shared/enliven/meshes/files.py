@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError, plain_reason
-from enliven.files import need_folder, read_file, write_file
+from enliven.files import Beside, need_folder, read_file, write_file
 from enliven.meshes.gltf import GLTF_SUFFIXES
-from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
+from enliven.meshes.obj import read_obj
+from enliven.meshes.ply import read_ply
 from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
@@ -17,7 +18,8 @@ from enliven.meshes.text import read_medit, read_off
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
-_OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
+_TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
+"""Readers of formats that hold vertices and faces only."""
 
 
 class LoadedMesh(NamedTuple):
@@ -43,16 +45,10 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         raise InputError(
             f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
         )
-    told = list[str]()
-    if suffix in GLTF_SUFFIXES:
-        from enliven.meshes.gltf import gltf_surface  # loads the reader of pictures, which only files need
-
-        surface = gltf_surface(path)
-        mesh, told = surface.mesh, surface.notes
-    else:
-        mesh = _unrepaired(path, suffix, known)
+    mesh, read_notes = _unrepaired(path, suffix, known)
     try:
         mesh, notes = repair(mesh)
+        notes = [*read_notes, *notes]
     except InputError as error:
         raise InputError(error.what, where=str(path), mend=error.mend) from None
     if suffix == ".stl":
@@ -61,7 +57,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         notes = [note for note in notes if "repeat a position" not in note]
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
         mesh = welded
-    return LoadedMesh(mesh, [*told, *notes])
+    return LoadedMesh(mesh, notes)
 
 
 def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
@@ -77,8 +73,17 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     return LoadedMesh(upright(mesh, up or "y"), notes)
 
 
-def _unrepaired(path: Path, suffix: str, known: str) -> Mesh:
-    """The mesh of a file other than glTF; ``known`` says in errors which kinds there are."""
+def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
+    """Returns the mesh as the file has it, and notes of its reader.
+
+    Args:
+        known: the sentence about known formats, for errors.
+    """
+    if suffix in GLTF_SUFFIXES:
+        from enliven.meshes.gltf import gltf_surface  # loads the reader of pictures, which only files need
+
+        surface = gltf_surface(path)
+        return surface.mesh, surface.notes
     data = read_file(path)
     if not data:
         raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
@@ -93,20 +98,16 @@ def _unrepaired(path: Path, suffix: str, known: str) -> Mesh:
         ) from None
 
 
-def _read(path: Path, suffix: str, data: bytes) -> Mesh:
-    """The mesh as the file has it, unrepaired."""
-    if suffix in _OWN_READERS:
-        vertices, faces = _OWN_READERS[suffix](data)
-        return Mesh(vertices, faces, path.stem)
-    if suffix == ".pcd":
-        return surface_through(*parse_pcd(data, str(path)), name=path.stem)
+def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
+    """Returns the mesh as the file has it, unrepaired, and notes of its reader."""
+    if suffix in _TABLES:
+        vertices, faces, notes = _TABLES[suffix](data)
+        return Mesh(vertices, faces, path.stem), notes
+    if suffix == ".obj":
+        return read_obj(data, Beside(path), path.stem)
     if suffix == ".ply":
-        check_ply(data)
-    elif suffix == ".obj":
-        check_obj(data)
-    from enliven.meshes.scenes import read_scene  # loads trimesh, which only files need
-
-    return read_scene(data, path)
+        return read_ply(data, path.stem)
+    return surface_through(*parse_pcd(data, str(path)), name=path.stem), []
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:

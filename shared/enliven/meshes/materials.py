@@ -92,10 +92,13 @@ class MeshMaterials:
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
-    def turned(self) -> MeshMaterials:
-        """The materials of the same faces with their corners in the other order."""
-        tints = None if self.tints is None else self.tints[:, ::-1]
-        return replace(self, uvs=self.uvs[:, ::-1], tints=tints)
+    def turned(self, which: Bool) -> MeshMaterials:
+        """Returns the materials of the same faces with the corners of those in ``which`` (F,) in the other order."""
+        uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
+        tints = self.tints
+        if tints is not None:
+            tints = np.where(which[:, None, None], tints[:, ::-1], tints)
+        return replace(self, uvs=uvs, tints=tints)
 
     def within(self, faces: Int, shares: Float) -> MeshMaterials:
         """The materials of new faces (K,) that lie in old ones.

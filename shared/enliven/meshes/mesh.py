@@ -82,10 +82,13 @@ class Mesh:
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
-    def turned(self) -> Mesh:
-        """The mesh with the corners of its faces in the other order, which turns it inside out."""
-        materials = None if self.materials is None else self.materials.turned()
-        return replace(self, faces=self.faces[:, ::-1], materials=materials)
+    def turned(self, which: Bool | None = None) -> Mesh:
+        """Returns the mesh with the corners of its faces (or of those in ``which`` (F,)) in the other order."""
+        if which is None:
+            which = np.ones(len(self.faces), bool)
+        materials = None if self.materials is None else self.materials.turned(which)
+        faces = np.where(which[:, None], self.faces[:, ::-1], self.faces)
+        return replace(self, faces=faces, materials=materials)
 
     @cached_property
     def area(self) -> float:

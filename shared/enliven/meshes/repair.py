@@ -10,13 +10,15 @@ from enliven.arrays import Bool
 from enliven.errors import InputError
 from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh, submesh, weld
+from enliven.meshes.winding import repair_winding
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """The mesh without what breaks a deformation, and one sentence for every repair.
 
     Taken out: vertices that are not finite with their faces, faces without area, faces that repeat another
-    one, vertices that no face uses. Kept, and said: several shells, and vertices that repeat a position.
+    one, vertices that no face uses. Turned: faces that are wound against their neighbours, and closed parts
+    that are inside out. Kept, and said: several shells, and vertices that repeat a position.
 
     Raises:
         InputError: where no face is left.
@@ -29,6 +31,8 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
         what = "no usable face is left" if notes else "it has no faces"
         mend = "Give a triangle mesh; a point cloud must be meshed first."
         raise InputError("; ".join([what, *notes]), where=mesh.name, mend=mend)
+    mesh, turned = repair_winding(mesh)
+    notes += turned
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
     loose = int((~used).sum())

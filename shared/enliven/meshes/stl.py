@@ -7,37 +7,59 @@ import re
 import numpy as np
 
 from enliven.arrays import Float, Int32
+from enliven.files import text_bytes
+from enliven.meshes.tokens import blocks, numbers_in
 
 _HEAD = 84
 """Bytes before the first triangle of a binary file: 80 of anything and the count, uint32."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_SEARCHED = 4096
+"""Bytes at the beginning and at the end in which the words of an ASCII file are looked for."""
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
-def read_stl(data: bytes) -> tuple[Float, Int32]:
-    """(3F, 3) corners and (F, 3) triangles of an STL file.
+def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
+    """(3F, 3) corners and (F, 3) triangles of an STL file, and notes.
 
     Raises:
-        ValueError: where the file is not as long as its header says, or is neither binary nor ASCII.
+        ValueError: where the file is shorter than its header says, or is neither binary nor ASCII.
     """
     said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     expected = _HEAD + said * _TRIANGLE.itemsize
-    if len(data) >= _HEAD and len(data) == expected:
-        corners = np.frombuffer(data, _TRIANGLE, said, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
-    elif data[:_HEAD].lstrip().lower().startswith(b"solid") and _VERTEX.search(data):
-        corners = _ascii(data)
+    text = None if len(data) == expected else _text_of(data)
+    notes = list[str]()
+    if text is not None:
+        corners = _ascii(text)
     elif len(data) < _HEAD:
         raise ValueError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
-    else:
+    elif len(data) < expected or said == 0:
         raise ValueError(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
-    return corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    else:
+        corners = np.frombuffer(data, _TRIANGLE, said, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+        if len(data) > expected:
+            notes.append(f"ignored {len(data) - expected} bytes after its last triangle")
+    return corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), notes
 
 
-def _ascii(data: bytes) -> Float:
+def _text_of(data: bytes) -> bytes | None:
+    """Returns the text of an ASCII file, None for a binary one, which may begin with "solid" as well."""
+    text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
+    head = text[:_SEARCHED].lstrip()
+    return text if head[:5].lower() == b"solid" and _VERTEX.search(text) else None
+
+
+def _ascii(text: bytes) -> Float:
     """(3F, 3) what follows the word "vertex"."""
-    if b"endsolid" not in data[-1024:].lower():
+    parts = [_numbers(_VERTEX.findall(block)) for _, block in blocks(text, b"endloop")]
+    corners = np.concatenate([part for part in parts if len(part)])
+    last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
+    if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
         raise ValueError("it ends early: the last line is not endsolid")
-    corners = np.array(_VERTEX.findall(data), dtype=np.bytes_).astype(np.float64)
     if len(corners) % 3:
         raise ValueError(f"it has {len(corners)} corners, which are no whole triangles")
     return corners
+
+
+def _numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
+    """(N, 3) the numbers of corners."""
+    return numbers_in(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

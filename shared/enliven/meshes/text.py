@@ -2,58 +2,159 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
+from enliven.files import decode_text, text_bytes
+from enliven.meshes.polygons import triangulate
+from enliven.meshes.tokens import lines_of, numbers_in, without_comments, word_starts
 
+_OFF = re.compile(
+    rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
+    rb"(?:(?P<vertices>[+-]?\d{1,12})\s+(?P<faces>[+-]?\d{1,12})(?:[^\S\n]+[+-]?\d{1,12})?(?=\s))?",
+    re.IGNORECASE,
+)
+"""The header: the word may be missing, and so may the count of edges."""
+_OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
+"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture coordinates."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
 """Numbers in a line of each section of a Medit file: coordinates or vertices, and a reference number."""
 
 
-def read_off(data: bytes) -> tuple[Float, Int32]:
-    """(V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF); polygons become fans.
+def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
+    """(V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF), and notes.
+
+    Words may be wrapped over lines, and several vertices or faces may share one. Colours, normals and texture
+    coordinates are skipped.
 
     Raises:
         ValueError: where the file is not what its header says.
     """
-    lines = [line.split("#", 1)[0].split() for line in data.decode("utf-8", "replace").splitlines()]
-    rows = [line for line in lines if line]
-    if not rows or not rows[0][0].upper().endswith("OFF"):
+    text = without_comments(text_bytes(data)) + b"\n"
+    head = _OFF.match(text)
+    kind = (head["kind"] or b"").upper() if head else b""
+    if head is None or not (kind or head["vertices"]):
         raise ValueError("the first word is not OFF")
-    # The counts may share the first line with the word OFF.
-    counts, start = (rows[0][1:], 1) if len(rows[0]) > 1 else (rows[1] if len(rows) > 1 else [], 2)
-    if len(counts) < 2:
+    if head["binary"] or b"4" in kind:
+        problem = "it is binary" if head["binary"] else "its vertices have four coordinates"
+        raise ValueError(f"{problem}: write it as text, with three coordinates for each vertex")
+    if head["vertices"] is None:
         raise ValueError("the counts of vertices and faces are missing")
-    vertex_count, face_count = int(counts[0]), int(counts[1])
-    if vertex_count < 0 or face_count < 0:
-        raise ValueError(f"it says {vertex_count} vertices and {face_count} faces")
-    if len(rows) < start + vertex_count + face_count:
-        said = f"{vertex_count} vertices and {face_count} faces"
-        raise ValueError(f"it ends early: it says {said}, and has {len(rows) - start} lines of them")
-    vertices = np.array([row[:3] for row in rows[start : start + vertex_count]], np.float64)
-    polygons = []
-    for row in rows[start + vertex_count : start + vertex_count + face_count]:
-        polygon = [int(index) for index in row[1 : 1 + int(row[0])]]
-        if len(polygon) != int(row[0]):
-            raise ValueError("a face has fewer corners than it says")
-        polygons.append(polygon)
-    return vertices.reshape(-1, 3), fans(polygons)
+    count, face_count = int(head["vertices"]), int(head["faces"])
+    said = f"it says {count} vertices and {face_count} faces"
+    if count < 0 or face_count < 0:
+        raise ValueError(said)
+    body = text[head.end() :]
+    problem = f"it ends early: {said}"
+    for vertices, at in _off_vertices(body, count, kind):
+        walked = _walk_faces(body[at:], face_count, count)
+        if not isinstance(walked, str):
+            corners, sizes, rest = walked
+            notes = [f"ignored {rest} words after its last face"] if rest else []
+            return vertices, triangulate(vertices, corners, sizes)[0], notes
+        problem = f"{said}, and {walked}"
+    raise ValueError(problem)
 
 
-def fans(polygons: list[list[int]]) -> Int32:
-    """(F, 3) the triangles of polygons of three corners or more, each a fan from its first corner."""
-    triangles = [[p[0], p[i], p[i + 1]] for p in polygons for i in range(1, len(p) - 1)]
-    return np.array(triangles, np.int32).reshape(-1, 3)
+def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
+    """Yields (V, 3) the vertices and the offset after them, the likeliest reading first.
+
+    In nearly every file each vertex has a line of its own, with any number of colours. Else the word before
+    OFF states how many numbers a vertex has.
+    """
+    if count == 0:
+        yield np.empty((0, 3)), 0
+        return
+    ends = _line_ends(body, count)
+    rows = np.empty(0, np.int64)
+    if len(ends) == count:
+        part = body[: ends[-1]]
+        rows = np.unique(lines_of(part, word_starts(part)), return_counts=True)[1]
+        if rows.min() == rows.max() >= 3:
+            yield _first_three(part, rows), len(part)
+    width = 3 + sum(many for letters, many in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF"))
+    starts = word_starts(body)
+    if len(starts) >= count * width:
+        stop = int(starts[count * width]) if len(starts) > count * width else len(body)
+        yield _first_three(body[:stop], np.full(count, width)), stop
+    if len(rows) == count and rows.min() >= 3:
+        yield _first_three(body[: ends[-1]], rows), int(ends[-1])
 
 
-def read_medit(data: bytes) -> tuple[Float, Int32]:
-    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file; of tetrahedra alone, their boundary.
+def _first_three(text: bytes, widths: Int) -> Float:
+    """(V, 3) the first three numbers of every vertex, of ``widths`` (V,) numbers each."""
+    numbers = numbers_in(text)
+    return numbers[(np.cumsum(widths) - widths)[:, None] + np.arange(3)]
+
+
+def _line_ends(body: bytes, count: int) -> Int:
+    """Returns the offsets after the first ``count`` lines that are not blank, fewer if there are fewer."""
+    letters = np.frombuffer(body, np.uint8)
+    ends = np.flatnonzero(letters == ord("\n")) + 1
+    words = np.cumsum(letters > ord(" "), dtype=np.int64)[ends - 1]
+    return np.asarray(ends[np.diff(words, prepend=0) > 0][:count])
+
+
+def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
+    """Returns corners, sizes and the number of words after the faces; a sentence if they do not fit.
+
+    Faces follow each other without colours, or a face's colour is what is left of the line of its last corner.
+    """
+    try:
+        numbers = numbers_in(body, np.int64)
+    except ValueError:
+        numbers = np.empty(0, np.int64)
+    first = int(numbers[0]) if len(numbers) else 0
+    rows = numbers[: count * (first + 1)]
+    if first > 0 and len(rows) == count * (first + 1) and (rows[:: first + 1] == first).all():
+        corners = rows.reshape(count, -1)[:, 1:].reshape(-1)
+        if _wrong_corner(corners, vertex_count) is None:
+            return corners, np.full(count, first), len(numbers) - len(rows)
+    problem = ""
+    lines = lines_of(body, word_starts(body))
+    for words, after in (
+        (numbers.tolist(), None),
+        ([_whole(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
+    ):
+        corners, sizes, at = list[int](), list[int](), 0
+        while len(sizes) < count:
+            size = words[at] if at < len(words) else -1
+            if size < 0 or at + size >= len(words):
+                break
+            corners += words[at + 1 : at + 1 + size]
+            sizes.append(size)
+            at = at + 1 + size if after is None else after[at + size]
+        wrong = _wrong_corner(np.array(corners, np.int64), vertex_count)
+        if len(sizes) == count and wrong is None:
+            return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - at
+        problem = f"face {len(sizes)} is cut short or wrong"
+        if wrong is not None:
+            problem = f"a face names vertex {wrong} of 0..{vertex_count - 1}"
+    return problem
+
+
+def _wrong_corner(corners: Int, vertex_count: int) -> int | None:
+    """Returns a number that no vertex has, None if there is none."""
+    wrong = corners[(corners < 0) | (corners >= vertex_count)]
+    return int(wrong[0]) if len(wrong) else None
+
+
+def _whole(word: bytes) -> int:
+    """Returns a whole number; -1 for another word, such as a colour with a fraction."""
+    return int(word) if word.isdigit() and len(word) < 10 else -1
+
+
+def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
+    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their boundary.
 
     Raises:
         ValueError: where the file is not MEDIT, or ends early.
     """
-    words = data.decode("utf-8", "replace").split()
+    words = decode_text(data).split()
     if not words or words[0] != "MeshVersionFormatted":
         raise ValueError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
@@ -71,11 +172,14 @@ def read_medit(data: bytes) -> tuple[Float, Int32]:
     triangles = [tables[t].astype(np.int64) - 1 for t in ("Triangles",) if t in tables]
     if "Quadrilaterals" in tables:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
-        triangles += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+        vertices = tables["Vertices"]
+        if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
+            raise ValueError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+        triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary(tables["Tetrahedra"].astype(np.int64) - 1)]
     faces = np.concatenate(triangles) if triangles else np.empty((0, 3))
-    return tables["Vertices"], faces.astype(np.int32)
+    return tables["Vertices"], faces.astype(np.int32), []
 
 
 def _boundary(tetrahedra: Int) -> Int:

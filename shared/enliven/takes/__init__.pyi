@@ -11,6 +11,11 @@ from .capture_limbs import (
     smoothstep as smoothstep,
 )
 from .capture_roles import Roles as Roles, find_roles as find_roles
+from .capture_upright import (
+    leg_length as leg_length,
+    read_capture as read_capture,
+    upright_capture as upright_capture,
+)
 from .exportable import Exportable as Exportable, exportables_of as exportables_of
 from .files import read_take as read_take
 from .live_layer import LiveLayer as LiveLayer

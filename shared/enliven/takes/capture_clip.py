@@ -22,6 +22,7 @@ from enliven.formats.motion import Capture
 from enliven.person import PARENTS, Body, Joint
 from enliven.rotation import conjugate, continuous, from_matrix, multiply, rotate, slerp
 from enliven.takes.capture_rest import links, metres, moved_links, rooted, stiff_pose, zero_pose, zero_stands
+from enliven.takes.capture_upright import metres_of_legs, upright_capture
 from enliven.takes.positions import filled, rest_of, turns_of
 
 BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
@@ -33,18 +34,19 @@ def clip_of_capture(
 ) -> Clip:
     """Returns the motion of a file as a clip in metres.
 
-    What a file moves a joint by against its parent is the clip's offsets, where it can be seen. A joint above
+    A capture with another axis up is turned upright. What a file moves a joint by against its parent is the clip's offsets, where it can be seen. A joint above
     all others that only carries the one that moves (a point on the floor) is left out.
 
     Args:
         rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
             that pose stands as tall as the frames do, else "first".
-        unit: a name of ``UNITS``, metres a unit, or None to guess it by the
-            height of the root over the lowest joint.
+        unit: a name of ``UNITS``, metres a unit, or None to guess it by the legs of a person, else by the height of
+            the root over the lowest joint.
 
     Raises:
         InputError: for a tree with two roots, a frame or a unit that is not there.
     """
+    capture = upright_capture(capture)
     names, parents, positions, rotations = rooted(capture, id)
     offsets = links(parents, positions, rotations)
     turns = from_matrix(rotations)
@@ -59,6 +61,8 @@ def clip_of_capture(
             raise InputError(f"there is no rest pose {rest!r}", where=f"clip {id!r}", mend=mend)
         at_rest = stiff_pose(parents, offsets, positions[frame], rotations[frame])
         before = turns[frame]
+    if unit is None:
+        unit = metres_of_legs(capture)
     scale = metres(unit, at_rest, f"clip {id!r}")
     # Bone j turns with the joint that it hangs on; the root's children and the root turn as one.
     holds = np.array([0, *parents[1:]])

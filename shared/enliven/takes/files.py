@@ -12,10 +12,10 @@ from pathlib import Path
 from enliven.document import Clip
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
-from enliven.formats.motion import read_bvh, read_expmap
 from enliven.formats.project import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import between_times, clip_of_capture
+from enliven.takes.capture_upright import read_capture
 from enliven.takes.recorded import clips_of_recording
 
 _MODELS = ", ".join(GLTF_SUFFIXES)
@@ -55,7 +55,7 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
         return _named(list(read_project(path).takes.values()), path, animation), ()
     if kind not in (".bvh", ".txt"):
         raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_KNOWN)
-    capture = read_bvh(path) if kind == ".bvh" else read_expmap(path)
+    capture = read_capture(path)
     return clip_of_capture(capture, path.stem), tuple(capture.notes)
 
 

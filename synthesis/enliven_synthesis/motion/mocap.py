@@ -12,7 +12,7 @@ from enliven.arrays import Bool, Float
 from enliven.formats.motion import Capture
 from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
-from enliven.takes import Roles, find_roles, limb_rotations, smoothstep
+from enliven.takes import Roles, find_roles, limb_rotations, smoothstep, upright_capture
 from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -39,6 +39,7 @@ class Captured:
     def __init__(
         self, performer: Performer, capture: Capture, start: float = 0.0, stop: float | None = None
     ) -> None:
+        capture = upright_capture(capture)
         roles = find_roles(capture)
         rotations, standing = limb_rotations(capture, roles)
         pelvis = _pelvis_path(performer, capture, roles, rotations, standing)

@@ -9,7 +9,7 @@ import pytest
 from enliven.errors import InputError, ResourceError
 from enliven.meshes.files import WRITABLE, load_mesh, load_upright, save_mesh
 from enliven.meshes.mesh import Mesh
-from enliven.meshes.text import fans
+from enliven.meshes.polygons import triangulate
 
 TETRAHEDRON = Mesh(
     np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
@@ -86,7 +86,9 @@ def test_a_mirrored_node_keeps_its_faces_outward(tmp_path):
 
 
 def test_polygons_become_fans(tmp_path):
-    assert fans([[0, 1, 2, 3, 4], [7, 8, 9]]).tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [7, 8, 9]]
+    corners = np.stack([np.cos([0, 1, 2, 3, 4]), np.sin([0, 1, 2, 3, 4]), np.zeros(5)], 1)
+    faces, _ = triangulate(corners, np.array([0, 1, 2, 3, 4, 2, 3, 4]), np.array([5, 3]))
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [2, 3, 4]]
     path = tmp_path / "quad.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
     assert len(load_mesh(path).mesh.faces) == 2

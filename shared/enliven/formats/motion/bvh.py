@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.errors import InputError
-from enliven.files import read_file
+from enliven.files import decode_text, open_file, read_file
 from enliven.formats.motion.capture import Capture, composed
+from enliven.meshes import WrongWord, blocks, lines_of, numbers_in, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
@@ -24,6 +26,14 @@ _MOST_JOINTS = 4096
 """As many as a pose on the wire has."""
 _MOST_PLACES = 1 << 24
 """Frames times joints, 3 GB of turns and places: 93 min of 25 joints at 120 frames a second."""
+_MAX_HEAD_BYTES = 1 << 24
+"""Most bytes of a hierarchy: 4096 joints, 256 deep and indented by tabs, take 8 MB."""
+_BLANK = r"(?:\s|(?:#|//)[^\n]*)*"
+_WORD = re.compile(_BLANK + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
+"""A word after blanks and comments. A colon inside of a word belongs to a name such as "mixamorig:Hips"."""
+_NAME = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
+_COMMENT = re.compile(r"(?:#|//)[^\n]*")
+_KEYWORDS = {"ROOT", "JOINT", "END", "ENDSITE", "END_SITE", "OFFSET", "CHANNELS", "MOTION", "HIERARCHY", "{", "}"}
 
 
 @dataclass
@@ -42,107 +52,156 @@ class _Hierarchy:
     taken: dict[str, int] = field(default_factory=dict)
 
 
-class _Lines:
-    """The lines of a file with their numbers, blank ones left out."""
+class _Words:
+    """The words of a file one after the other, found only when they are asked for.
+
+    Braces and colons are words of their own, and comments ("# ..." or "// ...") are left out.
+    """
 
     def __init__(self, path: Path, text: str) -> None:
-        self._path = path
-        self._lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-        self._at = 0
+        self._path, self._text = path, text
+        self._at, self._counted, self._line = 0, 0, 1
 
-    def next(self, expected: str) -> list[str]:
-        if self._at == len(self._lines):
+    def peek(self) -> str:
+        """Returns the next word; empty at the end."""
+        found = _WORD.match(self._text, self._at)
+        return found[1] if found else ""
+
+    def next(self, expected: str) -> str:
+        """Returns the next word and goes past it; ``expected`` is named if the file ends here."""
+        found = _WORD.match(self._text, self._at)
+        if found is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
-        self._at += 1
-        return self._lines[self._at - 1][1]
+        self._at = found.end()
+        return found[1]
 
-    def more(self) -> bool:
-        return self._at < len(self._lines)
+    def rest_of_name(self) -> str:
+        """Returns the words up to a brace or the end of the line."""
+        found = _NAME.match(self._text, self._at)
+        self._at = found.end() if found else self._at
+        return " ".join(found[0].split()) if found else ""
 
-    def wrong(self, what: str, mend: str = "") -> InputError:
-        number = self._lines[max(self._at - 1, 0)][0] if self._lines else 1
-        return InputError(what, where=f"{self._path}, line {number}", mend=mend)
+    def until_keyword(self) -> list[str]:
+        """Returns the words up to the next keyword or brace."""
+        words = list[str]()
+        while (word := self.peek()) and word.upper() not in _KEYWORDS:
+            words.append(self.next(""))
+        return words
 
-    def numbers(self, words: list[str], count: int, of: str) -> list[float]:
+    def rest(self) -> tuple[int, str]:
+        """Returns the number of the line after the last word, and the text after that word."""
+        return self.line, self._text[self._at :]
+
+    @property
+    def line(self) -> int:
+        """The line of the last word."""
+        self._line += self._text.count("\n", self._counted, self._at)
+        self._counted = self._at
+        return self._line
+
+    def wrong(self, what: str, mend: str = "", line: int | None = None) -> InputError:
+        where = f"{self._path}, line {self.line if line is None else line}"
+        return InputError(what, where=where, mend=mend)
+
+    def numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
         try:
             values = [float(word) for word in words]
         except ValueError:
-            raise self.wrong(f"{of} has something that is no number: {' '.join(words)[:60]}") from None
+            what = f"{of} has something that is no number: {' '.join(words)[:60]}"
+            raise self.wrong(what, line=line) from None
         if len(values) != count:
-            raise self.wrong(f"{of} has {len(values)} numbers, expected {count}")
+            raise self.wrong(f"{of} has {len(values)} numbers, expected {count}", line=line)
         if not all(math.isfinite(value) for value in values):
-            raise self.wrong(f"{of} has a number that is not finite")
+            raise self.wrong(f"{of} has a number that is not finite", line=line)
         return values
 
 
 def read_bvh(path: Path | str) -> Capture:
-    """Reads a BVH file.
+    """Reads a BVH file, in its own unit and axes.
 
-    A file with fewer or more frames than its header states is read as far as it goes, with a note.
+    Keywords may be in any case, and words may be wrapped over lines. A file with fewer or more frames than its
+    header states is read as far as it goes, with a note.
 
     Raises:
         InputError: for a file that cannot be read or is no BVH, with the line that is wrong.
     """
     path = Path(path)
-    return parse_bvh(read_file(path).decode("utf-8", "replace"), path)
+    with open_file(path) as file:
+        head = file.read(_MAX_HEAD_BYTES)
+    if len(head) == _MAX_HEAD_BYTES and "MOTION" not in decode_text(head).upper():
+        # A hierarchy of this length has a wrong line, which is found without the rest of the file.
+        words = _Words(path, decode_text(head))
+        _begin_file(words)
+        _read_hierarchy(words)
+    return parse_bvh(decode_text(read_file(path)), path)
 
 
 def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
     """Reads the motion in the text of a BVH file; ``path`` is named in errors."""
-    lines = _Lines(path, text.removeprefix("\ufeff"))
-    if not lines.more() or lines.next("HIERARCHY") != ["HIERARCHY"]:
-        raise lines.wrong("the first line is not HIERARCHY", "Is this a BVH file?")
-    tree = _read_hierarchy(lines)
-    promised, seconds = _read_header(lines)
-    rows, notes = _read_rows(lines, tree, promised)
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    words = _Words(path, text)
+    _begin_file(words)
+    tree = _read_hierarchy(words)
+    promised, seconds = _read_header(words)
+    rows, notes = _read_rows(words, tree, promised)
     offsets, rotations = _local(tree, rows)
     positions, world = composed(tuple(tree.parents), offsets, rotations)
     return Capture(tuple(tree.names), tuple(tree.parents), positions, world, seconds, notes)
 
 
-def _read_hierarchy(lines: _Lines) -> _Hierarchy:
-    """Reads everything up to the line MOTION."""
+def _begin_file(words: _Words) -> None:
+    if words.peek().upper() != "HIERARCHY":
+        raise words.wrong("the first line is not HIERARCHY", "Is this a BVH file?")
+    words.next("HIERARCHY")
+
+
+def _read_hierarchy(words: _Words) -> _Hierarchy:
+    """Reads everything up to the word MOTION."""
     tree, chain = _Hierarchy(), list[int]()
     while True:
-        words = lines.next("MOTION")
-        match words:
-            case ["MOTION"]:
+        word = words.next("MOTION")
+        line = words.line
+        match word.upper():
+            case "MOTION":
                 break
-            case ["ROOT" | "JOINT" | "End", *rest]:
-                _begin(lines, tree, chain, words[0], " ".join(rest))
-            case ["OFFSET", *numbers] if chain:
-                x, y, z = lines.numbers(numbers, 3, "an OFFSET")
+            case "ROOT" | "JOINT" | "END" | "ENDSITE" | "END_SITE" as kind:
+                _begin(words, tree, chain, "End" if kind.startswith("END") else kind, line)
+            case "OFFSET" if chain:
+                x, y, z = words.numbers(words.until_keyword(), 3, "an OFFSET", line)
                 tree.offsets[chain[-1]] = (x, y, z)
-            case ["CHANNELS", count, *kinds] if chain:
-                tree.channels[chain[-1]] = _channels(lines, count, kinds)
-            case ["}"] if chain:
+            case "CHANNELS" if chain:
+                tree.channels[chain[-1]] = _channels(words, words.until_keyword(), line)
+            case "}" if chain:
                 chain.pop()
             case _:
-                raise lines.wrong(f"{' '.join(words)[:60]!r} does not belong here")
+                raise words.wrong(f"{word[:60]!r} does not belong here")
     if chain or not tree.names:
-        raise lines.wrong("MOTION comes before the hierarchy is complete")
+        raise words.wrong("MOTION comes before the hierarchy is complete")
     return tree
 
 
-def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: str) -> None:
+def _begin(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: int) -> None:
     """Reads the name of a joint and the brace after it."""
-    if (word == "ROOT") != (not chain):
-        raise lines.wrong(f"{word} {name} does not belong here")
+    name = words.rest_of_name()
+    if (kind == "ROOT") != (not chain):
+        raise words.wrong(f"{kind} {name} does not belong here", line=line)
     parent = chain[-1] if chain else -1
-    if word == "End":
+    if kind == "End":
         name = f"{tree.names[parent]} end"
+    if not name and words.peek() not in ("", "{"):
+        name = words.next("a name")
     if not name:
-        raise lines.wrong(f"{word} has no name")
+        raise words.wrong(f"{kind} has no name", line=line)
     if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
         what = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
-        raise lines.wrong(f"there are joints {what}", "No skeleton is like this: export it again.")
+        raise words.wrong(f"there are joints {what}", "No skeleton is like this: export it again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused(name, tree.taken))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
-    if lines.next("{") != ["{"]:
-        raise lines.wrong(f"'{{' is missing after {name}")
+    if words.next("{") != "{":
+        raise words.wrong(f"'{{' is missing after {name}")
 
 
 def _unused(name: str, taken: dict[str, int]) -> str:
@@ -156,16 +215,17 @@ def _unused(name: str, taken: dict[str, int]) -> str:
     return name
 
 
-def _channels(lines: _Lines, count: str, kinds: list[str]) -> list[tuple[str, int]]:
-    """(kind, axis) of each channel of a joint."""
+def _channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
+    """(kind, axis) of each channel of a joint, from their count and names."""
     known = {
         f"{axis}{kind}".lower(): (kind[0], _AXES[axis]) for axis in _AXES for kind in ("position", "rotation")
     }
+    count, kinds = (given[0], given[1:]) if given else ("nothing", [])
     unknown = [kind for kind in kinds if kind.lower() not in known]
     if unknown:
-        raise lines.wrong(f"there is no channel {unknown[0]}", "Known: Xposition ... Zrotation.")
+        raise words.wrong(f"there is no channel {unknown[0]}", "Known: Xposition ... Zrotation.", line)
     if not _is_count(count) or int(count) != len(kinds):
-        raise lines.wrong(f"CHANNELS says {count} and names {len(kinds)}")
+        raise words.wrong(f"CHANNELS says {count[:20]} and names {len(kinds)}", line=line)
     return [known[kind.lower()] for kind in kinds]
 
 
@@ -174,34 +234,85 @@ def _is_count(word: str) -> bool:
     return word.isascii() and word.isdigit() and len(word) < 10
 
 
-def _read_header(lines: _Lines) -> tuple[int, float]:
+def _read_header(words: _Words) -> tuple[int, float]:
     """Returns the number of frames that the header states, and the seconds between them."""
-    words = lines.next("Frames:")
-    if words[0] != "Frames:" or len(words) != 2 or not _is_count(words[1]):
-        raise lines.wrong("expected 'Frames:' and their number")
-    promised = int(words[1])
-    words = lines.next("Frame Time:")
-    if words[:2] != ["Frame", "Time:"]:
-        raise lines.wrong("expected 'Frame Time:' and seconds")
-    (seconds,) = lines.numbers(words[2:], 1, "Frame Time")
+    count = _after_label(words, "frames", "'Frames:' and their number")
+    if not _is_count(count):
+        raise words.wrong("expected 'Frames:' and their number")
+    time = _after_label(words, "frametime", "'Frame Time:' and seconds")
+    (seconds,) = words.numbers([time], 1, "Frame Time", words.line)
     if not 0.0 < seconds <= _LONGEST_FRAME:
-        raise lines.wrong(f"a frame lasts {seconds} s")
-    return promised, seconds
+        raise words.wrong(f"a frame lasts {seconds} s")
+    return int(count), seconds
 
 
-def _read_rows(lines: _Lines, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """Returns (F, C) the numbers of every frame for every channel, and notes on what was unusual."""
-    width = sum(map(len, tree.channels))
-    rows: list[list[float]] = []
-    while lines.more():
-        if (len(rows) + 1) * len(tree.names) > _MOST_PLACES:
-            what = f"more than {len(rows)} frames of {len(tree.names)} joints are too many"
-            raise lines.wrong(what, "Take it in parts.")
-        rows.append(lines.numbers(lines.next("a frame"), width, f"frame {len(rows) + 1}"))
-    if not rows:
-        raise lines.wrong("there are no frames")
-    notes = () if len(rows) == promised else (f"{promised} frames are promised, {len(rows)} are there",)
-    return np.array(rows), notes
+def _after_label(words: _Words, label: str, expected: str) -> str:
+    """Returns the word after a label such as "Frame Time:", which may have blanks and any case."""
+    said = ""
+    while len(said) < len(label):
+        said += words.next(expected).lower()
+    if said != label:
+        raise words.wrong(f"expected {expected}")
+    if words.peek() == ":":
+        words.next(expected)
+    return words.next(expected)
+
+
+def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
+    """Returns (F, C) the numbers of every frame for every channel, and notes on what was unusual.
+
+    A frame may be wrapped over lines, and lines may hold several frames.
+    """
+    width, joints = sum(map(len, tree.channels)), len(tree.names)
+    first_line, text = words.rest()
+    most = _MOST_PLACES // joints
+    body = _COMMENT.sub("", text).encode()
+    parts, counts, lines = list[Float](), list[Int](), list[Int]()
+    total = 0
+    for offset, block in blocks(body):
+        before = first_line + body.count(b"\n", 0, offset)
+        try:
+            numbers = numbers_in(block)
+        except WrongWord as error:
+            frame = total // max(width, 1) + 1
+            what = f"near frame {frame} there is something that is no number: {error.what}"
+            raise words.wrong(what, line=before + error.line) from None
+        at = lines_of(block, word_starts(block))
+        if not np.isfinite(numbers).all():
+            line = before + int(at[np.argmin(np.isfinite(numbers))])
+            raise words.wrong("a frame has a number that is not finite", line=line)
+        own, many = np.unique(at, return_counts=True)
+        parts.append(numbers)
+        lines.append(own + before)
+        counts.append(many)
+        total += len(numbers)
+        if total > most * width:
+            what = f"more than {most} frames of {joints} joints are too many"
+            raise words.wrong(what, "Take it in parts.", line=before)
+    if total == 0 or width == 0:
+        raise words.wrong("there are no frames" if width else "no joint has a channel")
+    _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
+    frames = total // width
+    notes = () if frames == promised else (f"{promised} frames are promised, {frames} are there",)
+    return np.concatenate(parts).reshape(frames, width), notes
+
+
+def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: int) -> None:
+    """Refuses rows of wrong lengths; wrapped ones have whole frames, each of which begins a line.
+
+    Args:
+        counts: (L,) numbers of each line that has some.
+        lines: (L,) the numbers of these lines.
+    """
+    total = int(counts.sum())
+    if (counts == width).all() or total == promised * width:
+        return
+    starts = np.cumsum(counts) - counts
+    if total % width == 0 and np.isin(np.arange(0, total, width), starts).all():
+        return
+    at = int(np.argmax(counts != width))
+    what = f"frame {at + 1} has {counts[at]} numbers, expected {width}"
+    raise words.wrong(what, line=int(lines[at]))
 
 
 def _local(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:

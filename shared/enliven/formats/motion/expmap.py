@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.files import read_file
+from enliven.files import decode_text, read_file
 from enliven.formats.motion.bvh import about
 from enliven.formats.motion.capture import Capture, composed
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -76,7 +76,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
         InputError: where the file cannot be read or a line is wrong, with its number.
     """
     path = Path(path)
-    lines = read_file(path).decode("utf-8", "replace").splitlines()
+    lines = decode_text(read_file(path)).split("\n")
     rows = np.array([_row(line, number, path) for number, line in enumerate(lines, 1) if line.strip()])
     if len(rows) == 0:
         raise InputError("there are no frames", where=str(path))

@@ -1,0 +1,313 @@
+"""Reader of Wavefront OBJ: polygons, vertex colours, and the diffuse colours of its materials.
+
+The file is searched in blocks, twice: first for faces, then for the vertices that these use. So a vertex that no
+face uses costs no memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float, Int, UInt8
+from enliven.errors import InputError
+from enliven.files import Beside, decode_text, text_bytes
+from enliven.meshes.mesh import Mesh
+from enliven.meshes.polygons import triangulate
+from enliven.meshes.tokens import WrongWord, blocks, lines_of, numbers_in, without_comments, word_starts
+
+_GREY = 200
+"""sRGB of faces without a material in a file in which others have one."""
+_SPACES = (ord(" "), ord("\t"))
+
+
+class _WrongLine(Exception):
+    """What is wrong with the line that begins at a byte of the file."""
+
+    def __init__(self, offset: int, what: str) -> None:
+        super().__init__(what)
+        self.offset = offset
+
+
+class _Lines(NamedTuple):
+    """The lines of a block: where each begins and how long it is, and the first two letters of its first word."""
+
+    starts: Int
+    lengths: Int
+    first: Int
+    letters: AnyArray
+
+    def are(self, letter: str, second: str = " ") -> Bool:
+        """(L,) whether the first word of a line begins so; a blank as second letter is the end of the word."""
+        wanted = _SPACES if second == " " else (ord(second),)
+        return (self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted)
+
+
+@dataclass
+class _Faces:
+    """The polygons of a file, in parts of one block each.
+
+    Attributes:
+        corners: (C, 3) of each corner the vertex, texture coordinate and normal; -1 for none.
+        sizes: (P,) corners of each polygon.
+        materials: (P,) number in ``names``, -1 for none.
+        offsets: (P,) byte of the file at which its line begins.
+    """
+
+    corners: list[Int] = field(default_factory=list)
+    sizes: list[Int] = field(default_factory=list)
+    materials: list[Int] = field(default_factory=list)
+    offsets: list[Int] = field(default_factory=list)
+    names: dict[bytes, int] = field(default_factory=dict)
+    libraries: list[bytes] = field(default_factory=list)
+    current: int = -1
+    vertex_count: int = 0
+
+
+def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, list[str]]:
+    """Returns the mesh of an OBJ file and notes on what was left out.
+
+    Vertices are split where corners differ in texture coordinates or normals, and where materials meet.
+
+    Args:
+        beside: opens the material files that it names.
+
+    Raises:
+        ValueError: with the line that is wrong, or if there are no faces.
+    """
+    text = text_bytes(data)
+    try:
+        # A joined line keeps its length, so that offsets still lead to lines of the file.
+        return _read(text.replace(b"\\\n", b"  "), beside, name)
+    except _WrongLine as error:
+        raise ValueError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
+
+
+def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
+    faces = _read_faces(text)
+    corners, sizes = _joined(faces.corners, (0, 3)), _joined(faces.sizes, (0,))
+    if not (sizes > 2).any():
+        raise InputError("it has no faces")
+    wrong = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
+    if len(wrong):
+        polygon = np.searchsorted(np.cumsum(sizes), wrong[0], "right")
+        what = f"a face names vertex {corners[wrong[0], 0] + 1} of {faces.vertex_count}"
+        raise _WrongLine(int(_joined(faces.offsets, (0,))[polygon]), what)
+    is_used = np.zeros(faces.vertex_count, bool)
+    is_used[corners[:, 0]] = True
+    vertices, colours = _read_vertices(text, is_used)
+    number = np.cumsum(is_used) - 1
+    corners[:, 0] = number[corners[:, 0]]
+    notes = list[str]()
+    if len(vertices) < faces.vertex_count:
+        loose = faces.vertex_count - len(vertices)
+        notes.append(f"dropped {loose} of {faces.vertex_count} vertices that no face uses")
+    palette = _read_palette(faces, beside, notes)
+    materials = _joined(faces.materials, (0,))
+    _, places = triangulate(vertices, corners[:, 0], sizes)
+    kinds = np.column_stack([corners, np.repeat(materials, sizes)])
+    split, source, kind = _split(kinds, keeps_materials=palette is not None)
+    vertices = vertices[source]
+    if palette is not None:
+        colours = palette[kind]
+    elif colours is not None:
+        colours = colours[source]
+    return Mesh(vertices, split[places].astype(np.int32), name, colours), notes
+
+
+def _joined(parts: list[Int], empty: tuple[int, ...]) -> Int:
+    return np.concatenate(parts) if parts else np.empty(empty, np.int64)
+
+
+def _lines_in(block: bytes) -> _Lines:
+    """Finds the lines of a block that ends with a line end."""
+    letters = np.frombuffer(block, np.uint8)
+    ends = np.flatnonzero(letters == ord("\n"))
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    first = starts
+    if np.isin(letters[starts], _SPACES).any():
+        solid = np.flatnonzero(~np.isin(letters, _SPACES))
+        first = solid[np.searchsorted(solid, starts)]
+    pairs = np.stack([letters[first], letters[np.minimum(first + 1, len(letters) - 1)]], 1)
+    return _Lines(starts, ends + 1 - starts, first, pairs)
+
+
+def _numbered(block: bytes, lines: _Lines, are: Bool) -> bytes:
+    """Returns some lines of a block without their first letter and comments; their count stays."""
+    letters = np.frombuffer(block, np.uint8).copy()
+    letters[lines.first[are]] = ord(" ")
+    return without_comments(letters[np.repeat(are, lines.lengths)].tobytes())
+
+
+def _whole_blocks(text: bytes):  # type: ignore[no-untyped-def]
+    """Yields (offset, block, lines) for each block of text; every block ends with a line end."""
+    for offset, block in blocks(text):
+        whole = block if block.endswith(b"\n") else block + b"\n"
+        yield offset, whole, _lines_in(whole)
+
+
+def _read_faces(text: bytes) -> _Faces:
+    """Returns the polygons of a file, and counts its vertices."""
+    faces, counts = _Faces(), np.zeros(3, np.int64)
+    for offset, block, lines in _whole_blocks(text):
+        kinds = np.stack([lines.are("v"), lines.are("v", "t"), lines.are("v", "n")], 1)
+        before = counts + np.cumsum(kinds, 0) - kinds
+        counts = counts + kinds.sum(0)
+        are_faces = lines.are("f")
+        materials = _materials_of(block, lines, faces)
+        if not are_faces.any():
+            continue
+        at = offset + lines.starts[are_faces]
+        corners, sizes = _polygons(_numbered(block, lines, are_faces), at, before[are_faces])
+        faces.corners.append(corners)
+        faces.sizes.append(sizes)
+        faces.materials.append(materials[are_faces])
+        faces.offsets.append(at)
+    faces.vertex_count = int(counts[0])
+    return faces
+
+
+def _materials_of(block: bytes, lines: _Lines, faces: _Faces) -> Int:
+    """(L,) the material that holds at each line; names of materials and of their files are added to ``faces``."""
+    changes, values = [0], [faces.current]
+    for k in np.flatnonzero(lines.are("u", "s") | lines.are("m", "t")):
+        line = block[lines.first[k] : lines.starts[k] + lines.lengths[k]]
+        word, _, rest = line.partition(b" " if b" " in line else b"\t")
+        if word == b"usemtl":
+            faces.current = faces.names.setdefault(rest.strip(), len(faces.names))
+            changes.append(int(k))
+            values.append(faces.current)
+        elif word == b"mtllib" and rest.strip() not in faces.libraries:
+            faces.libraries.append(rest.strip())
+    lengths = np.diff([*changes, len(lines.starts)])
+    return np.repeat(np.array(values, np.int64), lengths)
+
+
+def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
+    """Returns (C, 3) corners and (P,) sizes of the face lines in ``chunk``.
+
+    Args:
+        offsets: (P,) byte of the file at which each line begins.
+        before: (P, 3) vertices, texture coordinates and normals above each line, for negative numbers.
+    """
+    if b"/" in chunk:
+        # An omitted number becomes 0, which is never a valid one.
+        chunk = chunk.replace(b"//", b"/0/").replace(b"/ ", b"/0 ").replace(b"/\n", b"/0\n")
+    starts = word_starts(chunk)
+    polygon = lines_of(chunk, starts)
+    slashes = np.frombuffer(chunk, np.uint8) == ord("/")
+    parts = 1 + (np.add.reduceat(slashes, starts, dtype=np.int64) if len(starts) else starts)
+    try:
+        numbers = numbers_in(chunk.replace(b"/", b" "), np.int64)
+    except WrongWord as error:
+        raise _WrongLine(int(offsets[error.line]), error.what) from None
+    first = np.cumsum(parts) - parts
+    corners = np.full((len(starts), 3), -1, np.int64)
+    for column in range(3):
+        has = np.flatnonzero(parts > column)
+        given = numbers[first[has] + column]
+        corners[has, column] = np.where(given < 0, before[polygon[has], column] + given, given - 1)
+        wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            what = "numbers begin at 1" if given[at] == 0 else "fewer vertices come before it"
+            raise _WrongLine(int(offsets[polygon[at]]), f"a face names vertex {given[at]}, and {what}")
+    return corners, np.bincount(polygon, minlength=len(offsets))
+
+
+def _read_vertices(text: bytes, is_used: Bool) -> tuple[Float, UInt8 | None]:
+    """Returns (U, 3) the used vertices, and (U, 3) their colours or None."""
+    vertices, colours, count = list[Float](), list[Float](), 0
+    for offset, block, lines in _whole_blocks(text):
+        are = lines.are("v")
+        many = int(are.sum())
+        are[are] = is_used[count : count + many]
+        count += many
+        if not are.any():
+            continue
+        chunk = _numbered(block, lines, are)
+        offsets = offset + lines.starts[are]
+        starts = word_starts(chunk)
+        counts = np.bincount(lines_of(chunk, starts), minlength=len(offsets))
+        if counts.min() < 3:
+            what = f"a vertex has {counts.min()} numbers, expected 3"
+            raise _WrongLine(int(offsets[np.argmin(counts)]), what)
+        try:
+            numbers = numbers_in(chunk)
+        except WrongWord as error:
+            raise _WrongLine(int(offsets[error.line]), error.what) from None
+        first = np.cumsum(counts) - counts
+        vertices.append(numbers[first[:, None] + np.arange(3)])
+        has = counts >= 6
+        colour = np.full((len(first), 3), np.nan)
+        colour[has] = numbers[first[has, None] + np.arange(3, 6)]
+        colours.append(colour)
+    return np.concatenate(vertices), _bytes_of(np.concatenate(colours))
+
+
+def _bytes_of(colours: Float) -> UInt8 | None:
+    """(V, 3) sRGB bytes of colours in 0..1, or in 0..255 if one is above 1; grey if not finite, None if all."""
+    known = np.isfinite(colours).all(1)
+    if not known.any():
+        return None
+    scale = 255.0 if colours[known].max() <= 1.0 else 1.0
+    shown = np.where(known[:, None], colours * scale, _GREY)
+    return np.clip(np.rint(shown), 0, 255).astype(np.uint8)
+
+
+def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | None:
+    """(M + 1, 3) the sRGB of each used material, grey for the last, which is none; None if none has a colour."""
+    known: dict[str, tuple[float, float, float]] = {}
+    for library in faces.libraries:
+        try:
+            known.update(_read_materials(decode_text(beside.file(decode_text(library)))))
+        except InputError as error:
+            notes.append(f"its materials are not read: {error.what}")
+    palette = np.full((len(faces.names) + 1, 3), _GREY, np.uint8)
+    has_colour = False
+    for name, number in faces.names.items():
+        colour = known.get(decode_text(name))
+        if colour is not None:
+            palette[number] = np.rint(255 * np.clip(colour, 0.0, 1.0))
+            has_colour = True
+    return palette if has_colour else None
+
+
+def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
+    """Returns the diffuse colours in 0..1 of the materials of an MTL file by name; other entries are skipped."""
+    colours: dict[str, tuple[float, float, float]] = {}
+    name = ""
+    for line in text.split("\n"):
+        word, *rest = line.split(None, 1) or [""]
+        if word.lower() == "newmtl":
+            name = rest[0].strip() if rest else ""
+        elif word.lower() == "kd" and rest:
+            try:
+                r, g, b = (float(number) for number in rest[0].split()[:3])
+            except ValueError:
+                continue
+            if np.isfinite([r, g, b]).all():
+                colours[name] = (r, g, b)
+    return colours
+
+
+def _split(kinds: Int, *, keeps_materials: bool) -> tuple[Int, Int, Int]:
+    """Splits vertices where corners differ.
+
+    Args:
+        kinds: (C, 4) of each corner the vertex, texture coordinate, normal and material.
+
+    Returns:
+        (C,) the new vertex of each corner, and for each new vertex (N,) its old vertex and (N,) its material.
+    """
+    key = kinds[:, 0]
+    for column in (1, 2, 3) if keeps_materials else (1, 2):
+        other = kinds[:, column]
+        if other.min() < other.max():
+            kept, other = np.unique(other, return_inverse=True)
+            key = key * len(kept) + other.reshape(-1)
+            key = np.unique(key, return_inverse=True)[1].reshape(-1)
+    _, first, key = np.unique(key, return_index=True, return_inverse=True)
+    return key.reshape(-1), kinds[first, 0], kinds[first, 3]

@@ -1,0 +1,286 @@
+"""Reader of PLY, ASCII and binary: polygons and vertex colours; other elements and properties are skipped."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int, UInt8
+from enliven.files import text_bytes
+from enliven.meshes.mesh import Mesh
+from enliven.meshes.polygons import triangulate
+from enliven.meshes.tokens import numbers_in
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
+"""NumPy's name of each type of a header."""
+_MAX_PROPERTIES = 256
+"""Most properties of a file: scanners write some 20."""
+_MAX_HEAD_BYTES = 1 << 16
+"""Most bytes of a header, with all its comments."""
+_MAX_SIDES = 1 << 16
+"""Most corners of one polygon: an outline of a scan has some thousands."""
+_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
+_CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
+
+
+@dataclass
+class _Element:
+    """A table of the file.
+
+    Attributes:
+        properties: (name, type, type of the count or "") of each column; a list has a count.
+    """
+
+    name: str
+    count: int
+    properties: list[tuple[str, str, str]] = field(default_factory=list)
+
+    @property
+    def has_lists(self) -> bool:
+        """Whether rows differ in length."""
+        return any(count for _, _, count in self.properties)
+
+
+def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
+    """Returns the mesh of a PLY file, and notes on what was unusual.
+
+    Raises:
+        ValueError: if it is no PLY, has a broken header, or is shorter than this states.
+    """
+    kind, elements, body = _read_head(data)
+    tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
+    notes = list[str]()
+    rest = tables.pop("", None)
+    if rest is not None:
+        notes.append(f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element")
+    vertex, face = tables.get("vertex", {}), tables.get("face", {})
+    if not all(axis in vertex for axis in "xyz"):
+        raise ValueError("its header has no vertices with x, y and z")
+    vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
+    key = next((word for word in _CORNERS if word in face), "")
+    corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
+    sizes = face[f"{key} count"] if key else np.empty(0, np.int64)
+    if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
+        at = int(np.argmax((corners < 0) | (corners >= len(vertices))))
+        polygon = int(np.searchsorted(np.cumsum(sizes), at, "right"))
+        raise ValueError(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
+    faces, _ = triangulate(vertices, corners, sizes)
+    return Mesh(vertices, faces, name, _colours(vertex)), notes
+
+
+def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
+    """Returns the format, the elements and the bytes after the header."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = text_bytes(data)
+    end = _END.search(data, 0, _MAX_HEAD_BYTES)
+    if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
+        raise ValueError("it has no header of a PLY file")
+    kind, elements = "", list[_Element]()
+    lines = text_bytes(data[: end.start()]).decode("utf-8", "replace").split("\n")
+    count = sum(line.split()[:1] == ["property"] for line in lines)
+    if count > _MAX_PROPERTIES:
+        raise ValueError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
+    for line in lines:
+        match line.split():
+            case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as kind, *_]:
+                pass
+            case ["element", word, count] if count.isdecimal() and int(count) <= len(data):
+                elements.append(_Element(word, int(count)))
+            case ["property", "list", count, of, word] if elements and {count, of} <= _TYPES.keys():
+                elements[-1].properties.append((word, _TYPES[of], _TYPES[count]))
+            case ["property", of, word] if elements and of in _TYPES:
+                elements[-1].properties.append((word, _TYPES[of], ""))
+            case ["property" | "element" | "format", *_]:
+                raise ValueError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
+            case _:
+                pass  # "ply", comments and the object information of scanners
+    if not kind:
+        raise ValueError("its header does not state a format")
+    return kind, elements, data[end.end() :]
+
+
+def _short(element: _Element) -> ValueError:
+    return ValueError(f"it ends early: its header states {element.count} rows of {element.name!r}")
+
+
+def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
+    """Returns the columns of each element by name; "" holds the numbers after the last one."""
+    tables: dict[str, dict[str, AnyArray]] = {}
+    numbers = numbers_in(text_bytes(body))
+    at = 0
+    for element in elements:
+        width = len(element.properties)
+        if not element.has_lists:
+            rows = numbers[at : at + element.count * width]
+            if len(rows) < element.count * width:
+                raise _short(element)
+            columns = rows.reshape(-1, width).T if width else rows.reshape(0, 0)
+            properties = zip(element.properties, columns, strict=True)
+            tables[element.name] = {word: _of_type(column, of) for (word, of, _), column in properties}
+            at += element.count * width
+            continue
+        tables[element.name], at = _walk_ascii(element, numbers, at)
+    if at < len(numbers):
+        tables[""] = {"rest": numbers[at:]}
+    return tables
+
+
+def _of_type(column: Float, of: str) -> AnyArray:
+    """(N,) the numbers of a column as whole ones if its type is whole."""
+    return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
+
+
+def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, AnyArray], int]:
+    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts say."""
+    only = element.properties[0] if len(element.properties) == 1 else None
+    first = int(numbers[at]) if at < len(numbers) and 0 <= numbers[at] <= _MAX_SIDES else 0
+    block = numbers[at : at + element.count * (1 + first)]
+    if only and first and len(block) == element.count * (1 + first):
+        rows = block.reshape(-1, 1 + first)
+        if (rows[:, 0] == first).all():
+            columns = {only[0]: rows[:, 1:].reshape(-1), f"{only[0]} count": np.full(len(rows), first)}
+            return columns, at + len(block)
+    parts: dict[str, list[AnyArray]] = {}
+    counts: dict[str, list[int]] = {}
+    for _ in range(element.count):
+        for word, _, count in element.properties:
+            if at >= len(numbers):
+                raise _short(element)
+            many = 1
+            if count:
+                many = _sides(float(numbers[at]))
+                counts.setdefault(word, []).append(many)
+                at += 1
+            if at + many > len(numbers):
+                raise _short(element)
+            parts.setdefault(word, []).append(numbers[at : at + many])
+            at += many
+    return _columns(parts, counts), at
+
+
+def _sides(count: float) -> int:
+    """Returns the length of a list.
+
+    Raises:
+        ValueError: if it is not a whole number, negative or larger than a polygon can be.
+    """
+    if not 0 <= count <= _MAX_SIDES or count != int(count):
+        raise ValueError(f"a list of it has {count:g} entries")
+    return int(count)
+
+
+def _columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> dict[str, AnyArray]:
+    columns = {word: np.concatenate(rows) for word, rows in parts.items()}
+    return columns | {f"{word} count": np.array(many, np.int64) for word, many in counts.items()}
+
+
+def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str, dict[str, AnyArray]]:
+    """As :func:`_ascii_tables`, of a binary body."""
+    order = "<" if kind == "binary_little_endian" else ">"
+    tables: dict[str, dict[str, AnyArray]] = {}
+    at = 0
+    for element in elements:
+        if element.has_lists:
+            tables[element.name], at = _walk_binary(element, body, at, order)
+            continue
+        row = np.dtype([(f"{k}", order + of) for k, (_, of, _) in enumerate(element.properties)])
+        if at + element.count * row.itemsize > len(body):
+            raise _short(element)
+        table = np.frombuffer(body, row, element.count, at) if row.itemsize else np.empty(0, row)
+        at += element.count * row.itemsize
+        tables[element.name] = {word: table[f"{k}"] for k, (word, _, _) in enumerate(element.properties)}
+    if at < len(body):
+        tables[""] = {"rest": np.frombuffer(body, np.uint8, -1, at)}
+    return tables
+
+
+def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
+    """Returns the columns of an element with lists, and the place after it.
+
+    If all rows are as long as the first, they are one table; else the columns that are not lists are skipped.
+    """
+    if element.count == 0:
+        return {}, at
+    row, many = _row_at(element, body, at, order)
+    if row.itemsize and at + element.count * row.itemsize <= len(body):
+        table = np.frombuffer(body, row, element.count, at)
+        lists = [k for k, (_, _, count) in enumerate(element.properties) if count]
+        if all((table[f"n{k}"] == many[k]).all() for k in lists):
+            columns = {word: table[f"{k}"].reshape(-1) for k, (word, _, _) in enumerate(element.properties)}
+            for k in lists:
+                columns[f"{element.properties[k][0]} count"] = np.full(element.count, many[k])
+            return columns, at + element.count * row.itemsize
+    return _walk_rows(element, body, at, order)
+
+
+def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
+    """Returns the lists of an element with rows of several lengths, and the place after it."""
+    sizes = [(np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize) for _, of, count in element.properties]
+    endian: Literal["little", "big"] = "little" if order == "<" else "big"
+    places: list[list[int]] = [[] for _ in sizes]
+    counts: list[list[int]] = [[] for _ in sizes]
+    for _ in range(element.count):
+        for k, (counted, size) in enumerate(sizes):
+            many = 1
+            if counted:
+                many = int.from_bytes(body[at : at + counted], endian)
+                at += counted
+                places[k].append(at)
+                counts[k].append(many)
+            at += many * size
+        if at > len(body):
+            raise _short(element)
+    columns: dict[str, AnyArray] = {}
+    raw = np.frombuffer(body, np.uint8)
+    for k, (word, of, count) in enumerate(element.properties):
+        if count:
+            lengths = np.array(counts[k], np.int64)
+            _sides(float(lengths.max(initial=0)))
+            within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+            first = np.repeat(np.array(places[k], np.int64), lengths) + within * sizes[k][1]
+            values = raw[first[:, None] + np.arange(sizes[k][1])]
+            columns[word] = values.reshape(-1).view(order + of)
+            columns[f"{word} count"] = lengths
+    return columns, at
+
+
+def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dtype, list[int]]:  # type: ignore[type-arg]
+    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain column)."""
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
+    many = list[int]()
+    for k, (_, of, count) in enumerate(element.properties):
+        length = 1
+        if count:
+            size = np.dtype(count).itemsize
+            if at + size > len(body):
+                raise _short(element)
+            length = _sides(float(np.frombuffer(body, order + count, 1, at)[0]))
+            fields.append((f"n{k}", order + count))
+            at += size
+        fields.append((f"{k}", order + of, (length,)))
+        many.append(length)
+        at += length * np.dtype(of).itemsize
+    return np.dtype(fields), many
+
+
+def _colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
+    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above 1."""
+    for prefix in ("", "diffuse_"):
+        columns = [vertex.get(f"{prefix}{word}") for word in ("red", "green", "blue")]
+        if all(column is not None for column in columns):
+            colours: Float = np.nan_to_num(np.stack(columns, 1).astype(np.float64))  # type: ignore[arg-type]
+            highest = colours.max(initial=0.0)
+            if columns[0].dtype.kind == "f":  # type: ignore[union-attr]
+                scale = 255.0 if highest <= 1.0 else 1.0
+            else:
+                scale = 1.0 if highest <= 255.0 else 255.0 / 65535.0
+            return np.clip(np.rint(colours * scale), 0, 255).astype(np.uint8)
+    return None

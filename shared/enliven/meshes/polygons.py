@@ -1,0 +1,78 @@
+"""Triangulates the polygons of mesh files: convex ones become fans, others are cut by ear clipping."""
+
+from __future__ import annotations
+
+import manifold3d
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.rotation import unit
+
+_STRAIGHT = 1e-9
+"""Sine of a turn below which three corners count as collinear: rounding of float32 coordinates is larger than
+the error of the cross product."""
+
+
+def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
+    """Triangulates polygons; each of N corners becomes N - 2 triangles with its winding.
+
+    Convex polygons become fans from their first corner. The others are projected along their mean normal and
+    cut by ear clipping, so that a notch stays empty. Every corner is used, which keeps shared edges closed.
+
+    Args:
+        vertices: (V, 3).
+        corners: (C,) the vertices of all polygons, one polygon after the other.
+        sizes: (P,) the number of corners of each; polygons of fewer than three are left out.
+
+    Returns:
+        (F, 3) triangles, and (F, 3) the numbers in ``corners`` of their corners.
+    """
+    sizes = np.asarray(sizes, np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+    first = np.concatenate([[0], np.cumsum(np.maximum(sizes - 2, 0))]).astype(np.int64)
+    places: Int = np.empty((int(first[-1]), 3), np.int64)
+    for size in np.unique(sizes[sizes > 2]):
+        of = np.flatnonzero(sizes == size)
+        fan = np.stack([np.zeros(size - 2, int), np.arange(1, size - 1), np.arange(2, size)], 1)
+        places[first[of, None] + np.arange(size - 2)] = starts[of, None, None] + fan
+        if size > 3:
+            points = vertices[np.asarray(corners)[starts[of, None] + np.arange(size)]]
+            for at in np.flatnonzero(~_are_convex(points)):
+                polygon = of[at]
+                rows = slice(first[polygon], first[polygon + 1])
+                places[rows] = starts[polygon] + _cut_ears(points[at], fan)
+    return np.asarray(corners)[places].astype(np.int32), places
+
+
+def _mean_normals(points: Float) -> Float:
+    """(P, 3) unit normals of polygons (P, N, 3) by Newell's sum; zero if a polygon has no area."""
+    apart = points - points[:, :1]
+    return unit(np.cross(apart, np.roll(apart, -1, 1)).sum(1))
+
+
+def _are_convex(points: Float) -> Bool:
+    """(P,) whether polygons (P, N, 3) turn one way at every corner and once around, seen along their normal."""
+    normals = _mean_normals(points)
+    edges = np.roll(points, -1, 1) - points
+    following = np.roll(edges, -1, 1)
+    turns = np.einsum("pna,pa->pn", np.cross(edges, following), normals)
+    lengths = np.linalg.norm(edges, axis=2) * np.linalg.norm(following, axis=2)
+    # A star turns left at every corner too, but its angles add up to more than one revolution.
+    angles = np.arctan2(turns, (edges * following).sum(2)).sum(1)
+    return np.asarray((turns > _STRAIGHT * lengths).all(1) & (angles < 3 * np.pi))
+
+
+def _cut_ears(points: Float, fan: Int) -> Int:
+    """(N - 2, 3) triangles of one polygon (N, 3), counter-clockwise seen against its normal.
+
+    Args:
+        fan: (N - 2, 3) what is returned for a polygon without an area.
+    """
+    normal = _mean_normals(points[None])[0]
+    if not normal.any():
+        return fan
+    right = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
+    flat = (points - points.mean(0)) @ np.stack([right, np.cross(normal, right)], 1)
+    size = np.abs(flat).max()
+    made = np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat / size)]), np.int64).reshape(-1, 3)
+    return made if len(made) == len(fan) else fan

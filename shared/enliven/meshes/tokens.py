@@ -1,0 +1,100 @@
+"""Words and numbers of large text files, found by whole-array operations instead of a loop over words."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Int
+
+BLOCK_BYTES = 1 << 22
+"""Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
+_SHOWN_BYTES = 40
+"""Most bytes of a wrong word that a message shows."""
+_COMMENT = re.compile(rb"#[^\n]*")
+
+
+class WrongWord(ValueError):
+    """A word that is not what it should be.
+
+    Attributes:
+        line: its line in the text, from 0.
+        what: what is wrong with it.
+    """
+
+    def __init__(self, line: int, what: str) -> None:
+        super().__init__(f"line {line + 1}: {what}")
+        self.line, self.what = line, what
+
+
+def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
+    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one anywhere."""
+    at = 0
+    while at < len(text):
+        cut = len(text) if at + BLOCK_BYTES >= len(text) else text.rfind(end, at, at + BLOCK_BYTES)
+        if cut < at:
+            cut = text.find(end, at)
+        stop = len(text) if cut < 0 or cut == len(text) else cut + len(end)
+        yield at, text[at:stop]
+        at = stop
+
+
+def without_comments(text: bytes) -> bytes:
+    """Returns the text without what follows "#" on each line."""
+    return _COMMENT.sub(b"", text) if b"#" in text else text
+
+
+def word_starts(text: bytes) -> Int:
+    """(W,) the offset of each word of a text."""
+    is_space = np.frombuffer(text, np.uint8) <= ord(" ")
+    is_start = ~is_space
+    is_start[1:] &= is_space[:-1]
+    return np.flatnonzero(is_start)
+
+
+def lines_of(text: bytes, offsets: Int) -> Int:
+    """(W,) the number, from 0, of the line that each offset lies in."""
+    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
+    return np.searchsorted(ends, offsets)
+
+
+def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
+    """(N,) the numbers of a text, between white space.
+
+    Args:
+        dtype: float64 or int64.
+
+    Raises:
+        WrongWord: for a word that is not such a number.
+    """
+    with warnings.catch_warnings():
+        # Text that is not a number ends the parsing with a warning in some versions, an error in others.
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text, dtype, sep=" ") if text.strip() else np.empty(0, dtype)
+        except (DeprecationWarning, ValueError):
+            pass
+        warnings.simplefilter("ignore", DeprecationWarning)
+        at = _first_wrong(text, dtype)
+    word = text[at : at + _SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
+    kind = "whole number" if np.dtype(dtype).kind == "i" else "number"
+    raise WrongWord(text.count(b"\n", 0, at), f"{word!r} is not a {kind}")
+
+
+def _first_wrong(text: bytes, dtype: Any) -> int:
+    """Returns the offset of the first word that is not a number, by halving the words that may hold it."""
+    starts = word_starts(text)
+    low, high = 0, len(starts)
+    while high - low > 1:
+        middle = (low + high) // 2
+        part = text[starts[low] : starts[middle]]
+        try:
+            is_right = len(np.fromstring(part, dtype, sep=" ")) == middle - low
+        except ValueError:
+            is_right = False
+        low, high = (middle, high) if is_right else (low, middle)
+    return int(starts[low])

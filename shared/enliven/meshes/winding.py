@@ -1,0 +1,181 @@
+"""Repairs the winding of faces: neighbours agree, and closed shells face outwards."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.kernels import njit
+from enliven.meshes.kernels import face_areas
+from enliven.meshes.mesh import Mesh, weld
+
+_MIN_VOLUME_RATIO = 1e-6
+"""Least volume over area to the power 1.5 for which a shell has an inside: a sphere has 0.094, two sheets back to
+back none."""
+
+
+_MAX_NESTED_PARTS = 2048
+"""Most closed parts for which it is tested which lies inside which; this takes quadratic time. A model of more
+parts is a heap of things, and cavities are rare in these."""
+_MAX_AROUND = 32
+"""Most parts around one part that are tested, the largest first."""
+
+
+class _Edges(NamedTuple):
+    """The edges of faces, sorted so that equal ones follow each other.
+
+    Attributes:
+        faces: (3F,) the face of each.
+        forward: (3F,) whether it runs from its lower vertex to its higher one.
+        starts: (E,) where each group of equal edges begins.
+        counts: (E,) how many edges it has.
+    """
+
+    faces: Int
+    forward: Bool
+    starts: Int
+    counts: Int
+
+
+def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
+    """Returns the mesh with consistent winding, and a sentence for each kind of repair.
+
+    Faces that share an edge with exactly one other face are made to agree with it; the larger area decides for a
+    part that is open. A closed part faces outwards afterwards. A part inside another one keeps its sense against
+    that, so that a cavity stays one. A part with a single side (a Moebius strip) is left unchanged.
+    """
+    if len(mesh.faces) == 0:
+        return mesh, []
+    welded, _ = weld(mesh)
+    vertices, faces = welded.vertices, welded.faces
+    edges = _edges_of(faces, len(vertices))
+    pair = np.flatnonzero(edges.counts == 2)
+    one, two = edges.starts[pair], edges.starts[pair] + 1
+    agree = edges.forward[one] != edges.forward[two]
+    part, flip, is_twisted = _consistent(len(faces), edges.faces[one], edges.faces[two], agree)
+    areas = face_areas(vertices, faces)
+    count = int(part.max()) + 1
+    flip &= ~is_twisted[part]
+    # The larger half of each part keeps its winding.
+    turned = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
+    flip ^= turned[part]
+    closed = _closed_parts(edges, part, count) & ~is_twisted
+    volumes, sizes = _volumes(vertices, faces, flip, part, count), np.bincount(part, areas / 2, count)
+    inward = closed & (volumes < -_MIN_VOLUME_RATIO * sizes**1.5)
+    if inward.any():
+        inward = _follow_outer(vertices, faces, part, closed, inward)
+    flip ^= inward[part]
+    if not flip.any():
+        return mesh, []
+    whole = np.bincount(part, flip, count) == np.bincount(part, minlength=count)
+    turned_parts, turned_faces = int(whole.sum()), int((flip & ~whole[part]).sum())
+    notes = list[str]()
+    if turned_faces:
+        notes.append(f"turned {turned_faces} of {len(faces)} faces that were wound against their neighbours")
+    if turned_parts:
+        what = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
+        notes.append(f"{what} inside out: turned to face outwards")
+    return mesh.turned(flip), notes
+
+
+def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
+    ends = np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2).astype(np.int64)
+    key = ends.min(1) * vertex_count + ends.max(1)
+    order = np.argsort(key, kind="stable")
+    _, starts, counts = np.unique(key[order], return_index=True, return_counts=True)
+    forward = ends[:, 0] < ends[:, 1]
+    return _Edges(order // 3, forward[order], starts, counts)
+
+
+@njit(cache=True, nogil=True)
+def _parted(count, ones, twos, agree):  # type: ignore[no-untyped-def]
+    """For each of ``count`` faces its root in a forest and whether it runs against that; and the twisted roots.
+
+    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree keeps for each face whether its winding differs
+    from its parent's.
+    """
+    parent, against = np.arange(count), np.zeros(count, np.bool_)
+    twisted = np.zeros(count, np.bool_)
+    for e in range(ones.shape[0]):
+        a, b, differs = ones[e], twos[e], not agree[e]
+        # Walk up both trees, halving the paths, and collect how each face runs against its root.
+        while parent[a] != a:
+            up = parent[a]
+            against[a] ^= against[up] if parent[up] != up else False
+            parent[a] = parent[up]
+            differs ^= against[a]
+            a = parent[a]
+        while parent[b] != b:
+            up = parent[b]
+            against[b] ^= against[up] if parent[up] != up else False
+            parent[b] = parent[up]
+            differs ^= against[b]
+            b = parent[b]
+        if a == b:
+            twisted[a] |= differs
+        else:
+            low, high = min(a, b), max(a, b)
+            parent[high], against[high] = low, differs
+            twisted[low] |= twisted[high]
+    for f in range(count):
+        # A parent has a lower number, so its own root is already known.
+        up = parent[f]
+        if up != f:
+            against[f] ^= against[up]
+            parent[f] = parent[up]
+    return parent, against, twisted
+
+
+def _consistent(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
+    """(F,) the part of each face, (F,) whether it runs against the first face there, (P,) parts with one side."""
+    root, against, twisted = _parted(count, ones, twos, agree)
+    roots, part = np.unique(root, return_inverse=True)
+    return part.reshape(-1), against, twisted[roots]
+
+
+def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
+    """(P,) parts in which every edge has exactly two of the part's faces."""
+    group = np.repeat(np.arange(len(edges.starts)), edges.counts)
+    _, first, uses = np.unique(group * count + part[edges.faces], return_index=True, return_counts=True)
+    closed = np.ones(count, bool)
+    closed[part[edges.faces[first[uses != 2]]]] = False
+    return closed
+
+
+def _volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
+    """(P,) the signed volume of each part, positive if it faces outwards; meaningless if it is open."""
+    corners = vertices[faces] - vertices.mean(0)
+    volume = np.einsum("fa,fa->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    return np.bincount(part, np.where(flip, -volume, volume), count)
+
+
+def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward: Bool) -> Bool:
+    """(P,) parts to turn: outer ones that face inwards, with all that is inside them."""
+    turn, numbers = inward.copy(), np.flatnonzero(closed)
+    if len(numbers) > _MAX_NESTED_PARTS:
+        return turn
+    order = np.argsort(part, kind="stable")
+    ends = np.cumsum(np.bincount(part, minlength=len(closed)))
+    corners = [vertices[faces[order[ends[n - 1] if n else 0 : ends[n]]]] for n in numbers]
+    lows = np.array([own.min((0, 1)) for own in corners])
+    highs = np.array([own.max((0, 1)) for own in corners])
+    by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
+    for k in by_size:
+        around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
+        # The largest part around decides, since it was decided first.
+        for outer in by_size[around[by_size]][:_MAX_AROUND]:
+            if _is_inside(corners[k][0, 0], corners[outer]):
+                turn[numbers[k]] = turn[numbers[outer]]
+                break
+    return turn
+
+
+def _is_inside(point: Float, corners: Float) -> bool:
+    """Returns whether a point is inside a closed surface (F, 3, 3), by the sum of its faces' solid angles."""
+    a, b, c = (corners[:, k] - point for k in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    above = np.einsum("fa,fa->f", a, np.cross(b, c))
+    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    return bool(abs(2 * np.arctan2(above, below).sum()) > 2 * np.pi)

@@ -1,0 +1,145 @@
+"""Turns motion captures upright and finds their unit: the same for import, retargeting, export and studio."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.files import decode_text, open_file
+from enliven.formats.motion import UNITS, Capture, guess_unit, read_bvh, read_expmap
+from enliven.rotation import unit
+from enliven.takes.capture_roles import Roles, find_roles
+
+_Y_FROM = {
+    "+Y": np.eye(3),
+    "-Y": np.diag([1.0, -1.0, -1.0]),
+    "+Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "-Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "+X": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "-X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+"""(3, 3) rotations that bring each axis of a file up to +Y."""
+_HEAD_BYTES = 1024
+"""Bytes in which the first word of a file is looked for."""
+_MIN_ALIGNMENT = 0.8
+"""Least cosine between a rest pose, or an animal's legs, and an axis for it to state which way is up."""
+_MIN_REST_HEIGHT = 0.8
+"""Least height of a rest pose, as a ratio of that in the frames, for it to count as standing."""
+_FLOOR_TOLERANCE = 0.05
+"""Distance of the lowest joint from zero, as a ratio of the body's length, within which a file has its floor at
+zero along an axis: markers are some centimetres above it."""
+_FEET = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
+"""What the lowest joint of a leg is called in captures of animals too."""
+
+
+def read_capture(path: Path) -> Capture:
+    """Reads a motion capture, BVH or CMU's exponential maps, upright with +Y up and in its own unit.
+
+    Raises:
+        InputError: for a file that cannot be read or is damaged.
+    """
+    with open_file(path) as file:
+        is_bvh = decode_text(file.read(_HEAD_BYTES)).lstrip().upper().startswith("HIERARCHY")
+    capture = read_bvh(path) if is_bvh or path.suffix.lower() == ".bvh" else read_expmap(path)
+    turned = upright_capture(capture)
+    if turned is capture:
+        return capture
+    note = f"its {_up_axis(capture)} axis points up: turned upright"
+    return replace(turned, notes=(*capture.notes, note))
+
+
+def upright_capture(capture: Capture) -> Capture:
+    """Returns the capture with +Y up; the same object if it already is.
+
+    Joints' own frames are turned too, so that the result is what the same motion written with +Y up would be, and
+    zero rotations give the same pose.
+    """
+    up = _up_axis(capture)
+    if up == "+Y":
+        return capture
+    turn = _Y_FROM[up]
+    return replace(capture, positions=capture.positions @ turn.T, rotations=turn @ capture.rotations @ turn.T)
+
+
+def leg_length(capture: Capture, roles: Roles) -> float:
+    """Returns the length of the left leg from hip to ankle in the file's unit, the median over the frames."""
+    p = capture.positions
+    upper = np.linalg.norm(p[:, roles.hips[0]] - p[:, roles.knees[0]], axis=-1)
+    lower = np.linalg.norm(p[:, roles.knees[0]] - p[:, roles.ankles[0]], axis=-1)
+    return float(np.median(upper + lower))
+
+
+def metres_of_legs(capture: Capture) -> float | None:
+    """Returns the metres in a unit of the file, by the length of a person's legs; None if it has none by name."""
+    roles = _roles(capture)
+    return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
+
+
+def _roles(capture: Capture) -> Roles | None:
+    try:
+        return find_roles(capture)
+    except InputError:
+        return None
+
+
+def _up_axis(capture: Capture) -> str:
+    """Returns the axis of a file that points up, such as "+Z".
+
+    It is the axis along which the head is above the ankles, or the legs of an animal stand. Who crawls or lies
+    the whole time is recognised by a rest pose that stands along another axis, if the floor is at zero only
+    along that one.
+    """
+    roles = _roles(capture)
+    moving = np.median(_ups(capture, roles, capture.positions), axis=0)
+    if not moving.any():
+        return "+Y"
+    axis, is_clear = _nearest_axis(moving)
+    if roles is None and not is_clear:
+        return "+Y"
+    still = _ups(capture, roles, _zero_pose(capture)[None])[0]
+    resting, stands = _nearest_axis(still)
+    stands = stands and np.linalg.norm(still) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
+    if stands and resting != axis and _has_floor(capture, resting) and not _has_floor(capture, axis):
+        return resting
+    return axis
+
+
+def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
+    """(F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero if unknown."""
+    if roles is not None:
+        return positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1)
+    parents = np.array(capture.parents)
+    feet = [j for j, name in enumerate(capture.names) if _FEET.search(name) and not name.endswith(" end")]
+    legs = [(parents[parents[j]], j) for j in feet if parents[j] >= 0 and parents[parents[j]] >= 0]
+    if not legs:
+        return np.zeros((len(positions), 3))
+    return np.mean([positions[:, top] - positions[:, foot] for top, foot in legs], axis=0)
+
+
+def _nearest_axis(up: Float) -> tuple[str, bool]:
+    """Returns the axis nearest to a vector, +Y or -Y in doubt, and whether it is clear which one it is."""
+    length = np.abs(up)
+    k = 1 if length[1] >= length.max() else int(np.argmax(length))
+    return f"{'+-'[int(up[k] < 0)]}{'XYZ'[k]}", bool(np.abs(unit(up)[k]) > _MIN_ALIGNMENT)
+
+
+def _zero_pose(capture: Capture) -> Float:
+    """(N, 3) the joints with all rotations zero, the root at the origin."""
+    at = np.zeros((len(capture.parents), 3))
+    for j, parent in enumerate(capture.parents):
+        if parent >= 0:
+            apart = capture.positions[:, j] - capture.positions[:, parent]
+            at[j] = at[parent] + np.median(np.einsum("fji,fj->fi", capture.rotations[:, parent], apart), axis=0)
+    return at
+
+
+def _has_floor(capture: Capture, axis: str) -> bool:
+    """Returns whether the lowest joint is near zero along an axis, over the frames."""
+    along = capture.positions[:, :, "XYZ".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
+    length = float(np.median(np.ptp(capture.positions, axis=1).max(1)))
+    return bool(abs(np.percentile(along.min(1), 10)) < _FLOOR_TOLERANCE * length)
