@@ -9,7 +9,15 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit, read_bvh, read_expmap
+from enliven.formats.motion import (
+    COLUMNS,
+    UNITS,
+    Capture,
+    guess_unit,
+    read_bvh,
+    read_expmap,
+    without_added_poses,
+)
 from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
@@ -54,7 +62,7 @@ class MotionCaptureReader(FileReader):
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
         path = self.chosen(paths)
-        capture = read_expmap(path) if _is_expmap(path) else read_bvh(path)
+        capture = without_added_poses(read_expmap(path) if _is_expmap(path) else read_bvh(path))
         try:
             roles = find_roles(capture)
         except InputError as error:
