@@ -1,7 +1,7 @@
 """Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
 
 Many conversions of CMU's captures begin with one: frame 0 is a T-pose, frame 1 is the motion. Played, the
-body jumps. Such frames are found by their speed: nobody moves that fast, while the rest of the take is smooth.
+body jumps. Such frames are found by their speed: nobody moves that fast, while the rest is smooth.
 """
 
 from __future__ import annotations
