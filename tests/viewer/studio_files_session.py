@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import glfw
 import numpy as np
@@ -20,12 +21,14 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_acting_stage import acting_stage
 
+from enliven.document import Shape
 from enliven.exporters import exporter_of, performance_of
+from enliven.mapping import played_clip
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.sound import read_sound
 from enliven_viewer.studio.window import StudioWindow
 
-said: dict[str, object] = {"done": False}
+said: dict[str, Any] = {"done": False}
 
 
 def title() -> str:
@@ -56,6 +59,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     drop("limb.glb", "nothing.glb")
     ctx.yield_(3)
     said["dropped"] = sorted(workspace.editor.project.characters)
+    choose_clip(ctx, window)
     said["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["recent"] = [Path(name).name for name in workspace.preferences.recent]
     film(ctx, window)
@@ -66,6 +70,20 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(3)
     said["opened"] = [title(), [Path(name).name for name in workspace.preferences.recent]]
     said["done"] = True
+
+
+def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Choose "no clip" and then the clip again for the model that was dropped."""
+    editor = window.workspace.editor
+    dropped = editor.chosen(Shape)
+    assert dropped is not None
+    said["clip"] = [played_clip(editor.project, dropped)]
+    for name in ("no clip", str(said["clip"][0])):
+        ctx.item_click("//side/##clip")
+        ctx.yield_(2)
+        ctx.item_click(f"//$FOCUSED/{name}")
+        ctx.yield_(2)
+        said["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
 
 
 def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text
-from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit
+from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit, without_added_poses
 from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
@@ -61,7 +61,7 @@ class MotionCaptureReader(FileReader):
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
         path = self.chosen(paths)
-        capture = read_capture(path)
+        capture = without_added_poses(read_capture(path))
         for note in capture.notes:
             options.note(note)
         try:

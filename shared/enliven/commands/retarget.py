@@ -86,7 +86,7 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.gltf import read_gltf
-    from enliven.mapping import is_own_take, play_own_take, read_plan, write_plan
+    from enliven.mapping import is_looping, is_own_take, play_own_take, read_plan, write_plan
     from enliven.mapping import retarget as retarget_shape
     from enliven.takes import read_take
 
@@ -118,6 +118,9 @@ def retarget(
         typer.echo(f"enliven: {note}", err=True)
     made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
+    if is_looping(clip) and made.duration > 0.0:
+        # A loop has a frame at its very end.
+        rate = max(round(made.duration * rate), 1) / made.duration
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:

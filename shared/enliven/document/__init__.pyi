@@ -76,6 +76,7 @@ from .time_map import (
     Playing as Playing,
     Segment as Segment,
     TimeMap as TimeMap,
+    closing_time as closing_time,
     eased as eased,
     run_of as run_of,
 )

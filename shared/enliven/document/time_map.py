@@ -17,6 +17,12 @@ FASTEST = 50.0
 """Times as fast that a key of the speed plays a lane at most."""
 _APART = 1e-3
 """Seconds between two keys of a weight or a speed at least: below it no frame is seen."""
+_MOST = 4.0
+"""Times as long that it may take at most until all loops begin again together."""
+_ALMOST = 0.02
+"""Share of a round by which loops may miss one another there: too little to be seen as a jump."""
+_SHORTEST_ROUND = 0.05
+"""Seconds of a loop that counts at least: a shorter one is a pose."""
 _NEAR = 1e-9
 """Seconds within which two clips meet: rounding."""
 
@@ -305,6 +311,22 @@ class Playing(TimeMap):
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
         """The same layer with other ids of what it refers to."""
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
+
+
+def closing_time(rounds: Sequence[float], least: float) -> float:
+    """Seconds, at least ``least``, at which loops of these lengths all begin again together, or nearly.
+
+    It is ``least`` where that would take four times as long, and without loops.
+    """
+    rounds = [seconds for seconds in rounds if seconds > _SHORTEST_ROUND]
+    if not rounds:
+        return least
+    longest = max(rounds)
+    for count in range(math.ceil(least / longest - _ALMOST), math.ceil(_MOST * least / longest) + 1):
+        length = count * longest
+        if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
+            return length
+    return least
 
 
 def eased(share: float) -> float:

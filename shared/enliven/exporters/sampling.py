@@ -21,6 +21,7 @@ from enliven.document import (
     Shape,
     Skeleton,
     SkinWeights,
+    closing_time,
     joint_places,
 )
 from enliven.examples.baking import (
@@ -56,7 +57,8 @@ def performance_of(
 
     Args:
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
-        end: None takes the end of the last of what moves it.
+        end: None takes the end of the last of what moves it. What begins again goes on until all characters
+            of the project have ended, and to the end of a round.
         how: a puppet is baked as transforms that vertices follow, or as morph targets.
         settings: how closely a puppet is baked.
 
@@ -64,8 +66,22 @@ def performance_of(
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
     """
     found = project.character(character) if isinstance(character, str) else character
-    times = frame_times(start, project.end_of(found) if end is None else end, rate, found.id)
+    if end is None:
+        end, rate = _closing(project, found, start, rate)
+    times = frame_times(start, end, rate, found.id)
     return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
+
+
+def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
+    """The second at which a character has played all, and a rate (Hz) with a frame at the end of a loop."""
+    heard = [layer for layer in character.playing if not layer.muted]
+    rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
+    end = project.end_of(character)
+    if not rounds:
+        return end, rate
+    least = max(project.end_of(one) for one in project.characters.values())
+    end = closing_time(rounds, least)
+    return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
 def performance_of_clip(clip: Clip) -> Performance:

@@ -4,13 +4,22 @@ from .automatic_mapping import (
     Retargeted as Retargeted,
     automatic as automatic,
     idle_limbs as idle_limbs,
-    is_own_take as is_own_take,
     play_own_take as play_own_take,
     retarget as retarget,
     with_feet_pinned as with_feet_pinned,
 )
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
+from .own_clips import (
+    clip_to_open as clip_to_open,
+    is_looping as is_looping,
+    is_own_take as is_own_take,
+    looped as looped,
+    own_clips as own_clips,
+    play_own_clip as play_own_clip,
+    played_clip as played_clip,
+    stilled as stilled,
+)
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
 from .pose_error import LimbError as LimbError

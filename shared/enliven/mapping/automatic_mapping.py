@@ -18,6 +18,7 @@ from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.human_names import finger_joints
+from enliven.mapping.own_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import (
@@ -57,8 +58,6 @@ class Retargeted:
 
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
-_SAME = 1e-6
-"""Share of the size by which joints of one skeleton are apart at most: the rounding of files."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _BENDS = np.radians(5.0)
@@ -186,15 +185,6 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
     way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
-
-
-def is_own_take(clip: Clip, shape: Shape) -> bool:
-    """Whether a take was made for this very skeleton: the same joints, in the same places at rest."""
-    mine, theirs = clip.skeleton, shape.skeleton
-    if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
-        return False
-    apart = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
-    return bool(apart < _SAME * float(np.ptp(theirs.positions, axis=0).max()))
 
 
 def with_feet_pinned(

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from enliven.document import Clip
+from enliven.arrays import Float
+from enliven.document import Clip, joint_places
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
+from enliven.formats.motion import added_frames, told_added
 from enliven.formats.project import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import between_times, clip_of_capture
@@ -48,7 +50,9 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     kind = path.suffix.lower()
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
-        return _named(rig.clips, path, animation), tuple(rig.notes)
+        clip = _named(rig.clips, path, animation)
+        # A pose that snaps into another may be meant there: only the rest pose is known to be added.
+        return _without_added(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
         return _named(clips_of_recording(path), path, animation), ()
     if kind == ".enliven":
@@ -56,7 +60,19 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     if kind not in (".bvh", ".txt"):
         raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_KNOWN)
     capture = read_capture(path)
-    return clip_of_capture(capture, path.stem), tuple(capture.notes)
+    clip = clip_of_capture(capture, path.stem)
+    return _without_added(clip, joint_places(clip), tuple(capture.notes))
+
+
+def _without_added(
+    clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
+) -> tuple[Clip, tuple[str, ...]]:
+    """The clip without poses that were added at its ends, with a note; they stay its rest pose if they were."""
+    begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
+    if not (begin or end):
+        return clip, notes
+    kept = slice(begin, len(clip.turns) - end)
+    return clip.mapped(lambda track: track[kept]), (*notes, *told_added(begin, end))
 
 
 def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from enliven.document import joint_places
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.read import read_gltf
@@ -74,3 +75,11 @@ def test_the_parts_of_real_models(stem, legs, arms, tail):
         pytest.skip(f"no {stem}")
     found = anatomy_of(read_gltf(path).shape.skeleton)
     assert (len(found.legs), len(found.arms), found.tail is not None) == (legs, arms, tail)
+
+
+@pytest.mark.parametrize("path", TAKES, ids=lambda p: p.stem)
+def test_a_real_take_does_not_jump_at_its_ends(path):
+    """Eight of them begin with a T-pose that is not part of the motion."""
+    places = joint_places(read_take(path)[0])
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1)
+    assert max(steps[0], steps[-1]) < 2.0 * steps[1:-1].max()

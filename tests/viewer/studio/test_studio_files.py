@@ -11,10 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from in_a_window import in_a_window
+from pygltflib import GLTF2
+from studio_driver import HeadlessStage, Key, Wait, play
 
-from enliven.document.project import same
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
+from made_bodies import man, meshed, random_motion
+
+from enliven.document.project import Project, same
 from enliven.errors import InputError, ResourceError
+from enliven.exporters.gltf import glb_of
+from enliven.exporters.performance import Performance
+from enliven.exporters.sampling import performance_of
+from enliven.mapping.own_clips import play_own_clip, played_clip
 from enliven.modeling.edits import rename_character
+from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.project_store import ProjectStore
@@ -247,6 +257,8 @@ def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path)
     assert said["saved as"] == ["squid - enliven", ""]
     assert said["warns"] == ["save as", True] and said["replaced"] == ["squid - enliven", ""]
     assert said["dropped"] == ["limb", "limb 2", "post", "star"] and "nothing.glb" in said["told"][0]
+    first, none, again = said["clip"]
+    assert first and none is None and again == first, "the clip of a model is chosen at the right"
     assert said["recent"] == ["limb.glb", "squid.enliven", "Untitled.enliven"]
     assert said["film"] == ["squid.mp4"] and "Wrote 2 shapes to squid.mp4" in said["film told"]
     assert said["heard"] == pytest.approx(20_000, rel=0.1), "as loud as the tone"
@@ -276,6 +288,74 @@ def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_second
     # What was done before the last recovery files is never lost, however soon the kill came after.
     assert all(one["kept"] > 0 for one in said["results"] if one["worked_s"] > 6 * said["autosave"]), said
     assert all(one["kept"] <= one["told"] + 1 for one in said["results"]), said
+
+
+def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
+    """Writes a man with clips "clip 0", "clip 1" ..., those that loop or do not."""
+    random, skeleton = np.random.default_rng(seed), man()
+    shape, made = meshed("man", skeleton), []
+    for number, loop in enumerate(loops):
+        clip = random_motion(random, skeleton, 6, 0.2, f"clip {number}")
+        back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
+        project = Project().with_characters(shape).with_takes(back)
+        made.append(performance_of(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0))
+    write_clips(path, [f"clip {number}" for number in range(len(loops))], made)
+    return path
+
+
+def write_clips(path: Path, names: list[str], performances: list[Performance]) -> None:
+    """Writes performances of one character as one model with an animation for each."""
+    whole = GLTF2.load_from_bytes(glb_of([performances[0]]))
+    blob = bytearray(whole.binary_blob() or b"")
+    for performance in performances[1:]:
+        other = GLTF2.load_from_bytes(glb_of([performance]))
+        views, accessors = len(whole.bufferViews), len(whole.accessors)
+        for view in other.bufferViews:
+            view.byteOffset = (view.byteOffset or 0) + len(blob)
+        for accessor in other.accessors:
+            accessor.bufferView += views
+        for sampler in other.animations[0].samplers:
+            sampler.input, sampler.output = sampler.input + accessors, sampler.output + accessors
+        whole.bufferViews += other.bufferViews
+        whole.accessors += other.accessors
+        whole.animations += other.animations
+        blob += other.binary_blob() or b""
+    for animation, name in zip(whole.animations, names, strict=True):
+        animation.name = name
+    whole.buffers[0].byteLength = len(blob)
+    whole.set_binary_blob(bytes(blob))
+    path.write_bytes(b"".join(whole.save_to_bytes()))
+
+
+def test_a_model_that_is_opened_plays_its_clip_on_space_again_and_again(tmp_path) -> None:
+    made = Workspace.new(Editor(), tmp_path / "recovery")
+    made.open(model_with_clips(tmp_path / "man.glb", False, True))
+    editor = made.editor
+    assert "Space plays clip 1. 2 clips came with it: choose one at the right." in said(made)
+    assert not editor.playing and played_clip(editor.project, editor.project.shape("man")) == "clip 1"
+    play([Key("space"), Wait(0.25)], HeadlessStage(made))
+    assert editor.playing and editor.time > 0.2
+    clip, player = editor.project.takes["clip 1"], Player(editor.project, "man")
+    rounds = editor.length / clip.duration
+    assert rounds >= 1.0 and rounds == pytest.approx(round(rounds)), "the project ends with a round"
+    times = np.linspace(0.0, clip.duration, 7)[:-1]
+    np.testing.assert_allclose(player.sample(times)[1], player.sample(times + clip.duration)[1], atol=1e-5)
+    seam = player.sample(np.array([-1e-4, 1e-4]) + clip.duration)[1]
+    assert np.abs(seam[1] - seam[0]).max() < 1e-2, "nothing jumps where it begins again"
+    assert editor.history.names == ("open man.glb",)
+
+
+def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
+    made = Workspace.new(Editor(), tmp_path / "recovery")
+    first, other = tmp_path / "man.glb", tmp_path / "other.glb"
+    made.open(model_with_clips(first, True))
+    made.open(model_with_clips(other, True, seed=5))
+    made.open(first)
+    project = made.editor.project
+    takes = [played_clip(project, project.shape(name)) for name in ("man", "other", "man 2")]
+    assert takes == ["clip 0", "clip 0 1", "clip 0"], "one file opened twice has its clips once"
+    ends = [Player(project, name).at(0.3).turns for name in ("man", "other", "man 2")]
+    assert np.abs(ends[1] - ends[0]).max() > 0.01 and np.abs(ends[2] - ends[0]).max() < 1e-9
 
 
 def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:

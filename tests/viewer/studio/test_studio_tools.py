@@ -29,10 +29,11 @@ from studio_driver import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
-from made_bodies import horse, meshed, walk
+from made_bodies import horse, meshed, random_motion, walk
 
 from enliven.document.project import Project
 from enliven.document.rigged import Shape
+from enliven.mapping.own_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor
@@ -360,6 +361,55 @@ def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Worksp
     assert plan.travel and plan.steps and quality.slide is not None and quality.slide < 2.5
     low = [joints[:, 1].min() for joints in Player(editor.project, "horse").sample(np.linspace(0, 2, 9))[1]]
     np.testing.assert_allclose(low, horse().positions[:, 1].min(), atol=0.06)
+
+
+def test_a_whole_body_loops_where_the_box_says_so_and_is_mapped_again_in_its_own_place(
+    workspace: Workspace,
+) -> None:
+    """The box "loop" is honoured by the whole body too; a second mapping does not add to the first."""
+    clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
+    tool = workspace.input.tools["map"]
+    assert isinstance(tool, MapTool)
+    workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
+    editor = workspace.editor
+    editor.choose("horse")
+    tool.source.show(clip.id)
+    poses = []
+    for loop in (True, False, False):
+        tool.loop = loop
+        tool.map_whole()
+        editor.beside.finish()
+        layers = editor.project.shape("horse").layers
+        assert layers and all(layer.loop == loop for layer in layers), said(workspace)
+        poses.append(Player(editor.project, "horse").sample(np.array([0.5, 0.5 + clip.duration]))[0])
+    np.testing.assert_allclose(poses[0][0], poses[0][1], atol=1e-9)
+    np.testing.assert_allclose(poses[2], poses[1], atol=1e-9)
+    assert np.abs(poses[1][0] - poses[1][1]).max() > 1e-3
+
+
+def test_a_take_of_the_very_model_is_copied_joint_by_joint(workspace: Workspace) -> None:
+    random, shape = np.random.default_rng(4), meshed("horse", horse())
+    clip = random_motion(random, horse(), 6, name="own")
+    tool = workspace.input.tools["map"]
+    assert isinstance(tool, MapTool)
+    workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
+    editor = workspace.editor
+    editor.choose("horse")
+    tool.source.show("own")
+    tool.map_whole()
+    editor.beside.finish()
+    times = np.arange(5) * clip.step
+    np.testing.assert_allclose(Player(editor.project, "horse").sample(times)[0], clip.turns[:5], atol=1e-12)
+
+
+def test_a_chain_that_is_mapped_ends_the_clip_that_a_model_came_with(workspace: Workspace) -> None:
+    clip = random_motion(np.random.default_rng(4), workspace.editor.project.shape("limb").skeleton, 6)
+    workspace.store.new(play_own_clip(workspace.editor.project.with_takes(clip), "limb", "take"))
+    do(workspace, Click(Widget("take wave")), *(Click(SourceJoint(joint)) for joint in (0, 1)))
+    do(workspace, Click(JointPlace("limb", 0)), Click(JointPlace("limb", 2)))
+    assert {layer.take for layer in workspace.editor.project.shape("limb").layers} == {"wave"}, said(
+        workspace
+    )
 
 
 def test_a_foot_is_pinned_and_let_go(workspace: Workspace) -> None:

@@ -1,3 +1,8 @@
+from .added_pose import (
+    added_frames as added_frames,
+    told_added as told_added,
+    without_added_poses as without_added_poses,
+)
 from .bvh import read_bvh as read_bvh
 from .capture import UNITS as UNITS, Capture as Capture, guess_unit as guess_unit
 from .expmap import COLUMNS as COLUMNS, read_expmap as read_expmap

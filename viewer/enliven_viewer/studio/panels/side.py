@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven.document import FREE, Project, RigBase
+from enliven.document import FREE, Project, RigBase, Shape
+from enliven.mapping import own_clips, play_own_clip, played_clip
 from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
 from enliven_viewer.studio.panels.fields import character_name, slider, told
@@ -36,6 +37,8 @@ _TOGETHER = (
     "edit.delete",
 )
 """Actions on all that is chosen."""
+_NO_CLIP, _OTHER_MOTION = "no clip", "other motion"
+"""What the choice of clips is called where none of them plays."""
 _JOINTED = ("motion.spread", "motion.clear")
 """Actions that only characters with bones have."""
 
@@ -73,8 +76,34 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
         number = editor.selection.handle
         said.append(f"node {character.handles[number] if number < len(character.handles) else number}")
     quiet(", ".join(said))
+    if isinstance(character, Shape):
+        _clips(workspace, character)
     draw_numbers(workspace)
     _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+
+
+def _clips(workspace: Workspace, shape: Shape) -> None:
+    """Draw the choice among the clips that came with a model."""
+    editor = workspace.editor
+    names = own_clips(editor.project, shape)
+    if not names:
+        return
+    played, moved = played_clip(editor.project, shape), bool(shape.layers)
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##clip", f"Plays {played or (_OTHER_MOTION if moved else _NO_CLIP)}"):
+        for name in (None, *names):
+            if imgui.selectable(name or _NO_CLIP, name == played)[0] and (name != played or moved):
+                _play(workspace, shape.id, name)
+            workspace.remember(f"play {name or 'none'}")
+        imgui.end_combo()
+    workspace.remember("clip")
+    told("The clip of the model that plays, in the place of its other motion; keys stay")
+
+
+def _play(workspace: Workspace, name: str, clip: str | None) -> None:
+    """Let a shape play one of its clips, or none."""
+    what = f"play {clip}" if clip else "play no clip"
+    workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
 
 
 def _brush(workspace: Workspace, tool: PaintTool) -> None:

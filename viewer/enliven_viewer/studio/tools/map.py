@@ -6,7 +6,20 @@ from dataclasses import dataclass, replace
 
 from enliven.document import Project, Shape
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping import MotionQuality, Plan, Retargeted, automatic, quality_of, retarget, softened
+from enliven.mapping import (
+    MotionQuality,
+    Plan,
+    Retargeted,
+    automatic,
+    is_own_take,
+    looped,
+    play_own_take,
+    played_clip,
+    quality_of,
+    retarget,
+    softened,
+    stilled,
+)
 from enliven.motion.layers import bind_chain, goes_down
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
@@ -132,24 +145,34 @@ class MapTool(Tool):
             editor.toasts.say("Nothing to map", "Choose a take, and click the shape that is to move.")
             return
 
-        plan, before = replace(automatic(clip, shape), **vars(self.whole)), editor.project
-        if not plan.chains:
+        before, gentle, loop = editor.project, self.gentle, self.loop
+        itself = is_own_take(clip, shape)
+        plan = replace(automatic(clip, shape), **vars(self.whole))
+        if not (itself or plan.chains):
             mend = "Map it chain by chain, or pose the take and find matches."
             error = InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
             editor.toasts.complain(error)
             return
 
+        def fitted(project: Project) -> Retargeted:
+            """The shape with the take in the place of all that moved it."""
+            still = stilled(project, shape.id)
+            known = still.shape(shape.id)
+            if itself:
+                made = play_own_take(known, clip, still)
+            else:
+                made = retarget(known, clip, softened(plan, clip, known) if gentle else plan, still)
+            return replace(made, project=looped(made.project, shape.id)) if loop else made
+
         def work() -> tuple[Retargeted, MotionQuality]:
-            made = retarget(shape, clip, softened(plan, clip, shape) if self.gentle else plan, before)
+            made = fitted(before)
             return made, quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
 
         def then(found: tuple[Retargeted, MotionQuality]) -> None:
             made, quality = found
 
             def change(project: Project) -> Project:
-                known = project.shape(shape.id)
-                same = project is before
-                return made.project if same else retarget(known, clip, made.plan, project).project
+                return made.project if project is before else fitted(project).project
 
             if editor.edit(f"map all of {clip.id}", change):
                 self._last, self.made = None, (shape.id, clip.id, made.plan, quality)
@@ -162,7 +185,10 @@ class MapTool(Tool):
     def accept(self, offer: Offer) -> None:
         """Map every chain of an offer."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
-        if editor.edit(f"map {offer.take}", lambda p: accepted(p, offer, lens, other, self.loop)):
+        if editor.edit(
+            f"map {offer.take}",
+            lambda p: accepted(_without_clip(p, offer.shape), offer, lens, other, self.loop),
+        ):
             self._last = None
             count = len(offer.pairs)
             editor.toasts.say(f"{offer.take} drives {count} chain{'s' * (count != 1)} of {offer.shape}")
@@ -173,7 +199,7 @@ class MapTool(Tool):
 
         def change(project: Project) -> Project:
             return bind_chain(
-                project,
+                _without_clip(project, wish.shape),
                 wish.shape,
                 wish.target,
                 wish.take,
@@ -192,3 +218,9 @@ class MapTool(Tool):
             bones = max(len(wish.target) - 1, 1)
             said = f"{wish.take} moves {bones} bone{'s' * (bones != 1)} of {wish.shape}"
             self.editor.toasts.say(said, "Space plays it, Y flips it over.")
+
+
+def _without_clip(project: Project, shape_id: str) -> Project:
+    """A project in which a shape no longer plays a clip of its own: what is mapped next would add to it."""
+    plays = played_clip(project, project.shape(shape_id)) is not None
+    return stilled(project, shape_id) if plays else project

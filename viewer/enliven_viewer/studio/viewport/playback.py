@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from enliven.document import Project
-
-_MOST = 4.0
-"""Times its length that a project may play longer to end where all loops begin again together."""
-_ALMOST = 0.02
-"""Share of a round by which loops may miss one another there: too little to be seen as a jump."""
+from enliven.document import Project, closing_time
 
 
 def length_of(project: Project, shortest: float) -> float:
@@ -20,13 +13,4 @@ def length_of(project: Project, shortest: float) -> float:
     layers = [layer for character in project.characters.values() for layer in character.playing]
     sounds = [one.end for one in project.sounds.values()]
     least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
-    rounds = [layer.lasting(project.length_of(layer)) for layer in layers if layer.loop]
-    rounds = [seconds for seconds in rounds if seconds > 0.05]
-    if not rounds:
-        return least
-    longest = max(rounds)
-    for count in range(math.ceil(least / longest - _ALMOST), math.ceil(_MOST * least / longest) + 1):
-        length = count * longest
-        if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
-            return length
-    return least
+    return closing_time([layer.lasting(project.length_of(layer)) for layer in layers if layer.loop], least)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from enliven.document import Project, RigBase, unused
+import numpy as np
+
+from enliven.document import Clip, Project, RigBase, same, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
 from enliven.formats.rig import resized
+from enliven.mapping import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
@@ -138,13 +142,37 @@ def _add_model(editor: Editor, path: Path) -> None:
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
-        fresh = [clip for clip in rig.clips if clip.id not in project.takes]
-        return project.with_characters(shape).with_takes(*fresh)
+        project, names = _with_clips(project.with_characters(shape), rig.clips)
+        first = clip_to_open(shape, rig.clips)
+        return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
     if editor.edit(f"open {path.name}", add):
         editor.choose(made[-1])
-        _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
+        _tell(editor, path, rig.notes, _told_clips(editor.project, made[-1]))
         editor.frame_way()
+
+
+def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
+    """A project with a model's clips, and the name of each there; one that is there already is not added."""
+    names = dict[str, str]()
+    for clip in clips:
+        known = project.takes.get(clip.id)
+        if known is not None and same(known, clip):
+            names[clip.id] = clip.id
+            continue
+        names[clip.id] = unused(clip.id, project.takes)
+        project = project.with_takes(replace(clip, id=names[clip.id]))
+    return project, names
+
+
+def _told_clips(project: Project, shape_id: str) -> str:
+    """What a model that was opened plays, and where its other clips are."""
+    shape = project.shape(shape_id)
+    clips, played = own_clips(project, shape), played_clip(project, shape)
+    if played is None:
+        return f"{len(clips)} takes came with it." if clips else ""
+    more = f" {len(clips)} clips came with it: choose one at the right." if len(clips) > 1 else ""
+    return f"Space plays {played}.{more}"
 
 
 def _add_mesh(editor: Editor, path: Path) -> None:

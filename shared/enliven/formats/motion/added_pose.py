@@ -1,0 +1,102 @@
+"""Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
+
+Many conversions of CMU's captures begin with one: frame 0 is a T-pose, frame 1 is the motion. Played, the
+body jumps. Such frames are found by their speed: nobody moves that fast, while the rest is smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.formats.motion.capture import Capture
+
+_TOO_FAST = 8.0
+"""Body sizes a second of the fastest joint that nobody reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
+_JUMP = 4.0
+"""Times as fast as the rest of the take that the jump is at least: captures have glitches of their own."""
+_FADE = 1.5
+"""Times as fast as the rest of the take that the frames are at least over which a pose fades into the motion."""
+_LONGEST_FADE_S = 0.3
+"""Seconds that such a fade lasts at most: resampled files have spread the jump over some frames."""
+_FAR = 0.15
+"""Body sizes that a joint moves at least: a smaller jump hardly shows."""
+_LONGEST_HOLD_S = 2.0
+"""Seconds that an added pose is held at most."""
+_STILL = 1e-5
+"""Body sizes within which a held pose is one and the same: people are never that still."""
+_LEAST_REST = 5
+"""Steps between frames that the rest of a take has at least, to be called smooth."""
+_AT_REST = 0.05
+"""Body sizes that joints are away from the rest pose on average at most, in a frame that shows it."""
+
+
+def added_frames(
+    places: Float, seconds: float, rest: Float | None = None, only_rest: bool = False
+) -> tuple[int, int]:
+    """How many frames at the begin and at the end of a motion are an added pose.
+
+    Args:
+        places: (F, N, 3) the joints over time, in any unit.
+        seconds: from one frame to the next.
+        rest: (N, 3) the joints in the file's rest pose. A take that begins in it may fade into the motion.
+        only_rest: added frames show the rest pose; else any pose can be added.
+    """
+    return (
+        _leading(places, seconds, rest, only_rest),
+        _leading(places[::-1], seconds, rest, only_rest),
+    )
+
+
+def without_added_poses(capture: Capture) -> Capture:
+    """The capture without added poses at its ends, with a note on them."""
+    begin, end = added_frames(capture.positions, capture.seconds)
+    if not (begin or end):
+        return capture
+    kept = slice(begin, capture.frames - end)
+    notes = (*capture.notes, *told_added(begin, end))
+    positions, rotations = capture.positions[kept], capture.rotations[kept]
+    return replace(capture, positions=positions, rotations=rotations, notes=notes)
+
+
+def told_added(begin: int, end: int) -> tuple[str, ...]:
+    """Notes on frames that were left out at the begin and at the end."""
+    return tuple(
+        f"the {where} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion (an added "
+        "pose, such as a T-pose): left out"
+        for count, where in ((begin, "first"), (end, "last"))
+        if count
+    )
+
+
+def _leading(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
+    """How many frames at the begin are an added pose."""
+    size = float(np.ptp(places[len(places) // 2], axis=0).max())
+    if len(places) < _LEAST_REST + 2 or size <= 0.0:
+        return 0
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1) / size
+    moving = np.flatnonzero(steps > _STILL)
+    held = int(moving[0]) if len(moving) else 0
+    fade = max(round(_LONGEST_FADE_S / seconds), 1)
+    # The other end may have a pose of its own.
+    others = steps[held + fade : len(steps) - fade]
+    if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
+        return 0
+    usual, shows_rest = float(others.max()), rest is not None and _shows(places[0], rest, size)
+    if only_rest and not shows_rest:
+        return 0
+    first = steps[held : held + fade]
+    fast = first > (_FADE if shows_rest else _JUMP) * usual
+    count = len(fast) if fast.all() else int(np.argmin(fast))
+    if not count or first[:count].max() < _JUMP * usual:
+        return 0
+    far = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
+    return held + count if far > _FAR and (shows_rest or first[0] > _TOO_FAST * seconds) else 0
+
+
+def _shows(pose: Float, rest: Float, size: float) -> bool:
+    """Whether a pose (N, 3) is the rest pose, wherever its root is."""
+    apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
+    return bool(apart.mean() < _AT_REST * size)
