@@ -4,7 +4,8 @@ Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing w
 gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
 "tracking.sealed." of films that were opened once, after all tuning (:mod:`tracking_kept`); there the floor is
 measured, too. "tracking.turns." is of turns and floor work to tune on, "tracking.turns_sealed." of those that
-were opened once. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
+were opened once; "tracking.floor." and "tracking.floor_sealed." are newer films of them, in which nobody sinks into
+the floor. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
 without depth, and belong to the fusion of sensors.
 """
 
@@ -21,10 +22,10 @@ import tracking_real
 from figure import Figure
 from tracking_cache import rendered
 from tracking_evaluation import evaluated, mean_recovery
-from tracking_kept import SEALED, SEALED_TURNS
+from tracking_kept import SEALED, SEALED_FLOOR, SEALED_TURNS
 from tracking_scene import DATA
 from tracking_scores import Scores, joint_label
-from tracking_set import CLOSE, HELD_OUT, TUNING, TURNS, sequences
+from tracking_set import CLOSE, FLOOR, HELD_OUT, TUNING, TURNS, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.tracker import Tracker
@@ -51,6 +52,8 @@ def figures() -> Iterator[Figure]:
     yield from _accuracy(SEALED, "tracking.sealed")
     yield from _accuracy(TURNS, "tracking.turns")
     yield from _accuracy(SEALED_TURNS, "tracking.turns_sealed")
+    yield from _accuracy(FLOOR, "tracking.floor")
+    yield from _accuracy(SEALED_FLOOR, "tracking.floor_sealed")
     yield from _floor(SEALED, "tracking.sealed")
     yield from _real()
     yield from _memory()

@@ -11,11 +11,15 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
 import tracking_scene
-from tracking_kept import OPENED, SEALED, SEALED_TURNS
+from tracking_kept import OPENED, SEALED, SEALED_FLOOR, SEALED_TURNS
 from tracking_scene import Sequence
-from tracking_set import CLOSE, HELD_OUT, TUNING, TURNS, sequences
+from tracking_seated import SittingDown, lowest_point
+from tracking_set import CLOSE, FLOOR, HELD_OUT, TUNING, TURNS, sequences
 
 from enliven.camera import world_from_level_camera
+from enliven.person import Joint
+from enliven_synthesis.body import Performer
+from enliven_synthesis.body.performer import Proportions
 from enliven_synthesis.sensor.profile import load_profile
 
 
@@ -31,6 +35,9 @@ from enliven_synthesis.sensor.profile import load_profile
         (OPENED, SEALED),
         (TURNS, SEALED_TURNS),
         (TUNING, SEALED_TURNS),
+        (TURNS, SEALED_FLOOR),
+        (FLOOR, SEALED_FLOOR),
+        (SEALED_TURNS, SEALED_FLOOR),
     ],
 )
 def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) -> None:
@@ -75,6 +82,18 @@ def test_everybody_comes_into_view_and_stays_on_the_floor() -> None:
             wide = np.abs(camera[..., 0] / camera[..., 2]) < 0.6 * camera_width
             assert (wide & (camera[..., 2] > 0.5)).mean() > 0.3, (sequence.name, p)
             assert joints[..., 1].min() > -0.12, (sequence.name, p)
+
+
+@pytest.mark.parametrize("build", [Proportions(1.4), Proportions(1.75), Proportions(1.95, legs=1.05)])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_person_who_sits_down_rests_on_the_floor_and_does_not_sink_into_it(build, seed):
+    performer = Performer(build)
+    motion = SittingDown(performer, seed)
+    for time in np.linspace(0.0, motion.duration, 25):
+        figure = motion.figure(time)
+        assert lowest_point(performer, figure) == pytest.approx(0.0, abs=1e-3), time
+        assert figure.joints[:, 1].min() > 0.0, time
+    assert figure.joints[Joint.HIP_CENTER, 1] < 0.25 * build.height
 
 
 def test_frames_and_truth_are_kept_and_read_back(monkeypatch, tmp_path) -> None:

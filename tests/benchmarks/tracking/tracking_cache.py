@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import tracking_motions
+import tracking_seated
 from tracking_scene import Sequence
 
 import enliven_synthesis
@@ -115,8 +116,10 @@ def _key(sequence: Sequence) -> str:
     scene = {
         k: v for k, v in vars(sequence).items() if k not in ("name", "split", "covered", "kind", "trouble")
     }
-    if any(move.source == "turns" for person in sequence.people for _, move, _, _ in person.moves):
-        scene["motions"] = Path(tracking_motions.__file__).read_text()
+    sources = {move.source for person in sequence.people for _, move, _, _ in person.moves}
+    for source, module in (("turns", tracking_motions), ("seated", tracking_seated)):
+        if source in sources:
+            scene["motions"] = Path(str(module.__file__)).read_text()
     scene["knocked"] = sequence.trouble == "knocked"
     return hashlib.sha256((repr(scene) + _source()).encode()).hexdigest()[:12]
 

@@ -28,7 +28,7 @@ _STEP_LIFT = 0.04
 """Metres by which feet leave the floor in a turn."""
 
 
-class _Seed:
+class Seed:
     """Numbers near the written ones; as written for seed 0."""
 
     def __init__(self, seed: int) -> None:
@@ -49,7 +49,7 @@ class _Seed:
 
 def motion_named(name: str, seed: int = 0) -> Choreography:
     """The motion of that name, one of :data:`NAMES`."""
-    vary = _Seed(seed)
+    vary = Seed(seed)
     match name:
         case "half turns":
             return _turning(name, vary, _SWEEP, pause=0.75, low=0.0)
@@ -64,7 +64,7 @@ def motion_named(name: str, seed: int = 0) -> Choreography:
     raise ValueError(name)
 
 
-def _turning(name: str, vary: _Seed, sweep: float, pause: float, low: float) -> Choreography:
+def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> Choreography:
     """Four half turns with pauses between them; both feet swing round while the pelvis turns."""
     starts, time = [], 0.8
     ways = [vary.way, vary.way, -vary.way, vary.way]
@@ -112,7 +112,7 @@ def _home(**changes: Any) -> PerformerPosture:
 _Keys = tuple[tuple[float, PerformerPosture], ...]
 
 
-def _kneeling_kick(vary: _Seed) -> _Keys:
+def _kneeling_kick(vary: Seed) -> _Keys:
     """Goes down on one knee and both hands, and kicks the other leg up behind, then forward."""
     back = FootPose(-0.13, HOME_Z - 0.50, pitch=-1.1, yaw=-0.05)
     start = _home(left_foot=FootPose(0.13, HOME_Z + 0.08, yaw=0.1))
@@ -130,7 +130,7 @@ def _kneeling_kick(vary: _Seed) -> _Keys:
     )  # fmt: skip
 
 
-def _sitting(vary: _Seed) -> _Keys:
+def _sitting(vary: Seed) -> _Keys:
     """Sits down on the floor, legs forward, leans back on the hands, draws the knees up."""
     half = _home(rise=-0.4, pitch=0.5, spine_pitch=0.4, z=HOME_Z - 0.1)
     low = vary.near(-0.80, 0.02)
@@ -152,7 +152,7 @@ def _sitting(vary: _Seed) -> _Keys:
     )  # fmt: skip
 
 
-def _hidden_leg(vary: _Seed) -> _Keys:
+def _hidden_leg(vary: Seed) -> _Keys:
     """Stands on one leg, and holds the other shank up behind the standing one."""
     over: dict[str, Any] = {"x": -0.10, "roll": -0.04}
     shift = _home(**over)
@@ -164,7 +164,7 @@ def _hidden_leg(vary: _Seed) -> _Keys:
     return ((0.0, _home()), (0.5, shift), (1.2, behind), (2.2, behind), (3.0, crossed), (3.6, shift))
 
 
-def _keyed(name: str, vary: _Seed, *keys: tuple[float, PerformerPosture]) -> Choreography:
+def _keyed(name: str, vary: Seed, *keys: tuple[float, PerformerPosture]) -> Choreography:
     """Postures at seconds, eased from one to the next."""
     tempo = vary.near(1.0, 0.2)
     times, postures = [tempo * at for at, _ in keys], [posture for _, posture in keys]

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from tracking_motions import motion_named
+from tracking_seated import SittingDown
 
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import Capture
@@ -33,8 +34,8 @@ class Move:
     """A motion by name.
 
     Attributes:
-        source: "exercise", "close" (limbs close to the trunk), "turns" (turns and floor work), or the path of
-            a capture in the data folder.
+        source: "exercise", "close" (limbs close to the trunk), "turns" (turns and floor work), "seated" (sits down
+            on the floor), or the path of a capture in the data folder.
         name, seed: of the exercise, or of the motion with close limbs.
         start, stop: seconds of the capture.
         held: the second of an exercise at which the performer stays, or None.
@@ -49,13 +50,15 @@ class Move:
 
     @property
     def available(self) -> bool:
-        return self.source in ("exercise", "close", "turns") or (DATA / self.source).exists()
+        return self.source in ("exercise", "close", "turns", "seated") or (DATA / self.source).exists()
 
     def made_for(self, performer: Performer) -> Motion:
         if self.source == "close":
             return CloseLimbs(performer, self.name, self.seed)
         if self.source == "turns":
             return Danced(performer, motion_named(self.name, self.seed))
+        if self.source == "seated":
+            return SittingDown(performer, self.seed)
         if self.source == "exercise":
             danced = Danced(performer, exercise(self.name, self.seed))
             return danced if self.held is None else HeldMotion(danced, self.held)

@@ -7,7 +7,7 @@ them are left out, and every kind of difficulty is still covered by motions that
 
 from __future__ import annotations
 
-from tracking_kept import OPENED, SEALED_TURNS, kept_sequences
+from tracking_kept import OPENED, SEALED_FLOOR, SEALED_TURNS, kept_sequences
 from tracking_motions import NAMES as TURN_NAMES
 from tracking_scene import BACK, HOME, SIDE, Move, Person, Sequence, alone, exercise_move
 
@@ -19,6 +19,8 @@ CLOSE = "close"
 """Limbs close before the trunk, to tune on."""
 TURNS = "turns"
 """Turns and floor work, to tune on."""
+FLOOR = "floor"
+"""People who sit down on the floor and rest on it, to tune on."""
 
 DESK = (
     Box((-0.75, 0.0, -1.95), (0.75, 0.74, -1.90)),
@@ -308,10 +310,38 @@ def turns() -> list[Sequence]:
     return out
 
 
+_FLOOR_BUILDS = (
+    Proportions(1.79, 0.96, shoulders=1.02, hips=1.02),
+    Proportions(1.59, 1.06, legs=1.01),
+    Proportions(1.87, 1.10, arms=1.02),
+)
+"""Builds of the newest sealed turns and floor work, of no other set."""
+_SEATED = "seated"
+
+
+def floor_work() -> list[Sequence]:
+    """Sitting on the floor to tune on, and a sealed set of all kinds of turns and floor work, two films of each."""
+    kinds = [_SEATED if name == "sitting" else name for name in TURN_NAMES]
+    out = []
+    for split, letter, builds, first, names in (
+        (FLOOR, "f", (STOUT, AVERAGE, TALL, SMALL), 600, [_SEATED] * 4),
+        (SEALED_FLOOR, "z", _FLOOR_BUILDS, 12300, kinds * 2),
+    ):
+        for n, name in enumerate(names):
+            move = Move(_SEATED if name == _SEATED else "turns", name, first + n)
+            cast = alone(builds[n % len(builds)], move, (0.1 * (-1) ** n, -2.7), 0.6 * (-1) ** (n // 3))
+            sensor = ("kinect1", "oak-d")[n % 2]
+            seconds = 5.4 if name == _SEATED else 4.5
+            out.append(
+                Sequence(f"{letter} {name} {n // 5 + 1}{n % 5}", split, cast, seconds, sensor, seed=first + n)
+            )
+    return out
+
+
 def sequences(split: str | None = None, only: str | None = None) -> list[Sequence]:
     """The sequences that can be made here: of a split (or all), whose names have ``only`` in them."""
     return [
         s
-        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs(), *turns(), *kept_sequences())
+        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs(), *turns(), *floor_work(), *kept_sequences())
         if s.available and split in (None, s.split) and (only is None or only in s.name)
     ]

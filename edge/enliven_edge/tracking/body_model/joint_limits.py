@@ -15,6 +15,8 @@ from enliven_edge.tracking.body_model.posture import rotation
 
 _SIDE = np.diag([-1.0, 1.0, 1.0])
 """(3, 3) reverses x."""
+_FARTHER = 0.4
+"""Radians that hips bend farther where a person is known: 138 degrees against a level pelvis."""
 _FREE = 10.0
 """Radians: wider than any rotation vector, so no limit."""
 
@@ -64,6 +66,18 @@ MIDDLE = _middle()
 """(13, 3, 3) the middle of each range, parent_from_frame."""
 REACH = _reach()
 """(13, 3) radians, half the width of each range about its middle."""
+
+
+def _limber() -> tuple[Float, Float]:
+    """The middles and the widths of ranges in which only the hips bend farther."""
+    middle, reach = MIDDLE.copy(), REACH.copy()
+    middle[model.THIGH_L] = rotation(x=-0.5 - 0.5 * _FARTHER, z=0.6)
+    reach[[model.THIGH_L, model.THIGH_R], 0] += 0.5 * _FARTHER
+    return _with_right_side(middle), reach
+
+
+LIMBER = _limber()
+"""(13, 3, 3) and (13, 3): the same for a person who is known, see :class:`Fitter`."""
 
 
 def standing(

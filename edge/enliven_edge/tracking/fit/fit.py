@@ -94,11 +94,15 @@ class Fitter:
 
     Attributes:
         has_floor: whether limbs stay above y = 0. A guessed floor must not shorten legs.
+        limber: the same for people who are followed: their hips bend as far as when knees are drawn up. A
+            search does without, since one limber body explains two people side by side.
     """
 
-    def __init__(self, settings: FitSettings) -> None:
+    def __init__(self, settings: FitSettings, strict: Fitter | None = None) -> None:
         self.settings = settings
         self.has_floor = True
+        self._strict = strict
+        self.limber: Fitter = Fitter(settings, self) if strict is None else self
         self._stiffness, self._relaxedness = settings.temporal * _STIFF, settings.rest * _RELAXED
         self._constants: dict[tuple[float, bool], Held] = {}
 
@@ -142,9 +146,12 @@ class Fitter:
     def _constants_of(self, width: float | None) -> Held:
         """The lasting part, with weights and body, for a width in metres; the setting's where None."""
         width = float(self.settings.width if width is None else width)
-        key = width, self.has_floor
+        has_floor = self.has_floor if self._strict is None else self._strict.has_floor
+        key = width, has_floor
         if key not in self._constants:
-            limits = joint_limits.RELAXED, self._relaxedness, joint_limits.MIDDLE, joint_limits.REACH
-            settings = self.settings if self.has_floor else replace(self.settings, floor=0.0)
+            usual = joint_limits.MIDDLE, joint_limits.REACH
+            middle, reach = usual if self._strict is None else joint_limits.LIMBER
+            limits = joint_limits.RELAXED, self._relaxedness, middle, reach
+            settings = self.settings if has_floor else replace(self.settings, floor=0.0)
             self._constants[key] = hold(FitConstants(_SHAPE, weights_of(settings, width), *limits))
         return self._constants[key]

@@ -105,8 +105,8 @@ class Follower:
         self.evidence = np.zeros((20, len(NAMES)))
         self.lost = False
         self.person_probability = 1.0
-        self._fitter = fitter
-        self._recovery = PoseRecovery(fitter)
+        self._fitter = fitter.limber
+        self._recovery = PoseRecovery(fitter.limber)
         self._facing = Facing()
         self._before: Posture | None = None
         self._fitted = 0

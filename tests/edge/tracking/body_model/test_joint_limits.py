@@ -10,12 +10,10 @@ from enliven_edge.tracking.body_model.posture import rotation
 from enliven_edge.tracking.fit import terms
 
 
-def cost(rotations) -> float:
+def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
     """The energy of rotations outside the ranges."""
     nothing = np.zeros((42, 42)), np.zeros(42)
-    return terms.joint_ranges(
-        *nothing, rotations, joint_limits.MIDDLE, joint_limits.REACH, 1.0, model.DOF_FRAME, model.DOF_AXIS
-    )
+    return terms.joint_ranges(*nothing, rotations, *ranges, 1.0, model.DOF_FRAME, model.DOF_AXIS)
 
 
 def with_thigh(side: int, **turn: float):
@@ -51,6 +49,33 @@ def test_a_thigh_goes_where_a_dancer_moves_it(side, turn):
 )
 def test_a_thigh_goes_no_farther_than_a_hip_lets_it(side, turn):
     assert cost(with_thigh(side, **turn)) > 0.0
+
+
+@SIDES
+def test_hips_of_a_known_person_bend_as_far_as_when_knees_are_drawn_up(side):
+    drawn_up = with_thigh(side, x=-2.3)
+    assert cost(drawn_up) > 0.0
+    assert cost(drawn_up, joint_limits.LIMBER) == 0.0
+
+
+@SIDES
+@pytest.mark.parametrize(
+    "turn",
+    [{"x": -2.8}, {"z": 2.2}, {"z": -1.2}, {"x": 1.5}, {"y": 1.5}],
+    ids=["through the chest", "up", "across", "back", "twisted"],
+)
+def test_hips_of_a_known_person_have_limits_too(side, turn):
+    assert cost(with_thigh(side, **turn), joint_limits.LIMBER) > 0.0
+
+
+@pytest.mark.parametrize("ranges", [(joint_limits.MIDDLE, joint_limits.REACH), joint_limits.LIMBER])
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_shoulders_do_not_turn_against_the_hips_by_a_right_angle(ranges, way):
+    twisted = joint_limits.standing()
+    twisted[model.CHEST] = rotation(y=way * 0.7)
+    assert cost(twisted, ranges) == 0.0
+    twisted[model.CHEST] = rotation(y=way * 1.2)
+    assert cost(twisted, ranges) > 0.0
 
 
 @pytest.mark.parametrize("seed", range(20))
