@@ -43,6 +43,7 @@ class Rules:
     open: list[str] = field(default_factory=list)
     order: dict[str, list[str]] = field(default_factory=dict)
     exceptions: list[str] = field(default_factory=list)
+    only_imported_by: dict[str, str] = field(default_factory=dict)
 
     @staticmethod
     def read(path: Path) -> Rules:
@@ -84,6 +85,7 @@ class House:
             *self._two_meanings(),
             *self._crowded(),
             *self._mute(),
+            *self._past_their_gate(),
         ]
         return [one for one in said if one not in self.rules.exceptions]
 
@@ -215,11 +217,37 @@ class House:
                     "part it into rooms by what they are for."
                 )
 
+    def _past_their_gate(self) -> Iterator[str]:
+        """Yields a sentence for each import of a library that one module alone may import."""
+        for module, path in sorted(self.modules.items()):
+            for line, name in foreign_imports(path.read_text(encoding="utf-8")):
+                gate = self.rules.only_imported_by.get(name)
+                if gate is not None and module != gate:
+                    where = path.relative_to(self.root)
+                    yield f"{where}:{line} imports {name}, which only {gate} may: use its functions."
+
     def _mute(self) -> Iterator[str]:
         """Yields a sentence for each room with a door that does not say what the room is for."""
         for room in sorted(self.doors):
             if not ast.get_docstring(ast.parse(self.modules[room].read_text(encoding="utf-8"))):
                 yield f"{room} does not say what it is for: write a paragraph at the top of its __init__."
+
+
+def foreign_imports(text: str) -> Iterator[tuple[int, str]]:
+    """Yields the line and the top package of each import in a module, calls of ``import_module`` included."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""] if not node.level else []
+        elif isinstance(node, ast.Call) and node.args:
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            first = getattr(node.args[0], "value", None)
+            names = [first] if called in ("import_module", "__import__") and isinstance(first, str) else []
+        else:
+            continue
+        for name in names:
+            yield node.lineno, name.partition(".")[0]
 
 
 def _circles(arrows: set[tuple[str, str]]) -> list[set[str]]:

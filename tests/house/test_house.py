@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from house import House, Rules, project_house
+from house import House, Rules, foreign_imports, project_house
 
 ROOT = Path(__file__).parents[2]
 RULES = Rules.read(Path(__file__).with_name("rules.toml"))
@@ -31,6 +31,7 @@ SMALL = Rules(
     may_import={"core": [], "edge": ["core"]},
     open=["core", "edge"],
     order={"edge": ["sensing", "tracking", "loop"]},
+    only_imported_by={"chatty": "edge.loop"},
 )
 FILES = {
     "core/__init__.py": '"""Mathematics."""',
@@ -100,6 +101,14 @@ def test_a_house_in_order_is_let_be(tmp_path):
             "edge.sensing shows Frame, which is also a module of it",
         ),
         (
+            {"edge/tracking/tracker.py": "def f():\n    from chatty.parts import A\nTracker = 1"},
+            "edge/tracking/tracker.py:2 imports chatty, which only edge.loop may: use its functions",
+        ),
+        (
+            {"edge/tracking/tracker.py": "import importlib\nTracker = importlib.import_module('chatty')"},
+            "edge/tracking/tracker.py:2 imports chatty, which only edge.loop may: use its functions",
+        ),
+        (
             {"edge/sensing/__init__.py": "import lazy_loader"},
             "edge.sensing does not say what it is for",
         ),
@@ -108,6 +117,18 @@ def test_a_house_in_order_is_let_be(tmp_path):
 def test_what_breaks_a_rule_is_refused_with_a_way_out(tmp_path, changes, said):
     found = house_of(tmp_path, changes)
     assert len(found) == 1 and found[0].startswith(said)
+
+
+def test_the_one_module_may_import_its_library(tmp_path):
+    loop = "import chatty\nfrom edge.tracking import Tracker"
+    assert house_of(tmp_path, {"edge/loop.py": loop}) == []
+
+
+def test_no_other_file_imports_a_library_with_telemetry():
+    for folder in ("scripts", "tests", "docs", "firmware_configs"):
+        for path in (ROOT / folder).rglob("*.py"):
+            names = {name for _, name in foreign_imports(path.read_text(encoding="utf-8"))}
+            assert not names & RULES.only_imported_by.keys(), path
 
 
 def test_a_module_that_a_door_shows_may_be_imported_whole(tmp_path):

@@ -8,13 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from enliven.arrays import Bool, Float, Float32, Int
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import Joint
 from enliven_edge.assets import ESTIMATOR
+from enliven_edge.onnx_runtime import load_onnxruntime
 from enliven_edge.tracking.estimator.crop import Crop, crop_person
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.estimator.part_map import parts_at_rays
@@ -123,6 +123,7 @@ class PoseEstimator:
         Raises:
             InputError: where its file is missing or damaged.
         """
+        onnxruntime = load_onnxruntime()
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3

@@ -15,18 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from onnxruntime.quantization import (
-    CalibrationDataReader,
-    CalibrationMethod,
-    QuantFormat,
-    QuantType,
-    quantize_static,
-)
-from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from enliven.arrays import Float32
+from enliven_edge.onnx_runtime import load_onnxruntime
 from enliven_synthesis.training.dataset import Dataset
 from enliven_synthesis.training.pose_network.network import JOINTS
+
+_quantization = load_onnxruntime("onnxruntime.quantization")
 
 _SAMPLES = 600
 """Training samples that the ranges of all values are measured on: hundreds cover them."""
@@ -49,24 +44,25 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
         contextlib.redirect_stdout(io.StringIO()),
     ):  # it prints its bins
         folded = Path(spare) / "folded.onnx"
-        quant_pre_process(whole, folded, skip_symbolic_shape=True)
-        quantize_static(
+        preparation = load_onnxruntime("onnxruntime.quantization.shape_inference")
+        preparation.quant_pre_process(whole, folded, skip_symbolic_shape=True)
+        _quantization.quantize_static(
             folded,
             made,
             _Values(dataset, first),
-            quant_format=QuantFormat.QDQ,
+            quant_format=_quantization.QuantFormat.QDQ,
             per_channel=True,
             reduce_range=True,
-            activation_type=QuantType.QUInt8,
-            weight_type=QuantType.QInt8,
+            activation_type=_quantization.QuantType.QUInt8,
+            weight_type=_quantization.QuantType.QInt8,
             op_types_to_quantize=["Conv", "Add", "Relu"],
             nodes_to_exclude=_kept_whole(onnx.load(folded)),
-            calibrate_method=CalibrationMethod.Percentile,
+            calibrate_method=_quantization.CalibrationMethod.Percentile,
             extra_options={"CalibPercentile": _KEPT},
         )
 
 
-class _Values(CalibrationDataReader):  # type: ignore[misc]
+class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
     """Training samples as inputs of the network, two of three with the facing."""
 
     def __init__(self, dataset: Dataset, first: int) -> None:

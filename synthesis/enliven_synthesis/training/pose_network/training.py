@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime
 import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
@@ -20,6 +19,7 @@ from torch.nn.functional import cross_entropy
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.settings import setting
+from enliven_edge.onnx_runtime import load_onnxruntime
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, NOBODY, ROWS
 from enliven_synthesis.training.dataset import Batch, Dataset
 from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorDataset
@@ -137,7 +137,7 @@ def train(
 
 def measure(path: Path, dataset: Dataset) -> Measured:
     """Scores an exported network, run as the tracker does, on the samples kept back."""
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    session = load_onnxruntime().InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
     facing, parts, persons = [], [], []
     for first in range(0, KEPT_BACK, 250):

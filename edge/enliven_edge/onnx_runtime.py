@@ -1,0 +1,176 @@
+"""Loads ONNX Runtime without its telemetry, and removes the telemetry files of earlier runs.
+
+The library's own packages (from version 1.29 on) send data about the machine and its programs to Microsoft,
+keep a persistent device id and a queue of events in the user's cache, and a session file in the temporary
+folder. The telemetry is off only if an environment variable is set before the library starts. So every
+import of onnxruntime in this project goes through :func:`load_onnxruntime`; ``tests/house`` holds that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import os
+import re
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+if sys.platform != "win32":
+    import fcntl
+
+log = logging.getLogger(__name__)
+
+TELEMETRY_SWITCH = "ORT_DISABLE_TELEMETRY"
+"""The environment variable that ONNX Runtime reads once, as it starts: 1 keeps its telemetry off."""
+_FOLDER = ("Microsoft", "DeveloperTools", ".onnxruntime")
+"""ONNX Runtime's folder for telemetry, below the user's cache folder."""
+_DEVICE_ID = re.compile(rb"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\s*")
+"""The whole content of the file ``deviceid``."""
+_SESSION = re.compile(rb"\d{13}\n[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\s*")
+"""The whole content of the file ``.ses``: milliseconds of the epoch, then an id."""
+_FILES = re.compile(r"deviceid(\.lock|\.tmp\..*)?|onnxruntime\.db(-shm|-wal|-journal)?")
+"""Names of the files that the telemetry writes into its folder."""
+_SHORT = 64
+"""Bytes that are read of a file to recognise it: both patterns are shorter."""
+_SQLITE = b"SQLite format 3\0"
+"""The first bytes of the queue of events."""
+_IN_USE_BYTE = 128
+"""The byte of a ``-shm`` file that SQLite keeps locked while a process has the database open."""
+
+
+def disable_telemetry() -> None:
+    """Sets the environment variable that keeps ONNX Runtime's telemetry off, here and in child processes.
+
+    A value of the user's is replaced: a program with a camera never reports to others. If another part of the
+    process has loaded the library with its telemetry before, a warning says so.
+    """
+    if "onnxruntime" in sys.modules and os.environ.get(TELEMETRY_SWITCH) != "1":
+        log.warning(
+            "onnxruntime was loaded before enliven, with its telemetry. Set %s=1 before it is imported.",
+            TELEMETRY_SWITCH,
+        )
+    os.environ[TELEMETRY_SWITCH] = "1"
+
+
+def load_onnxruntime(module: str = "onnxruntime") -> Any:
+    """Returns ONNX Runtime, or one of its modules, loaded without telemetry.
+
+    The first call of a process removes the telemetry files that earlier runs left.
+    """
+    disable_telemetry()
+    if "onnxruntime" not in sys.modules:
+        remove_telemetry_files()
+    library = importlib.import_module("onnxruntime")
+    # Its Windows builds with the system's own telemetry do not read the variable.
+    library.disable_telemetry_events()
+    return importlib.import_module(module)
+
+
+def remove_telemetry_files() -> list[Path]:
+    """Removes the device id, the queued events and the session file of ONNX Runtime; returns their paths.
+
+    A file is removed only if its place, name, owner and content are those of the telemetry. Symbolic links
+    are not followed. Nothing is removed while another process has the queue open.
+    """
+    if sys.platform == "win32":
+        return []
+    removed: list[Path] = []
+    for folder in _telemetry_folders():
+        with contextlib.suppress(OSError), _opened_below(folder) as descriptor:
+            removed += [folder / name for name in _remove_own_files(descriptor)]
+        if not any(path.parent == folder for path in removed):
+            continue
+        with contextlib.suppress(OSError):  # another program's files keep a folder
+            for emptied in (folder, *folder.parents[: len(_FOLDER) - 1]):
+                emptied.rmdir()
+    session = Path(tempfile.gettempdir()) / ".ses"
+    # Other libraries of the same maker write this file, too: it goes only with the folder.
+    if removed and _SESSION.fullmatch(_first_bytes(session)):
+        with contextlib.suppress(OSError):
+            session.unlink()
+            removed.append(session)
+    if removed:
+        log.info("removed the telemetry files that ONNX Runtime had left in %s", removed[0].parent)
+    return removed
+
+
+def _telemetry_folders() -> Iterator[Path]:
+    """Yields the folders in which ONNX Runtime keeps telemetry on Linux and on macOS."""
+    with contextlib.suppress(RuntimeError):
+        home = Path(os.environ.get("HOME") or Path.home())
+        if sys.platform == "darwin":
+            yield home.joinpath("Library", "Application Support", *_FOLDER)
+        yield home.joinpath(".cache", *_FOLDER)
+    if os.environ.get("XDG_CACHE_HOME"):
+        yield Path(os.environ["XDG_CACHE_HOME"]).joinpath(*_FOLDER)
+
+
+@contextlib.contextmanager
+def _opened_below(folder: Path) -> Iterator[int]:
+    """Opens ``folder``, the last parts of which must be no symbolic links, for functions with ``dir_fd``.
+
+    Raises:
+        OSError: if it is missing, or a part of it is a link.
+    """
+    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+    descriptor = os.open(folder.parents[len(_FOLDER) - 1], flags)
+    try:
+        for name in _FOLDER:
+            inner = os.open(name, flags | os.O_NOFOLLOW, dir_fd=descriptor)
+            os.close(descriptor)
+            descriptor = inner
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _remove_own_files(folder: int) -> list[str]:
+    """Removes the telemetry's files from an opened folder and returns their names; none if one is in use."""
+    names = [name for name in os.listdir(folder) if _FILES.fullmatch(name)]
+    if "onnxruntime.db-shm" in names and _is_in_use("onnxruntime.db-shm", folder):
+        return []
+    is_queue = _first_bytes("onnxruntime.db", folder).startswith(_SQLITE)
+    is_device_id = _DEVICE_ID.fullmatch(_first_bytes("deviceid", folder)) is not None
+    removed = []
+    for name in names:
+        is_telemetry = is_device_id if name.startswith("deviceid") else is_queue
+        if is_telemetry and _is_own_file(os.stat(name, dir_fd=folder, follow_symlinks=False)):
+            os.unlink(name, dir_fd=folder)
+            removed.append(name)
+    return removed
+
+
+def _is_own_file(status: os.stat_result) -> bool:
+    """Returns whether a file is a regular one of this user with no second name."""
+    return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid() and status.st_nlink == 1
+
+
+def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
+    """Returns the first bytes of this user's regular file; none if there is no such file."""
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(path, flags, dir_fd=folder)
+    except OSError:
+        return b""
+    with os.fdopen(descriptor, "rb") as file:
+        return file.read(_SHORT) if _is_own_file(os.fstat(descriptor)) else b""
+
+
+def _is_in_use(name: str, folder: int) -> bool:
+    """Returns whether a process has the database of this ``-shm`` file open, by SQLite's lock on it."""
+    try:
+        descriptor = os.open(name, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
+    except OSError:
+        return True
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _IN_USE_BYTE)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False

@@ -1,0 +1,154 @@
+"""No program of enliven looks up an outside name, sends to an outside address, or leaves telemetry behind."""
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from name_hook import TELEMETRY_HOST, NameHook
+from patience import until
+
+import enliven_edge.assets
+from enliven.commands.processes import is_listening
+from enliven.wire import free_ports
+
+CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
+LONGEST_DELAY = 9.5
+"""Seconds after which the library's telemetry looks its host up for the first time: 8.9 to 9.0 measured."""
+COMMAND_THAT_STAYS = (
+    "import sys, time; from enliven.cli import run; run(sys.argv[2:]); time.sleep(float(sys.argv[1]))"
+)
+"""Runs a command, and stays long enough for telemetry to report."""
+LIBRARY = """
+import sys, time
+from enliven_edge.tracking.estimator import shipped_estimator
+shipped_estimator()
+time.sleep(float(sys.argv[1]))
+"""
+OLD_BEHAVIOUR = """
+import signal, sys, time
+import onnxruntime
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
+time.sleep(300)
+"""
+"""ONNX Runtime without enliven, ended as enliven ends."""
+LOOPBACK_ALONE = """
+import fcntl, socket, struct, sys
+from enliven.cli import run
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+    fcntl.ioctl(device, 0x8914, struct.pack("16sh14x", b"lo", 0x1 | 0x40))
+sys.exit(run(sys.argv[1:]))
+"""
+"""Brings the loopback device up (SIOCSIFFLAGS: up and running), then runs a command."""
+NETWORK = CHAIR.with_name("estimator.onnx")
+
+
+@pytest.fixture
+def screen() -> Iterator[str]:
+    """A screen without hooks of its own."""
+    if shutil.which("Xvfb") is None:
+        pytest.skip("the windows need Xvfb")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as number:
+            yield f":{number.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def ended(process: subprocess.Popen[str]) -> str:
+    """Ends a program, and returns what it wrote."""
+    process.terminate()
+    try:
+        return process.communicate(timeout=20)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]
+
+
+def fenced(*words: str | Path) -> list[str | Path]:
+    """Returns the command line of ``enliven`` with these words, without a network if possible."""
+    if shutil.which("unshare") is None or subprocess.run(["unshare", "-rn", "true"]).returncode:
+        return [sys.executable, "-m", "enliven", *words]
+    return ["unshare", "-rn", sys.executable, "-c", LOOPBACK_ALONE, *words]
+
+
+def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> None:
+    """Runs every program at once under the hook, and next to them the library as it is without enliven.
+
+    ``enliven run`` starts ``enliven edge`` and ``enliven view``, which inherit the hook. If it is allowed, it
+    runs in a network namespace with nothing but a loopback device, as behind a firewall.
+    """
+    hook, old = NameHook(tmp_path / "ours"), NameHook(tmp_path / "old")
+    with contextlib.ExitStack() as stack:
+
+        def start(hook: NameHook, *words: str | Path) -> subprocess.Popen[str]:
+            process = hook.start(*words, DISPLAY=screen, LIBGL_ALWAYS_SOFTWARE="1")
+            stack.callback(ended, process)
+            return process
+
+        library = start(old, sys.executable, "-c", OLD_BEHAVIOUR, NETWORK)
+        stays = (sys.executable, "-c", COMMAND_THAT_STAYS, str(LONGEST_DELAY + 1))
+        short = [
+            start(hook, *stays, "track", CHAIR, "-o", tmp_path / "bodies.mcap"),
+            start(
+                hook,
+                *stays,
+                "scan",
+                "--person",
+                "--recording",
+                CHAIR,
+                "--seconds",
+                "1",
+                "-o",
+                tmp_path / "s.glb",
+            ),
+            start(hook, sys.executable, "-c", LIBRARY, str(LONGEST_DELAY + 1)),
+        ]
+        run = start(hook, *fenced("run", "--window", "--size", "160x120", "--recording", CHAIR))
+        studio = start(hook, sys.executable, "-m", "enliven", "studio")
+        for process in short:
+            process.wait(300)
+        until(lambda: TELEMETRY_HOST in old.outside_names(), "the library's own behaviour under the hook")
+        assert run.poll() is None and studio.poll() is None, ended(run) + ended(studio)
+        said = [ended(process) for process in (*short, run, studio)]
+        assert library.poll() is None
+    assert (tmp_path / "bodies.mcap").exists(), said
+    assert old.telemetry_files(), "the library's own behaviour keeps a device id"
+    assert hook.outside_names() == set(), said
+    assert hook.telemetry_files() == [], said
+    assert "127.0.0.1" in hook.log.read_text(), "the viewer of enliven run was under the hook"
+
+
+def test_the_edge_ends_at_sigterm_after_the_clock_has_jumped_before_1970(tmp_path: Path) -> None:
+    """The library's own telemetry keeps a process from ending then: shown next to it."""
+    hook, old = NameHook(tmp_path / "ours"), NameHook(tmp_path / "old")
+    library = old.start(sys.executable, "-c", OLD_BEHAVIOUR, NETWORK)
+    port, control = (str(port) for port in free_ports()[:2])
+    at = ("--port", port, "--control-port", control, "--name", "past")
+    edge = hook.start(sys.executable, "-m", "enliven", "edge", "--recording", CHAIR, "--loop", *at)
+    try:
+        until(old.telemetry_files, "the library's own behaviour")
+        old.past.touch()
+        jumped = time.monotonic()
+        until(lambda: is_listening("127.0.0.1", int(port)), "the edge", 300.0)
+        hook.past.touch()
+        time.sleep(max(1.0, jumped + LONGEST_DELAY + 1.0 - time.monotonic()))
+        library.terminate()
+        edge.terminate()
+        assert edge.wait(15) in (0, 130), "done, or interrupted while it prepares"
+        assert library.poll() is None, "the library's own behaviour: it hangs"
+    finally:
+        for process in (library, edge):
+            process.kill()
+            process.wait()
