@@ -25,16 +25,18 @@ from enliven.wire import (
     Endpoint,
     GetState,
     Hello,
+    Malformed,
     Ping,
     Pong,
     PoseCodec,
     PoseMessage,
     Refused,
+    Rejects,
     Revision,
     StatusMessage,
     Welcome,
     character_to_message,
-    pack_stream,
+    pack_checked,
     payload,
 )
 from enliven_edge.closing import Closing
@@ -110,6 +112,7 @@ class Publisher(Closing):
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
         self._last_beat = -math.inf
+        self._unsent = Rejects("edge, sending")
 
     @property
     def viewers(self) -> int:
@@ -209,8 +212,16 @@ class Publisher(Closing):
         return message
 
     def publish(self, message: Any) -> int:
-        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets."""
-        topic, data = BY_TYPE[type(message)], pack_stream(message)
+        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets.
+
+        A message that viewers would refuse is counted and not sent: 0 bytes.
+        """
+        topic = BY_TYPE[type(message)]
+        try:
+            data = pack_checked(message)
+        except Malformed as error:
+            self._unsent.add(error)
+            return 0
         # What is said about a character after it left is not kept: it would stay for ever.
         if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data

@@ -11,13 +11,17 @@ from __future__ import annotations
 
 import functools
 import logging
+import re
 from collections import Counter
 from typing import Any, Union
 
 import msgspec
 
-from enliven.errors import EnlivenError
-from enliven.wire.requests import REQUESTS
+from enliven.document import Character
+from enliven.errors import EnlivenError, InputError
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert_characters import character_to_message, message_to_character
+from enliven.wire.requests import REQUESTS, Request
 from enliven.wire.topics import BY_TYPE, REPLY, REQUEST, STREAMS, Topic
 
 log = logging.getLogger(__name__)
@@ -59,6 +63,57 @@ def pack_stream(message: Any) -> bytes:
     """
     topic = BY_TYPE[type(message)]
     return topic.name.encode() + b"\0" + bytes([VERSION]) + _ENCODER.encode(message)
+
+
+def pack_checked(message: Any) -> bytes:
+    """Returns a stream message as it goes on the socket, after it was read again as a viewer would.
+
+    Raises:
+        KeyError: for an object that is no message of the table.
+        Malformed: for a message that viewers would refuse.
+    """
+    data = pack_stream(message)
+    topic = BY_TYPE[type(message)]
+    _checked(topic, data[len(topic.name) + 1 :])
+    return data
+
+
+def check_request(body: Any) -> None:
+    """Checks that a request can be sent and read again.
+
+    Raises:
+        InputError: with the field that is out of its range, and the range.
+    """
+    try:
+        unpack_control(pack_control(Request(0, body)), REQUEST)
+    except Malformed as error:
+        where = f"request {type(body).__name__}"
+        raise InputError(_described(error.why), where=where, mend="Give a value in its range.") from None
+
+
+def check_character(character: Character) -> None:
+    """Checks that a character can be sent and read again.
+
+    Raises:
+        InputError: with the field that is out of its range, and the range.
+    """
+    message = character_to_message(character, 1)
+    try:
+        message = _decoder(CharacterMessage, ()).decode(payload(message))
+    except (msgspec.MsgspecError, ValueError) as error:
+        where = f"character {character.id!r}"
+        raise InputError(_described(str(error)), where=where, mend="Change it in the project.") from None
+    message_to_character(message)
+
+
+def _described(reason: str) -> str:
+    """Returns a decoder's reason as a sentence for people: the field, and what is wrong with it."""
+    what, _, place = reason.partition(" - at `$")
+    field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
+    expected = re.fullmatch(r"Expected `[^`]*` (.*)", what)
+    if expected is not None:
+        return f"{field} is out of its range ({expected[1]})"
+    return f"{field} cannot be sent" if what.startswith("Expected") else what
 
 
 def payload(message: Any) -> bytes:

@@ -204,6 +204,8 @@ class Scan(Order, frozen=True):
             raise ValueError("a thing that is moved needs the floor about it: leave out within, or moved")
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
+        if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
+            raise ValueError("the lowest corner of the box lies above the highest")
 
 
 class Ping(Ask, frozen=True):
