@@ -56,16 +56,98 @@ def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
 
 
 def message(info: inspect.StructType) -> st.SearchStrategy[Any]:
-    """Messages of a class with every field in its range; those that contradict themselves are left out."""
+    """Messages of a class with every field in its range, and lengths that belong together."""
+    parts = {field.name: accepted(field.type) for field in info.fields}
 
     def build(values: dict[str, Any]) -> Any:
-        try:
-            return info.cls(**values)
-        except ValueError:
-            return None
+        if info.cls.__name__ in FITTED:
+            FITTED[info.cls.__name__](values)
+        return info.cls(**values)
 
-    parts = {field.name: accepted(field.type) for field in info.fields}
-    return st.fixed_dictionaries(parts).map(build).filter(lambda made: made is not None)
+    return st.fixed_dictionaries(parts).map(build)
+
+
+def _fit_body(v: dict[str, Any]) -> None:
+    v["orientations"] = bytes(80) if len(v["orientations"]) % 2 else b""
+    v["contacts"] = b"" if len(v["contacts"]) < 2 else v["contacts"]
+
+
+def _fit_cues(v: dict[str, Any]) -> None:
+    v["nodes"] = bytes(2 * len(v["strengths"]))
+    v["owners"] = bytes(len(v["strengths"])) if v["performers"] else b""
+
+
+def _fit_props(v: dict[str, Any]) -> None:
+    count = len(v["shapes"])
+    for name, each in (("ids", 2), ("sizes", 6), ("colours", 3), ("positions", 6), ("turns", 4)):
+        v[name] = bytes(each * count)
+
+
+def _fit_match(v: dict[str, Any]) -> None:
+    v["sizes"] = bytes(size % 16 for size in v["sizes"])
+    v["points"] = bytes(6 * sum(v["sizes"]))
+
+
+def _fit_matches(v: dict[str, Any]) -> None:
+    v["shown"] = min(v["shown"], len(v["matches"]) - 1)
+
+
+def _fit_camera(v: dict[str, Any]) -> None:
+    v["nearness"] = bytes(v["width"] * v["height"])
+
+
+def _fit_scan(v: dict[str, Any]) -> None:
+    for name, length in (("ends", 15), ("joints", 60), ("stage_from_camera", 12), ("view", 6)):
+        v[name] = v[name] if len(v[name]) == length else []
+
+
+def _fit_piece(v: dict[str, Any]) -> None:
+    count = len(v["seen"])
+    v["vertices"], v["colours"] = bytes(6 * count), bytes(3 * count) if v["colours"] else b""
+    v["faces"] = bytes(6 * count)
+
+
+def _fit_order(v: dict[str, Any]) -> None:
+    v["within"] = None if v["person"] or v["moved"] or v["turned"] else v["within"]
+    v["moved"], v["turned"] = v["moved"] and not v["person"], v["turned"] and not v["person"]
+    whole = len(v["box"]) == 6 and len(v["stage_from_scan"]) == 12
+    corners = v["box"][:3], v["box"][3:]
+    v["box"] = [*map(min, *corners), *map(max, *corners)] if whole else []
+    v["stage_from_scan"] = v["stage_from_scan"] if whole else []
+
+
+def _fit_materials(v: dict[str, Any]) -> None:
+    v["of"], v["uvs"] = bytes(4 * 3), bytes(24 * 3 * v["sets"])
+    v["tints"] = None if v["tints"] is None else bytes(48 * 3)
+
+
+def _fit_character(v: dict[str, Any]) -> None:
+    v |= {"vertex_count": 5, "face_count": 3, "pivot_count": 2, "edge_count": 1, "vertices": bytes(60)}
+    v |= {
+        "faces": bytes(36),
+        "indices": bytes(40),
+        "weights": bytes(80),
+        "pivots": bytes(24),
+        "edges": bytes(8),
+    }
+    for name, length in (("colours", 15), ("held", 4), ("pulls", 4), ("stiffness", 20)):
+        v[name] = None if v[name] is None else bytes(length)
+
+
+FITTED: dict[str, Callable[[dict[str, Any]], None]] = {
+    "PackedBody": _fit_body,
+    "CuesMessage": _fit_cues,
+    "PropsMessage": _fit_props,
+    "PackedMatch": _fit_match,
+    "MatchesMessage": _fit_matches,
+    "CameraMessage": _fit_camera,
+    "ScanMessage": _fit_scan,
+    "ScanPieceMessage": _fit_piece,
+    "Scan": _fit_order,
+    "MaterialsMessage": _fit_materials,
+    "CharacterMessage": _fit_character,
+}
+"""By class, what makes lengths belong together; a class without rules between its fields needs none."""
 
 
 def outside(info: inspect.Type) -> Iterator[Any]:
@@ -76,11 +158,8 @@ def outside(info: inspect.Type) -> Iterator[Any]:
                 yield from outside(each)
         case inspect.IntType():
             assert info.ge is not None and info.le is not None, "a whole number needs both bounds"
-            yield from (
-                info.ge - 1,
-                info.le + 1,
-                *(n for n in (-(2**63), 2**64 - 1) if not info.ge <= n <= info.le),
-            )
+            far = (info.ge - 1, info.le + 1, -(2**63), 2**64 - 1)
+            yield from (n for n in far if not info.ge <= n <= info.le and -(2**63) <= n < 2**64)
         case inspect.FloatType():
             low = info.ge if info.ge is not None else info.gt
             assert low is not None and info.le is not None, "a number needs both bounds, or NaN passes"
@@ -90,7 +169,9 @@ def outside(info: inspect.Type) -> Iterator[Any]:
                 yield info.gt
         case inspect.StrType() | inspect.BytesType():
             empty = "" if isinstance(info, inspect.StrType) else b""
-            assert info.max_length is not None, "text and bytes need a longest length"
+            if info.max_length is None:
+                assert isinstance(info, inspect.BytesType), "text needs a longest length"
+                return  # the counts of the message say how long it is
             yield (empty + "x" if isinstance(empty, str) else b"x") * (info.max_length + 1)
             if info.min_length:
                 yield empty

@@ -12,9 +12,12 @@ from typing import Any
 import msgspec
 
 from enliven.document import Character, Pose
+from enliven.logs import escape_records
 from enliven.wire import (
     BY_TYPE,
     CONTROL_PORT,
+    MAX_CHARACTERS,
+    MAX_LATEST,
     MAX_REVISION,
     POSE_PORT,
     REQUEST,
@@ -91,6 +94,7 @@ class Publisher(Closing):
         rate: float = 100.0,
         budget_ms: float = 1.0,
     ) -> None:
+        escape_records()
         check_open(host, open_to_all)
         self.name, self.instance = name[:64] or "edge", secrets.randbits(32)
         self.clamped = 0
@@ -278,7 +282,9 @@ class Publisher(Closing):
             case Hello():
                 self._let_hear(request.listening)
                 known = [Revision(name, held[0]) for name, held in self._characters.items()]
-                return Welcome(self._status, known, list(self._latest.values()))
+                return Welcome(
+                    self._status, known[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
+                )
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")
                 return self._packed.get(request.character, missing)

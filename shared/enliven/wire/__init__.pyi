@@ -33,8 +33,10 @@ from .envelope import (
     unpack_stream as unpack_stream,
 )
 from .fields import (
+    MAX_CHARACTERS as MAX_CHARACTERS,
     MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
+    MAX_LATEST as MAX_LATEST,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_REVISION as MAX_REVISION,
     MAX_SENT_BYTES as MAX_SENT_BYTES,

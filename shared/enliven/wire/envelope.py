@@ -34,6 +34,9 @@ _ID_KEY = b"\xa2id"
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 """Bytes of a whole number in MessagePack by its first byte; all others take one."""
 
+_UNENCODABLE = "a name or a number in it cannot be sent"
+"""Reason for refusing text with lone surrogates, and whole numbers of more than 64 bits."""
+
 _ENCODER = msgspec.msgpack.Encoder()
 
 
@@ -72,8 +75,11 @@ def pack_checked(message: Any) -> bytes:
         KeyError: for an object that is no message of the table.
         Malformed: for a message that viewers would refuse.
     """
-    data = pack_stream(message)
     topic = BY_TYPE[type(message)]
+    try:
+        data = pack_stream(message)
+    except (OverflowError, ValueError):
+        raise Malformed(topic.name, "it cannot be encoded") from None
     _checked(topic, data[len(topic.name) + 1 :])
     return data
 
@@ -84,11 +90,13 @@ def check_request(body: Any) -> None:
     Raises:
         InputError: with the field that is out of its range, and the range.
     """
+    where = f"request {type(body).__name__}"
     try:
         unpack_control(pack_control(Request(0, body)), REQUEST)
     except Malformed as error:
-        where = f"request {type(body).__name__}"
         raise InputError(_described(error.why), where=where, mend="Give a value in its range.") from None
+    except (OverflowError, ValueError):
+        raise InputError(_UNENCODABLE, where=where, mend="Give another name or number.") from None
 
 
 def check_character(character: Character) -> None:
@@ -98,11 +106,15 @@ def check_character(character: Character) -> None:
         InputError: with the field that is out of its range, and the range.
     """
     message = character_to_message(character, 1)
+    where, mend = f"character {character.id!r}", "Change it in the project."
     try:
-        message = _decoder(CharacterMessage, ()).decode(payload(message))
+        data = payload(message)
+    except (OverflowError, ValueError):
+        raise InputError(_UNENCODABLE, where=where, mend=mend) from None
+    try:
+        message = _decoder(CharacterMessage, ()).decode(data)
     except (msgspec.MsgspecError, ValueError) as error:
-        where = f"character {character.id!r}"
-        raise InputError(_described(str(error)), where=where, mend="Change it in the project.") from None
+        raise InputError(_described(str(error)), where=where, mend=mend) from None
     message_to_character(message)
 
 
@@ -158,7 +170,7 @@ def reply_number(data: bytes) -> int:
         raise OtherVersion(data[0])
     # A short map, its first key "id", and a whole number, which says how many bytes it takes.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
-    if data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
+    if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
         raise Malformed(REPLY.name, "it has no number")
     try:
         return msgspec.msgpack.decode(number, type=int)

@@ -9,6 +9,8 @@ from msgspec import Meta, Struct, field
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
+    MAX_LATEST,
+    MAX_MESSAGE_BYTES,
     MAX_PART_BYTES,
     MAX_SENT_BYTES,
     Count,
@@ -222,7 +224,9 @@ class Welcome(Struct, tag=True, frozen=True):
 
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
-    latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
+    latest: Annotated[
+        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATEST)
+    ] = field(default_factory=list)
 
 
 class Done(Struct, tag=True, frozen=True):
