@@ -173,6 +173,7 @@ class Arrivals:
     def poll(self) -> None:
         """Puts on the stage what is ready, and begins to prepare what has come; call it once a frame."""
         self._standing = {name: it for name, it in self._standing.items() if name in self._stage.actors}
+        self._drop_late()
         ready = self._under_way
         if ready is not None and not ready.is_alive():
             self._under_way = None
@@ -222,8 +223,8 @@ class Arrivals:
 
     def _expect(self, order: PutCharacter, peer: Peer | None, where: str) -> _Arrival:
         """Returns the collection of a character; it replaces an earlier one of the same viewer and id."""
-        key, now = (peer, order.id, order.digest), time.monotonic()
-        self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
+        key = peer, order.id, order.digest
+        self._drop_late()
         known = self._waiting.get(key) or self._resumed(order, peer)
         if known is not None and known.order == order:
             return known
@@ -233,6 +234,11 @@ class Arrivals:
         self._make_room(arrival, where)
         self._waiting[key] = arrival
         return arrival
+
+    def _drop_late(self) -> None:
+        """Gives up characters that stopped coming, or come too slowly; their places are free again."""
+        now = time.monotonic()
+        self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
 
     def _resumed(self, order: PutCharacter, peer: Peer | None) -> _Arrival | None:
         """Returns the collection that a viewer had begun before it had to connect again; None: none."""

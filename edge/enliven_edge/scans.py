@@ -13,7 +13,7 @@ import numpy as np
 from enliven.errors import InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
-from enliven.wire import Scan, ScanMessage
+from enliven.wire import Scan, ScanMessage, check_character
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage import Peer, Stage, cast_mesh
 
@@ -154,6 +154,7 @@ class Scans:
             mesh = replace(mesh, vertices=mesh.vertices + aside)
             ends, joints = (None, None) if person is None else (person.ends + aside, person.bones + aside)
             actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
+            check_character(actor.character)
             actor.warm_up()
             return actor
 

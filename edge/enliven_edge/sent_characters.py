@@ -8,7 +8,7 @@ from enliven.document import GraphShape, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
 from enliven.formats.project import project_of
 from enliven.possession import Actor, EmbeddedActor
-from enliven.wire import PutCharacter, character_to_message
+from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage import cast_mesh
 
@@ -45,7 +45,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
         what = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(what, where=where, mend="Scale it to metres.")
     actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
-    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
+    check_character(actor.character)  # what no viewer can be sent is said now
     actor.warm_up()
     return actor
 

@@ -18,6 +18,7 @@ from enliven import __version__
 from enliven.commands import LazyCommands, has_display
 from enliven.errors import EnlivenError, place_of
 from enliven.logs import ignore_broken_stderr, start_logging
+from enliven.printable import escaped
 
 _INTERRUPTED = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""
@@ -125,4 +126,4 @@ def _root(
 
 def _complain(message: str) -> None:
     """Writes one line to standard error."""
-    typer.echo(f"enliven: {message}", err=True)
+    typer.echo(f"enliven: {escaped(message)}", err=True)

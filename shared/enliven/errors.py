@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from enliven.printable import escaped
+
 
 class EnlivenError(Exception):
     """A failure that a user can understand and mend; the command line prints it without a traceback.
@@ -19,7 +21,7 @@ class EnlivenError(Exception):
     def __init__(self, what: str, *, where: str = "", mend: str = "") -> None:
         self.what, self.where, self.mend = what, where, mend
         message = f"{where}: {what}" if where else what
-        super().__init__(f"{message}. {mend}" if mend else message)
+        super().__init__(escaped(f"{message}. {mend}" if mend else message))
 
 
 class InputError(EnlivenError):

@@ -10,6 +10,34 @@ import time
 import warnings
 from typing import Any
 
+from enliven.printable import escaped
+
+OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
+"""The loggers of these packages, and of Python's warnings."""
+
+
+class EscapedRecord(logging.LogRecord):
+    """A record with messages of one printable line: ids and names from outside cannot forge others."""
+
+    def getMessage(self) -> str:
+        """Returns the message with every character that is not shown as itself escaped."""
+        return escaped(super().getMessage())
+
+
+def escape_records() -> None:
+    """Escapes the messages of all records of enliven's loggers from now on, for handlers of others, too."""
+    make = logging.getLogRecordFactory()
+    if getattr(make, "escapes", False):
+        return
+
+    def make_escaped(name: str, *values: Any, **more: Any) -> logging.LogRecord:
+        if name.partition(".")[0] in OWN_LOGGERS or name in OWN_LOGGERS:
+            return EscapedRecord(name, *values, **more)
+        return make(name, *values, **more)
+
+    make_escaped.escapes = True  # type: ignore[attr-defined]
+    logging.setLogRecordFactory(make_escaped)
+
 
 class JsonLines(logging.Formatter):
     """{"time", "level", "logger", "message"} and any extra field, one object a line, times in UTC."""
@@ -30,7 +58,7 @@ class JsonLines(logging.Formatter):
         }
         if record.exc_info:
             line["exception"] = self.formatException(record.exc_info)
-        return json.dumps(line, default=str)
+        return json.dumps(line, default=str).replace("\x7f", "\\u007f")
 
 
 class Sentences(logging.Formatter):
@@ -64,10 +92,11 @@ def ignore_broken_stderr() -> None:
 
 
 def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
-    """Sends the log of every logger under "enliven" to standard error."""
+    """Sends the log of every logger under "enliven" to standard error, escaped."""
+    escape_records()
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if as_json else Sentences())
-    for name in ("enliven", "enliven_edge", "enliven_viewer", "py.warnings"):
+    for name in OWN_LOGGERS:
         logger = logging.getLogger(name)
         logger.handlers[:] = [handler]
         logger.setLevel(level)

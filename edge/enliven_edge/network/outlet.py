@@ -126,8 +126,8 @@ class Outlet(Closing):
 
     def send(self, message: Any, time_ns: int) -> None:
         """Sends a message of any topic to the viewers and to the take; poses go by :meth:`publish`."""
-        self._publisher.publish(message)
-        self._write(message, time_ns)
+        if self._publisher.publish(message):
+            self._write(message, time_ns)
 
     def forget(self, topic: str) -> None:
         """Forgets the newest messages of a latched topic: viewers that come later are not told them."""

@@ -12,9 +12,12 @@ from typing import Any
 import msgspec
 
 from enliven.document import Character, Pose
+from enliven.logs import escape_records
 from enliven.wire import (
     BY_TYPE,
     CONTROL_PORT,
+    MAX_CHARACTERS,
+    MAX_LATEST,
     MAX_REVISION,
     POSE_PORT,
     REQUEST,
@@ -25,16 +28,18 @@ from enliven.wire import (
     Endpoint,
     GetState,
     Hello,
+    Malformed,
     Ping,
     Pong,
     PoseCodec,
     PoseMessage,
     Refused,
+    Rejects,
     Revision,
     StatusMessage,
     Welcome,
     character_to_message,
-    pack_stream,
+    pack_checked,
     payload,
 )
 from enliven_edge.closing import Closing
@@ -89,6 +94,7 @@ class Publisher(Closing):
         rate: float = 100.0,
         budget_ms: float = 1.0,
     ) -> None:
+        escape_records()
         check_open(host, open_to_all)
         self.name, self.instance = name[:64] or "edge", secrets.randbits(32)
         self.clamped = 0
@@ -110,6 +116,7 @@ class Publisher(Closing):
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
         self._last_beat = -math.inf
+        self._unsent = Rejects("edge, sending")
 
     @property
     def viewers(self) -> int:
@@ -209,8 +216,16 @@ class Publisher(Closing):
         return message
 
     def publish(self, message: Any) -> int:
-        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets."""
-        topic, data = BY_TYPE[type(message)], pack_stream(message)
+        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets.
+
+        A message that viewers would refuse is counted and not sent: 0 bytes.
+        """
+        topic = BY_TYPE[type(message)]
+        try:
+            data = pack_checked(message)
+        except Malformed as error:
+            self._unsent.add(error)
+            return 0
         # What is said about a character after it left is not kept: it would stay for ever.
         if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
@@ -267,7 +282,9 @@ class Publisher(Closing):
             case Hello():
                 self._let_hear(request.listening)
                 known = [Revision(name, held[0]) for name, held in self._characters.items()]
-                return Welcome(self._status, known, list(self._latest.values()))
+                return Welcome(
+                    self._status, known[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
+                )
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")
                 return self._packed.get(request.character, missing)

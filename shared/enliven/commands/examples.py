@@ -10,6 +10,7 @@ import typer
 from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
 from enliven.errors import InputError
 from enliven.files import need_folder
+from enliven.printable import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis
@@ -186,4 +187,4 @@ def _axis(name: str) -> Axis:
 
 def _say(*notes: str) -> None:
     for note in notes:
-        typer.echo(f"enliven: {note}", err=True)
+        typer.echo(f"enliven: {escaped(note)}", err=True)

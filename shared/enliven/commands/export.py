@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from enliven.errors import InputError
+from enliven.printable import escaped
 
 if TYPE_CHECKING:
     from enliven.exporters import Exporter
@@ -56,7 +57,7 @@ def export(
 
     found, notes, sounds = exportables_of(source)
     for note in notes:
-        typer.echo(f"enliven: {note}", err=True)
+        typer.echo(f"enliven: {escaped(note)}", err=True)
     made = []
     for one in _chosen(found, exporter, character or [], source):
         typer.echo(f"enliven: sampling {one.name}", err=True)

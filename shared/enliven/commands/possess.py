@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.errors import InputError
+from enliven.printable import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis, Mesh
@@ -64,7 +65,7 @@ def possess(
         mend = "Name one: --mesh chair."
         raise InputError("no mesh was possessed in it", where=str(take), mend=mend)
     for note in notes:
-        typer.echo(f"enliven: {note}", err=True)
+        typer.echo(f"enliven: {escaped(note)}", err=True)
     if exporter is None:
         write_project(output, project)
     else:
@@ -85,5 +86,5 @@ def _mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
         return load_sample(spec), False
     mesh, notes = load_upright(spec, up)
     for note in notes:
-        typer.echo(f"enliven: {spec}: {note}", err=True)
+        typer.echo(f"enliven: {escaped(spec)}: {escaped(note)}", err=True)
     return mesh, True

@@ -9,6 +9,7 @@ import typer
 
 from enliven.commands.example_files import sheet_maker
 from enliven.files import need_folder
+from enliven.printable import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -115,7 +116,7 @@ def retarget(
         )
     )
     for note in (*notes, *rig.notes):
-        typer.echo(f"enliven: {note}", err=True)
+        typer.echo(f"enliven: {escaped(note)}", err=True)
     made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     if is_looping(clip) and made.duration > 0.0:
@@ -156,20 +157,20 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
         typer.echo(f"enliven: moved less by the mapping: {told}")
     seen = _seen(quality, made.plan.pin)
     for told in seen:
-        typer.echo(f"enliven: {told}", err=True)
+        typer.echo(f"enliven: {escaped(told)}", err=True)
     if not seen:
         return
     other = next_best(made, rig.shape, quality)
     if other is None:
         told = "no other mapping does better: give those joints less weight (--write-map)"
-        typer.echo(f"enliven: {told}", err=True)
+        typer.echo(f"enliven: {escaped(told)}", err=True)
         return
     told = f"the next best mapping, {other.how}: {other.quality}"
     if write_map:
         beside = write_map.with_suffix(f".next{write_map.suffix}")
         write_plan(other.plan, beside)
         told += f": --map {beside}"
-    typer.echo(f"enliven: {told}", err=True)
+    typer.echo(f"enliven: {escaped(told)}", err=True)
 
 
 def _seen(quality: MotionQuality, pinned: bool) -> list[str]:

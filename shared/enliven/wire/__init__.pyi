@@ -21,6 +21,9 @@ from .envelope import (
     Malformed as Malformed,
     OtherVersion as OtherVersion,
     Rejects as Rejects,
+    check_character as check_character,
+    check_request as check_request,
+    pack_checked as pack_checked,
     pack_control as pack_control,
     pack_stream as pack_stream,
     payload as payload,
@@ -30,8 +33,10 @@ from .envelope import (
     unpack_stream as unpack_stream,
 )
 from .fields import (
+    MAX_CHARACTERS as MAX_CHARACTERS,
     MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
+    MAX_LATEST as MAX_LATEST,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_REVISION as MAX_REVISION,
     MAX_SENT_BYTES as MAX_SENT_BYTES,

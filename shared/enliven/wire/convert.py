@@ -13,6 +13,7 @@ from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
 from enliven.person import Body
 from enliven.person import J as JOINTS
+from enliven.printable import escaped
 from enliven.wire.fields import MAX_HEALTH, MAX_PROPS, from_bytes, to_bytes
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
@@ -147,7 +148,8 @@ def _clipped(sentence: str) -> str:
 def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
     """The states, in the order in which they were sent."""
     return [
-        HealthState(m.kind, Severity(m.severity), m.since_ns, m.what, m.mend, m.performer) for m in messages
+        HealthState(m.kind, Severity(m.severity), m.since_ns, escaped(m.what), escaped(m.mend), m.performer)
+        for m in messages
     ]
 
 

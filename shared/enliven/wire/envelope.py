@@ -11,13 +11,17 @@ from __future__ import annotations
 
 import functools
 import logging
+import re
 from collections import Counter
 from typing import Any, Union
 
 import msgspec
 
-from enliven.errors import EnlivenError
-from enliven.wire.requests import REQUESTS
+from enliven.document import Character
+from enliven.errors import EnlivenError, InputError
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert_characters import character_to_message, message_to_character
+from enliven.wire.requests import REQUESTS, Request
 from enliven.wire.topics import BY_TYPE, REPLY, REQUEST, STREAMS, Topic
 
 log = logging.getLogger(__name__)
@@ -29,6 +33,9 @@ _ID_KEY = b"\xa2id"
 """The key of a reply's number in MessagePack."""
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 """Bytes of a whole number in MessagePack by its first byte; all others take one."""
+
+_UNENCODABLE = "a name or a number in it cannot be sent"
+"""Reason for refusing text with lone surrogates, and whole numbers of more than 64 bits."""
 
 _ENCODER = msgspec.msgpack.Encoder()
 
@@ -59,6 +66,66 @@ def pack_stream(message: Any) -> bytes:
     """
     topic = BY_TYPE[type(message)]
     return topic.name.encode() + b"\0" + bytes([VERSION]) + _ENCODER.encode(message)
+
+
+def pack_checked(message: Any) -> bytes:
+    """Returns a stream message as it goes on the socket, after it was read again as a viewer would.
+
+    Raises:
+        KeyError: for an object that is no message of the table.
+        Malformed: for a message that viewers would refuse.
+    """
+    topic = BY_TYPE[type(message)]
+    try:
+        data = pack_stream(message)
+    except (OverflowError, ValueError):
+        raise Malformed(topic.name, "it cannot be encoded") from None
+    _checked(topic, data[len(topic.name) + 1 :])
+    return data
+
+
+def check_request(body: Any) -> None:
+    """Checks that a request can be sent and read again.
+
+    Raises:
+        InputError: with the field that is out of its range, and the range.
+    """
+    where = f"request {type(body).__name__}"
+    try:
+        unpack_control(pack_control(Request(0, body)), REQUEST)
+    except Malformed as error:
+        raise InputError(_described(error.why), where=where, mend="Give a value in its range.") from None
+    except (OverflowError, ValueError):
+        raise InputError(_UNENCODABLE, where=where, mend="Give another name or number.") from None
+
+
+def check_character(character: Character) -> None:
+    """Checks that a character can be sent and read again.
+
+    Raises:
+        InputError: with the field that is out of its range, and the range.
+    """
+    message = character_to_message(character, 1)
+    where, mend = f"character {character.id!r}", "Change it in the project."
+    try:
+        data = payload(message)
+    except (OverflowError, ValueError):
+        raise InputError(_UNENCODABLE, where=where, mend=mend) from None
+    try:
+        message = _decoder(CharacterMessage, ()).decode(data)
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise InputError(_described(str(error)), where=where, mend=mend) from None
+    message_to_character(message)
+
+
+def _described(reason: str) -> str:
+    """Returns a decoder's reason as a sentence for people: the field, and what is wrong with it."""
+    what, _, place = reason.partition(" - at `$")
+    field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
+    expected = re.fullmatch(r"Expected `[^`]*` (.*)", what)
+    if expected is not None:
+        return f"{field} is out of its range ({expected[1]})"
+    return f"{field} cannot be sent" if what.startswith("Expected") else what
 
 
 def payload(message: Any) -> bytes:
@@ -103,7 +170,7 @@ def reply_number(data: bytes) -> int:
         raise OtherVersion(data[0])
     # A short map, its first key "id", and a whole number, which says how many bytes it takes.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
-    if data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
+    if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
         raise Malformed(REPLY.name, "it has no number")
     try:
         return msgspec.msgpack.decode(number, type=int)

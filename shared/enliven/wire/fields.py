@@ -51,6 +51,10 @@ MAX_SENT_BYTES = 32 * 1024 * 1024
 """Packed bytes of a character that an edge takes: a million vertices; 20,000 are half a megabyte."""
 MAX_CHARACTERS = 1024
 """Characters on a stage: far more than any edge moves."""
+MAX_MESSAGE_BYTES = 264 * 1024
+"""Bytes of one stream message with its topic: a coded pose of the largest character, and room."""
+MAX_LATEST = 4096
+"""Messages that a viewer is told when it joins: 2,000 pieces of a scan, and some of each character."""
 MAX_GLANCE = 128
 """Pixels of a side of the small picture of what a camera sees: it is shown in a corner of a window."""
 MAX_HEALTH = 8

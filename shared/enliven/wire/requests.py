@@ -9,6 +9,8 @@ from msgspec import Meta, Struct, field
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
+    MAX_LATEST,
+    MAX_MESSAGE_BYTES,
     MAX_PART_BYTES,
     MAX_SENT_BYTES,
     Count,
@@ -204,6 +206,8 @@ class Scan(Order, frozen=True):
             raise ValueError("a thing that is moved needs the floor about it: leave out within, or moved")
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
+        if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
+            raise ValueError("the lowest corner of the box lies above the highest")
 
 
 class Ping(Ask, frozen=True):
@@ -220,7 +224,9 @@ class Welcome(Struct, tag=True, frozen=True):
 
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
-    latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
+    latest: Annotated[
+        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATEST)
+    ] = field(default_factory=list)
 
 
 class Done(Struct, tag=True, frozen=True):

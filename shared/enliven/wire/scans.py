@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta, Struct, field
 
 from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, expect
@@ -110,3 +111,5 @@ class ScanPieceMessage(Struct, array_like=True, frozen=True):
         expect("faces", self.faces, len(self.faces) // 6 * 6)
         if self.colours:
             expect("colours", self.colours, 3 * len(self.seen))
+        if self.faces and int(np.frombuffer(self.faces, "<u2").max()) >= len(self.seen):
+            raise ValueError(f"a triangle has a corner beyond the {len(self.seen)} vertices")

@@ -9,6 +9,7 @@ import typer
 
 from enliven.errors import InputError
 from enliven.files import need_folder
+from enliven.printable import escaped
 
 CHAIR = "chair"
 _LONGEST_EDGE = 0.04
@@ -56,7 +57,7 @@ def graph(
     else:
         shape, notes = load_mesh(mesh)
         for note in notes:
-            typer.echo(f"enliven: {note}", err=True)
+            typer.echo(f"enliven: {escaped(note)}", err=True)
         if height != 0:
             shape = refine(fit_height(shape, height, up), _LONGEST_EDGE * height / 1.75)
     made = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)

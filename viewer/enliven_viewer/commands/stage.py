@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.errors import InputError, ResourceError
+from enliven.printable import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Project
@@ -68,7 +69,8 @@ def put(
         client.stage.put(project, own, name=name, fit=fit, then=answers.append)
         _until(client, lambda: answers, _PREPARED_WITHIN)
         _need_done(answers, character)
-    typer.echo(f"enliven: {name or own} {'is replaced' if replaced else 'stands'} on the stage of {edge}")
+    done = "is replaced" if replaced else "stands"
+    typer.echo(f"enliven: {escaped(name or own)} {done} on the stage of {escaped(edge)}")
 
 
 @stage.command()
@@ -81,7 +83,7 @@ def remove(
         client.stage.remove(character, answers.append)
         _until(client, lambda: answers, _FOUND_WITHIN)
         _need_done(answers, character)
-    typer.echo(f"enliven: {character} is gone from the stage of {edge}")
+    typer.echo(f"enliven: {escaped(character)} is gone from the stage of {escaped(edge)}")
 
 
 @stage.command("list")
@@ -94,7 +96,7 @@ def list_(edge: Edge = "127.0.0.1") -> None:
         cues = client.latest(CUES)
         for name, one in client.characters.items():
             what = f"{words[one.kind]}, {len(one.vertices)} vertices{_holders(cues.get(name))}"
-            typer.echo(f"{name}: revision {client.edges[0].revision(name)}, {what}")
+            typer.echo(f"{escaped(name)}: revision {client.edges[0].revision(name)}, {what}")
         if not client.characters:
             typer.echo("enliven: the stage is empty")
 
@@ -131,7 +133,7 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
     mesh, notes = load_upright(path, up)
     for note in notes:
-        typer.echo(f"enliven: {note}", err=True)
+        typer.echo(f"enliven: {escaped(note)}", err=True)
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 

@@ -12,6 +12,7 @@ import zmq
 
 from enliven.document import Character
 from enliven.errors import InputError
+from enliven.logs import escape_records
 from enliven.wire import (
     Answer,
     Endpoint,
@@ -67,6 +68,7 @@ class EdgeClient:
         *,
         prefixed: bool = False,
     ) -> None:
+        escape_records()
         found = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
         found = list(dict.fromkeys(found))
         if not found:

@@ -12,7 +12,7 @@ import zmq
 from msgspec.structs import astuple
 
 from enliven.document import Character
-from enliven.errors import EnlivenError
+from enliven.errors import EnlivenError, InputError
 from enliven.wire import (
     MAX_STREAM_BYTES,
     POSE,
@@ -38,6 +38,7 @@ from enliven.wire import (
     StatusMessage,
     Topic,
     Welcome,
+    check_request,
     make_socket,
     message_to_character,
     message_to_pose,
@@ -179,6 +180,11 @@ class EdgeConnection:
             if on_reply is not None:
                 on_reply(answer)
 
+        try:
+            check_request(request)
+        except InputError as error:
+            replied(Refused(str(error)[:400]))
+            return
         if not self._requests.send(request, "command", _COMMAND_WITHIN, replied):
             replied(Refused(f"there is no edge at {self.endpoint}"))
 

@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Float32, Int32
 from enliven.document import Character, Pose
 from enliven.person import Body
+from enliven.printable import escaped
 
 State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
 
@@ -89,10 +90,13 @@ class ReceivedCues:
 
 @dataclass(frozen=True)
 class Notice:
-    """A sentence for the user."""
+    """A sentence for the user; what it repeats of an edge's words is escaped."""
 
     level: Literal["info", "warning", "error"]
     text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", escaped(self.text))
 
 
 @dataclass(frozen=True)
@@ -114,3 +118,6 @@ class Health:
     pose_hz: float
     malformed: int
     lost: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", escaped(self.text))

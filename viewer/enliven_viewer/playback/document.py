@@ -13,6 +13,7 @@ from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
+from enliven.printable import escaped
 from enliven.wire import Topic
 from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 
@@ -41,6 +42,10 @@ class EdgeState:
     pose_to_screen_ms: float | None = None
     health: tuple[HealthState, ...] = ()
     signal: Literal["live", "slow", "damaged", "silent"] = "live"
+
+    def __post_init__(self) -> None:
+        for name in ("address", "phase", "message"):
+            object.__setattr__(self, name, escaped(getattr(self, name)))
 
 
 @dataclass

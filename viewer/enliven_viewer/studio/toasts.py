@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from enliven.errors import EnlivenError, place_of
+from enliven.printable import escaped
 
 log = logging.getLogger(__name__)
 
@@ -55,5 +56,6 @@ class Toasts:
         self.shown = tuple(t for t in older if t.left > 0)
 
     def _add(self, toast: Toast) -> None:
+        toast = replace(toast, text=escaped(toast.text), mend=escaped(toast.mend))
         same = (toast.text, toast.mend)
         self.shown = (*(t for t in self.shown if (t.text, t.mend) != same), toast)[-4:]

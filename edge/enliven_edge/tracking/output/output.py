@@ -22,6 +22,8 @@ _FORGOTTEN_NS = 10_000_000_000
 """Nanoseconds after which a person out of view is forgotten: it frees memory, filters reset before."""
 _LONGEST_LATENCY = 0.3
 """Seconds of measured latency that are predicted at most, the bound of the setting ``predict``."""
+_MOST_AMOUNTS = 64
+"""People with an amount of smoothing of their own: viewers may name any number of ids."""
 _LEAST = 1e-3
 """Amounts of smoothing below this are 0: the filter divides by the amount."""
 
@@ -46,6 +48,9 @@ class Output:
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
+            absent = [each for each in self._amounts if each not in self._people and each != person]
+            for each in absent[: max(len(self._amounts) - _MOST_AMOUNTS, 0)]:
+                del self._amounts[each]
         if person in self._people:
             self._people[person].set_amount(self.amount(person))
 

@@ -114,7 +114,9 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
         return np.concatenate(lines) if lines else None
     if cues is None or cues.firm.all():
         return None
-    return np.asarray(actor.pose.positions[cues.nodes[~cues.firm]], np.float64)
+    nodes = cues.nodes[~cues.firm]
+    known = nodes < len(actor.pose.positions)  # an edge may name any node
+    return np.asarray(actor.pose.positions[nodes[known]], np.float64)
 
 
 def _size(box: Box) -> float:

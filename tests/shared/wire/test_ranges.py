@@ -1,0 +1,172 @@
+"""Every message: what is out of its declared range is refused, what is accepted is read again unchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from message_values import accepted, fields_of, nested, outside, unchecked
+from msgspec import inspect
+
+from enliven.document import ArapSettings, Character, SkinWeights
+from enliven.errors import InputError
+from enliven.wire import REQUESTS, TOPICS, envelope, requests, scans, streams, topics
+from enliven.wire.envelope import Malformed, check_character, check_request, pack_checked
+
+STREAM_KINDS = [topic.type for topic in TOPICS if topic.way == "stream"]
+ANSWERS = [*requests.Answer.__args__]
+KINDS = nested([*STREAM_KINDS, *REQUESTS, *ANSWERS])
+few = settings(max_examples=4, deadline=None, phases=[Phase.explicit, Phase.generate])
+
+
+def strategy(kind: type) -> st.SearchStrategy:
+    info = inspect.type_info(kind)
+    return accepted(info)
+
+
+@pytest.mark.parametrize("name", KINDS)
+@few
+@given(st.data())
+def test_what_is_accepted_is_encoded_and_decoded_again(name: str, data: st.DataObject) -> None:
+    kind = KINDS[name]
+    made = data.draw(strategy(kind))
+    back = msgspec.msgpack.decode(msgspec.msgpack.encode(made), type=kind)
+    assert back == made and msgspec.msgpack.encode(back) == msgspec.msgpack.encode(made)
+    if kind in STREAM_KINDS:
+        try:
+            packed = pack_checked(made)
+        except Malformed as error:
+            assert "bytes are more than" in error.why
+        else:
+            assert envelope.unpack_stream(packed)[1] == made
+    elif kind in REQUESTS:
+        check_request(made)
+        asked = envelope.pack_control(requests.Request(1, made))
+        assert envelope.unpack_control(asked, topics.REQUEST).body == made
+    elif kind in ANSWERS:
+        answer = envelope.pack_control(requests.Reply(1, made))
+        assert envelope.unpack_control(answer, topics.REPLY).body == made
+        assert envelope.reply_number(answer) == 1
+
+
+@pytest.mark.parametrize("name", KINDS)
+@settings(few, max_examples=1)
+@given(st.data())
+def test_each_field_out_of_its_range_is_refused_at_both_doors(name: str, data: st.DataObject) -> None:
+    kind = KINDS[name]
+    example = data.draw(strategy(kind))
+    for field in fields_of(kind):
+        for value in outside(field.type):
+            with pytest.raises(msgspec.MsgspecError):
+                msgspec.msgpack.decode(unchecked(example, **{field.name: value}), type=kind)
+            try:
+                wrong = msgspec.structs.replace(example, **{field.name: value})
+            except (TypeError, ValueError):
+                continue
+            if kind in STREAM_KINDS:
+                with pytest.raises(Malformed):
+                    pack_checked(wrong)
+            elif kind in REQUESTS:
+                with pytest.raises(InputError) as error:
+                    check_request(wrong)
+                assert "Expected" not in error.value.what and "$" not in error.value.what
+
+
+@pytest.mark.parametrize("number", [0, 1, 127, 128, 255, 256, 65_535, 65_536, 2**32 - 1, 2**32, 2**53])
+def test_the_number_of_a_reply_is_read_without_the_rest(number: int) -> None:
+    packed = envelope.pack_control(requests.Reply(number, requests.Done("x" * 300)))
+    assert envelope.reply_number(packed) == number
+    assert envelope.reply_number(packed[:20]) == number
+
+
+@given(st.binary(max_size=24))
+def test_noise_has_no_number(noise: bytes) -> None:
+    for data in (noise, b"\1" + noise, b"\1\x82\xa2id" + noise):
+        try:
+            assert isinstance(envelope.reply_number(data), int)
+        except Malformed as error:
+            assert error.why
+
+
+@pytest.mark.parametrize("name", ["a\ud800b", "\udcff"])
+def test_text_that_cannot_be_encoded_is_refused(name: str) -> None:
+    """File names of other encodings have such letters."""
+    with pytest.raises(Malformed):
+        pack_checked(streams.SizeMessage(name, 1.0))
+    with pytest.raises(InputError, match="cannot be sent"):
+        check_request(requests.GetState(name))
+    with pytest.raises(InputError, match="cannot be sent"):
+        check_character(replace(soft(), id=name))
+    with pytest.raises(Malformed):
+        pack_checked(streams.SizeMessage("chair", 1.0, 2**70))
+
+
+def soft(**surface: float) -> Character:
+    """A character of control points with these settings of its surface."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (3, 1)))
+    pivots, edges = vertices[:2], np.array([[0, 1]], np.int32)
+    held, own = np.array([1], np.int32), replace(ArapSettings(), **surface)
+    return Character(
+        "soft",
+        vertices,
+        np.array([[0, 1, 2]], np.int32),
+        skin,
+        pivots,
+        edges,
+        "points",
+        None,
+        held,
+        None,
+        own,
+    )
+
+
+@pytest.mark.parametrize(
+    ("surface", "why"),
+    [
+        ({"iterations": 0}, "surface.iterations is out of its range (>= 1)"),
+        ({"hold": float("nan")}, "surface.hold is out of its range"),
+        ({"coarse_above": 99}, "surface.coarse_above is out of its range (>= 100)"),
+        ({"guide_vertices": 0}, "surface.guide_vertices is out of its range (>= 20)"),
+        ({"follow": -0.1}, "surface.follow is out of its range (>= 0.0)"),
+    ],
+)
+def test_a_character_below_its_minimum_is_refused_with_the_field_and_the_range(
+    surface: dict, why: str
+) -> None:
+    check_character(soft())
+    check_character(soft(most_stretch=float("inf")))  # an infinite limit is sent as the largest
+    with pytest.raises(InputError) as error:
+        check_character(soft(**surface))
+    assert why in error.value.what and error.value.where == "character 'soft'" and error.value.mend
+
+
+def test_ranges_between_fields_hold_too() -> None:
+    box = [0.0, 1.0, 0.0, 1.0, 0.5, 1.0]
+    with pytest.raises(InputError, match="lowest corner of the box lies above the highest"):
+        check_request(_scan(box))
+    piece = {
+        "number": 1,
+        "place": (0, 0, 0),
+        "side": 8,
+        "step": 0.01,
+        "vertices": bytes(18),
+        "seen": bytes(3),
+    }
+    assert scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 2, 0])).faces
+    with pytest.raises(ValueError, match="beyond the 3 vertices"):
+        scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 3, 0]))
+    with pytest.raises(Malformed):
+        pack_checked(streams.SizeMessage("chair", 0.0))
+
+
+def _scan(box: list[float]) -> requests.Scan:
+    """A request with a box that its class refuses: as a program without these checks sends it."""
+    made = requests.Scan("done", box=[0.0] * 6, stage_from_scan=[0.0] * 12)
+    made.box[:] = box
+    return made

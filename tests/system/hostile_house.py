@@ -1,0 +1,123 @@
+"""A real edge in the test's own process, and visitors that speak to it by raw sockets."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import uuid
+from collections.abc import Callable
+
+import numpy as np
+import trimesh
+import zmq
+from patience import PATIENCE
+
+from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.frames import BodyFrame
+from enliven.meshes import Mesh
+from enliven.person.body import Body
+from enliven.wire import requests, topics
+from enliven.wire.envelope import pack_control, unpack_control
+from enliven_edge.arrivals import Arrivals
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import EdgeSettings, WireSettings
+from enliven_edge.stage import Stage
+from enliven_edge.stage.places import StageSettings
+from enliven_edge.tracking.tracker import Tracker
+
+FRAME_NS = 33_333_333
+BOX = trimesh.creation.box((0.4, 0.5, 0.3))
+BOX_MESH = Mesh(np.add(BOX.vertices, [0.0, 0.25, 0.0]), np.array(BOX.faces, np.int32))
+BOX_DATA = character_bytes(project_of_mesh(BOX_MESH, "box"), "box")
+"""A project of one small possessed mesh, as a client sends it."""
+
+
+class NoSensor:
+    """A sensor without frames; the test gives them by hand."""
+
+    name, fps = "given", 30.0
+
+    def read(self, timeout: float | None = None) -> None:
+        return None
+
+
+class House:
+    """An edge that takes one step for each call of :meth:`frame`."""
+
+    def __init__(self, stage: StageSettings | None = None, rate: float = 10_000.0) -> None:
+        wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0, rate=rate, budget=50.0)
+        self.stage = Stage([], stage)
+        self.outlet = Outlet(wire, "given")
+        self.settings = EdgeSettings(nodes=8, wire=wire)
+        arrivals = Arrivals(self.stage, self.settings)
+        self.edge = Edge(NoSensor(), Tracker(), self.stage, self.outlet, arrivals=arrivals)
+        self.time_ns = 0
+        self.people: list[Body] = []
+        self.visitors: list[Visitor] = []
+
+    def frame(self) -> None:
+        """One frame of the edge with the house's people in view."""
+        self.time_ns += FRAME_NS
+        self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
+        self.edge._listen()
+
+    def visitor(self) -> Visitor:
+        """A new connection to the control port."""
+        self.visitors.append(Visitor(self))
+        return self.visitors[-1]
+
+    def until(self, done: Callable[[], object], *polled: Callable[[], object]) -> None:
+        """Frames until something is so."""
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.frame()
+            for poll in polled:
+                poll()
+            time.sleep(0.0005)
+
+    def close(self) -> None:
+        for visitor in self.visitors:
+            visitor.close()
+        self.edge.scans.close()
+        self.outlet.close()
+
+
+class Visitor:
+    """A DEALER socket to the edge of a house."""
+
+    def __init__(self, house: House) -> None:
+        self.house, self.number = house, 0
+        self.context = zmq.Context()
+        self.socket = self.context.socket(zmq.DEALER)
+        self.socket.connect(house.outlet.publisher.endpoint.control_address)
+
+    def ask(self, body: requests.Ask) -> requests.Answer:
+        """Sends a request, and lets the edge work until it is answered."""
+        self.number += 1
+        self.socket.send(pack_control(requests.Request(self.number, body)))
+        self.house.until(lambda: self.socket.poll(0))
+        reply = unpack_control(self.socket.recv(), topics.REPLY)
+        assert reply.id == self.number
+        return reply.body
+
+    def announce(
+        self, name: str, revision: int = 1, data: bytes = BOX_DATA
+    ) -> tuple[requests.PutCharacter, requests.Answer]:
+        """Announces a character; returns the order and its answer."""
+        order = requests.PutCharacter(name, revision, hashlib.sha256(data).digest(), len(data))
+        return order, self.ask(order)
+
+    def put(self, name: str, revision: int = 1, data: bytes = BOX_DATA) -> requests.Answer:
+        """Announces and delivers a character; returns Done once it stands there, else the refusal."""
+        order, answer = self.announce(name, revision, data)
+        while isinstance(answer, requests.Awaited):
+            if answer.received < len(data):
+                part = data[answer.received : answer.received + 60_000]
+                self.ask(requests.CharacterPart(name, order.digest, answer.received, part))
+            answer = self.ask(order)
+        return answer
+
+    def close(self) -> None:
+        self.context.destroy(linger=0)

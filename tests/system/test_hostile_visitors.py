@@ -1,0 +1,242 @@
+"""Visitors who fill the stage, jump revisions, reserve places or leave: the artist goes on, nothing grows."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.document import Character
+from enliven.formats.project import project_of_mesh
+from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.samples import load_sample
+from enliven.wire import (
+    MAX_REVISION,
+    STREAMS,
+    Awaited,
+    CharacterPart,
+    Done,
+    GetState,
+    Hello,
+    Possess,
+    PutCharacter,
+    Refused,
+    Release,
+    RemoveCharacter,
+    Resize,
+    Welcome,
+    unpack_stream,
+)
+from enliven_edge import arrivals as arrivals_module
+from enliven_edge.arrivals import MAX_REVISION_JUMP
+from enliven_edge.stage.places import StageSettings
+from enliven_viewer.link.edges import EdgeClient
+
+from ..edge.matching.rigs_for_stage import person
+from .hostile_house import BOX_DATA, BOX_MESH, House
+
+VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
+"""Characters that come and go in the soak test; `make test-long` takes 10,000."""
+
+
+@pytest.fixture
+def house() -> Iterator[House]:
+    made = House()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("revision", [2**53, MAX_REVISION, MAX_REVISION + 1, 1 + 2 * MAX_REVISION_JUMP])
+def test_a_revision_that_jumps_is_refused_and_newcomers_still_join(house: House, revision: int) -> None:
+    rude = house.visitor()
+    answer = rude.put("chair", revision)
+    assert isinstance(answer, Refused) and f"revision {revision}" in answer.reason
+    assert "Send revision 1." in answer.reason
+    assert rude.put("chair", 1) == Done()
+    rude.ask(RemoveCharacter("chair"))
+    assert rude.put("chair", MAX_REVISION_JUMP) == Done()
+    newcomer = EdgeClient([house.outlet.publisher.endpoint])
+    house.until(lambda: "chair" in newcomer.characters, newcomer.poll)
+    newcomer.close()
+
+
+def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(house: House) -> None:
+    rude, artist = house.visitor(), EdgeClient([house.outlet.publisher.endpoint])
+    highest = 0
+    for _ in range(3):
+        highest += MAX_REVISION_JUMP
+        assert rude.put("chair", highest, BOX_DATA) == Done()
+        rude.ask(RemoveCharacter("chair"))
+    assert rude.put("chair", highest) == Done()
+    house.until(lambda: artist.edges[0].complete, artist.poll)
+    shown = artist.edges[0].revision("chair")
+    assert highest <= shown <= highest + 1
+    digest = hashlib.sha256(BOX_DATA).digest()
+    assert house.visitor().ask(PutCharacter("chair", shown + 1, digest, len(BOX_DATA))) == Done(), "the same"
+    answers: list[object] = []
+    artist.stage.put(project_of_mesh(load_sample("chair"), "chair"), "chair", then=answers.append)
+    house.until(lambda: answers, artist.poll)
+    assert answers == [Done()]
+    house.until(lambda: len(artist.characters["chair"].vertices) > 100, artist.poll)
+    artist.close()
+
+
+def test_an_artist_goes_on_with_an_edge_that_was_started_again(house: House) -> None:
+    """The artist counted to 200; the new edge counts from 1 and refuses such a jump."""
+    artist = EdgeClient([house.outlet.publisher.endpoint])
+    house.until(lambda: artist.status is not None, artist.poll)
+    artist.stage._last["chair"] = 3 * MAX_REVISION_JUMP
+    artist.edges[0]._begin(7)
+    answers: list[object] = []
+    artist.stage.put(project_of_mesh(load_sample("chair"), "chair"), "chair", then=answers.append)
+    house.until(lambda: answers, artist.poll)
+    assert answers == [Done()]
+    artist.close()
+
+
+def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visitor() -> None:
+    house = House(StageSettings(characters=4, per_viewer=2))
+    rude, artist = house.visitor(), house.visitor()
+    assert [rude.put(name) for name in "ab"] == [Done(), Done()]
+    refused = rude.put("c")
+    assert isinstance(refused, Refused) and "this viewer has 2 characters" in refused.reason
+    assert "per_viewer under [stage]" in refused.reason
+    assert [artist.put(name) for name in "xy"] == [Done(), Done()]
+    refused = house.visitor().put("z")
+    assert isinstance(refused, Refused) and "the stage is full, it has 4 characters" in refused.reason
+    assert "Remove one" in refused.reason and "characters under [stage]" in refused.reason
+    changed = house.visitor().put("x", 2, BOX_DATA)
+    assert changed == Done(), "one that has a place is replaced"
+    rude.ask(RemoveCharacter("a"))
+    assert rude.put("c") == Done()
+    assert list(house.stage.actors) == ["b", "x", "y", "c"]
+    house.close()
+
+
+def test_visitors_who_come_again_for_each_character_share_their_addresss_share() -> None:
+    house = House(StageSettings(characters=8, per_viewer=2))
+    for name in "ab":
+        visitor = house.visitor()
+        assert visitor.put(name) == Done()
+        visitor.close()
+    house.until(lambda: not list(house.outlet.publisher._server.connections))
+    refused = house.visitor().put("c")
+    assert isinstance(refused, Refused) and "this viewer has 2" in refused.reason
+    house.close()
+
+
+def test_a_default_stage_takes_sixteen() -> None:
+    house = House()
+    for number in range(20):
+        house.stage.places.watch(lambda k=number: [(f"coming {k}", None)])
+        if number < 15:
+            house.stage.places.check("mine", None)
+    refused = house.visitor().announce("mine")[1]
+    assert isinstance(refused, Refused) and "full" in refused.reason
+    house.close()
+
+
+def test_announced_characters_that_never_come_do_not_keep_the_artist_from_adding_one(house: House) -> None:
+    """Four of one visitor, and one each of thirty: the artist's comes at once."""
+    rude = house.visitor()
+    for name in "abcd":
+        rude.announce(name)
+    for number in range(30):
+        house.visitor().announce(f"never {number % 10}")
+    assert house.visitor().put("mine") == Done()
+    assert list(house.stage.actors) == ["mine"]
+
+
+@pytest.mark.parametrize("bytes_each", [0, 1])
+def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
+    house: House, monkeypatch: pytest.MonkeyPatch, bytes_each: int
+) -> None:
+    rude = house.visitor()
+    orders = [rude.announce(name)[0] for name in "abcd"]
+    monkeypatch.setattr(arrivals_module, "_GIVEN_UP", 0.3)
+    waiting = lambda: {each.order.id: each.received for each in house.edge.arrivals._waiting.values()}  # noqa: E731
+    assert waiting() == dict.fromkeys("abcd", 0)
+
+    def trickle() -> None:
+        for order in orders if bytes_each else []:
+            if order.id in (known := waiting()):
+                at = known[order.id]
+                rude.ask(CharacterPart(order.id, order.digest, at, BOX_DATA[at : at + bytes_each]))
+
+    house.until(lambda: not waiting(), trickle)
+    assert rude.announce("e")[1] == Awaited(0)
+
+
+def latched(house: House) -> list[tuple[str, str]]:
+    """The topic and key of each message that a newcomer is told."""
+    welcome = house.visitor().ask(Hello("newcomer", True))
+    house.visitors.pop().close()
+    assert isinstance(welcome, Welcome)
+    found = [unpack_stream(each) for each in welcome.latest]
+    return [(topic.name, topic.key(message)) for topic, message in found]
+
+
+def box_actor(graph: DeformationGraph, box: Character, name: str) -> EmbeddedActor:
+    """An actor of a small box, in which no person is searched."""
+    return EmbeddedActor(replace(box, id=name), graph, ActorSettings(), 1.0, None, lambda: None)
+
+
+def memory() -> float:
+    """Megabytes resident, after unreachable objects were collected."""
+    gc.collect()
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0]) / 1024
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
+def test_thousands_of_departed_characters_leave_nothing_behind(
+    house: House, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each is put, held, resized and removed: memory and what newcomers are told stay as they are."""
+    viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
+    house.until(lambda: viewer.status is not None, viewer.poll)
+    graph = DeformationGraph.build(BOX_MESH, nodes=8)
+    box = character_from(BOX_MESH, graph, "box")
+    house.people = [person()]
+    told: list[int] = []
+    used: list[float] = []
+    for number in range(VISITORS):
+        name = f"guest {number}"
+        house.stage.put(box_actor(graph, box, name))
+        house.frame()
+        house.edge.carry_out(Resize("set", name, size=1.5))
+        if number % 10 == 0:  # to take hold and to ask over the network takes longer than all the rest
+            assert visitor.ask(Possess(name)) == Done()
+            house.frame()
+            assert visitor.ask(Release(name)) == visitor.ask(RemoveCharacter(name)) == Done()
+        else:
+            house.frame()
+            house.edge.carry_out(RemoveCharacter(name))
+        house.frame()
+        viewer.poll()
+        if number % (VISITORS // 6) == VISITORS // 6 - 1:
+            house.frame()
+            told.append(len(latched(house)))
+            used.append(memory())
+    with capsys.disabled():
+        if VISITORS > 1000:
+            print(f"\n{VISITORS} characters: latched {told}, MB {[round(each, 1) for each in used]}")
+    assert max(told) <= 2 and {name for name, _ in latched(house)} <= {"stage", "camera", "props"}
+    assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
+    about = [name for name, topic in STREAMS.items() if topic.of_character]
+    house.until(lambda: viewer.edges[0].complete, viewer.poll)
+    kept = {key for name in about for key in viewer.edges[0].latest.get(name, ())}
+    assert kept <= {f"guest {VISITORS - 1}"}, "the viewer forgets them, too"
+    house.stage.put(box_actor(graph, box, "last"))
+    newcomer = EdgeClient([house.outlet.publisher.endpoint])
+    house.until(lambda: "last" in newcomer.characters, newcomer.poll, viewer.poll)
+    assert isinstance(house.visitor().ask(GetState("guest 1")), Refused)
+    newcomer.close()
+    viewer.close()
