@@ -67,10 +67,12 @@ DOORS: dict[str, Callable[[Path], Surface]] = {
 
 
 def measures(surface: Surface) -> np.ndarray:
-    """(4,) what no move, size or order of vertices changes: extents and area over the height squared."""
+    """(2,) what no move, turn about the upright, size or order of vertices changes: width and area."""
     vertices, faces = surface
     vertices = np.asarray(vertices, np.float64)[np.unique(faces)]
     extent = np.ptp(vertices, axis=0)
     a, b, c = (np.asarray(surface[0], np.float64)[faces[:, k]] for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    return np.array([*(extent / extent[1]), area / extent[1] ** 2])
+    ways = np.linspace(0, np.pi, 90, endpoint=False)
+    wide = np.ptp(vertices[:, [0, 2]] @ [np.cos(ways), np.sin(ways)], axis=0).max()
+    return np.array([wide / extent[1], area / extent[1] ** 2])

@@ -71,6 +71,7 @@ class _Animation:
     step: float
 
 
+@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:

@@ -135,7 +135,9 @@ class Bind:
         moving = set[int]()
         if document.animations and _blends(parts, mirrored):
             # What lies half on a mirrored joint would not move as the file says: clips mirror their bones.
-            moving = {node for node in known if mirrored[node]}
+            for node in self._order:
+                if node in known and (mirrored[node] or self._file.parents[node] in moving):
+                    moving.add(node)
             mirrored = dict.fromkeys(known, False)
         for node in self._order:
             parent = self._file.parents[node]

@@ -21,6 +21,12 @@ _CLOSED = 1e-5
 """Share of a node's largest size that stands for size 0: too small to be seen, and it can be inverted."""
 _CURVED_STEP = 1 / 120
 """The same where channels are cubic: between frames a curve would become a line."""
+_MUCH_GROWTH = 0.3
+"""Logarithm of the factor from key to key beyond which a size gets more frames: a third larger."""
+_GROWTH_STEP = 1 / 240
+"""Seconds between these frames at least."""
+_MOST_GROWTH = 64
+"""Of these frames from one key to the next at most: what takes longer grows slowly."""
 JUMP = 2.5e-4
 """Seconds before the key of a jump at which the value before it still stands: no display shows the way
 between, and float32 tells the two times apart for an hour."""
@@ -182,12 +188,32 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
             found += [jumps, jumps - JUMP]
         else:
             found.append(keys)
+    found += _growing(file, animation)
     seconds = np.unique(np.concatenate([np.zeros(0), *found]))
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
     # Two keys within less than a jump would be one time in float32.
     return seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME]
+
+
+def _growing(file: GltfFile, animation: int) -> list[Float]:
+    """More times between keys over which a node grows or shrinks much.
+
+    Between frames a clip interpolates the logarithm of a size, and the file the size.
+    """
+    found = file.document.animations[animation]
+    made = list[Float]()
+    for channel in found.channels or []:
+        sampler = found.samplers[channel.sampler]
+        if channel.target.path != "scale" or channel.target.node is None or sampler.interpolation == "STEP":
+            continue
+        keys, sizes = _keys(file, sampler.input), file.scale_keys[channel.target.node][animation]
+        logs = np.log(np.maximum(np.abs(sizes), _CLOSED))
+        for k in np.flatnonzero(np.abs(np.diff(logs, axis=0)).max(1, initial=0.0) > _MUCH_GROWTH):
+            count = min(int((keys[k + 1] - keys[k]) / _GROWTH_STEP) + 1, _MOST_GROWTH)
+            made.append(np.linspace(keys[k], keys[k + 1], count + 1))
+    return made
 
 
 def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
