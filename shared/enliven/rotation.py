@@ -13,7 +13,7 @@ from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the rotation that turns nothing."""
-_FLATTEST = 1e-3
+_FLATTEST = 1e-4
 """Stretch below which a map counts as this flat: smaller is not seen, and a logarithm of nothing is none."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """(6,) where in a symmetric matrix the numbers xx, yy, zz, xy, xz, yz are."""

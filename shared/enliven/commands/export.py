@@ -61,7 +61,7 @@ def export(
     made = []
     for one in _chosen(found, exporter, character or [], source):
         typer.echo(f"enliven: sampling {one.name}", err=True)
-        made.append(one.sample(start, end, rate, morphs))
+        made.append(one.sample(start, end, rate, morphs, exporter.keyed))
     heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
     exporter.write(output, made, source.stem, **options, **heard)
     lasts = max(performance.times[-1] for performance in made)

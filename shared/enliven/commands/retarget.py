@@ -118,11 +118,12 @@ def retarget(
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {escaped(note)}", err=True)
     made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
+    keyed = own and exporter.keyed and rate is None
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     if is_looping(clip) and made.duration > 0.0:
         # A loop has a frame at its very end.
         rate = max(round(made.duration * rate), 1) / made.duration
-    performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
+    performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate, keyed=keyed)
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
         write_plan(made.plan, write_map)

@@ -20,6 +20,48 @@ from enliven.rotation import from_rotation_vector, rotate, stretch_of
 
 
 @dataclass(frozen=True, eq=False)
+class FineFrames:
+    """A clip's motion at times of its own, where even frames would lose keys or jumps.
+
+    Attributes:
+        seconds: (K,) rising, from the clip's first frame to its last.
+        turns, root, offsets, strains, mirrors: as the clip has them, K frames each.
+
+    Raises:
+        InputError: where the arrays do not fit together, or the times do not rise.
+    """
+
+    seconds: Float
+    turns: Float
+    root: Float
+    offsets: Float | None = None
+    strains: Float | None = None
+    mirrors: Float | None = None
+
+    def __post_init__(self) -> None:
+        given = ("seconds", "turns", "root", "offsets", "strains", "mirrors")
+        freeze(self, *(name for name in given if getattr(self, name) is not None))
+        rows = [getattr(self, name) for name in given if getattr(self, name) is not None]
+        rising = self.seconds.ndim == 1 and len(self.seconds) > 1 and bool((np.diff(self.seconds) > 0).all())
+        if not rising or not all(len(r) == len(self.seconds) and np.isfinite(r).all() for r in rows):
+            raise InputError("its fine frames do not fit together", where="clip", mend="Import it again.")
+
+    def scaled(self, scale: float, by: Float) -> FineFrames:
+        """The same motion of a skeleton that was scaled, then moved by ``by`` (3,) metres."""
+        offsets = None if self.offsets is None else self.offsets * scale
+        return replace(self, root=self.root * scale + by, offsets=offsets)
+
+    def between(self, start: float, stop: float) -> FineFrames | None:
+        """The frames from ``start`` to ``stop`` seconds, counted from ``start``; None for less than two."""
+        inside = (self.seconds > start - 1e-9) & (self.seconds < stop + 1e-9)
+        if inside.sum() < 2:
+            return None
+        given = (self.turns, self.root, self.offsets, self.strains, self.mirrors)
+        rows = (None if track is None else track[inside] for track in given)
+        return FineFrames(self.seconds[inside] - start, *rows)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
 class Clip:
     """A take of a skeleton. It never changes: whatever is edited, the performance stays.
 
@@ -36,7 +78,10 @@ class Clip:
         strains: (F, N, 6) the Hencky strain log U_j of each bone in the axes of rest, as
             :func:`enliven.rotation.strain_of` has it: what is rigid with bone j is moved by D_j U_j, and
             joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only turn.
+        mirrors: (F, N) 1, or -1 for a bone that is also mirrored through the joint that it begins at: U_j is
+            negated then. None: no bone is.
         keys: what the frames were made from, in the order of time; of a performance none.
+        fine: the motion at more times, which players and exporters use; None where the frames hold all.
 
     Raises:
         InputError: where the arrays do not fit the skeleton or are not finite.
@@ -50,9 +95,13 @@ class Clip:
     keys: tuple[MotionKey, ...] = ()
     offsets: Float | None = None
     strains: Float | None = None
+    mirrors: Float | None = None
+    fine: FineFrames | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "turns", "root", *(name for name, _ in self.tracks))
+        if self.mirrors is not None:
+            freeze(self, "mirrors")
         frames, joints = len(self.turns), len(self.skeleton)
         problem = ""
         if frames == 0:
@@ -65,6 +114,12 @@ class Clip:
             problem = f"its offsets or strains are not of {frames} frames and {joints} joints"
         elif not all(np.isfinite(track).all() for _, track in self.tracks):
             problem = "an offset or a strain is not finite"
+        elif self.mirrors is not None and (
+            self.mirrors.shape != (frames, joints) or not (np.abs(self.mirrors) == 1.0).all()
+        ):
+            problem = f"its mirrors are not 1 or -1 for {frames} frames and {joints} joints"
+        elif self.fine is not None and self.fine.turns.shape[1:] != (joints, 4):
+            problem = f"its fine frames are not of {joints} joints"
         elif not 0.0 < self.step <= 10.0:
             problem = f"a frame lasts {self.step} s"
         if problem:
@@ -83,15 +138,35 @@ class Clip:
 
     def mapped(self, change: Callable[[Float], Float]) -> Clip:
         """The clip with other frames: ``change`` gives them for turns, root, offsets and strains alike."""
-        tracks = {name: change(track) for name, track in self.tracks}
-        return replace(self, turns=change(self.turns), root=change(self.root), **tracks)
+        tracks: dict[str, Float] = {name: change(track) for name, track in self.tracks}
+        if self.mirrors is not None:
+            tracks["mirrors"] = np.where(change(self.mirrors) < 0.0, -1.0, 1.0)
+        return replace(self, turns=change(self.turns), root=change(self.root), fine=None, **tracks)
+
+    @property
+    def finest(self) -> Clip | FineFrames:
+        """What holds its turns, root, offsets and strains with all their keys."""
+        return self if self.fine is None else self.fine
 
     @property
     def links(self) -> Float:
         """(F or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
         links = self.skeleton.vectors[None]
         links = links if self.offsets is None else links + self.offsets
-        return links if self.strains is None else stretched(stretch_of(self.strains), links)
+        return links if self.stretch is None else stretched(self.stretch, links)
+
+    @property
+    def deforms(self) -> bool:
+        """Whether it does more with bones than to turn them."""
+        return bool(self.tracks) or self.mirrors is not None
+
+    @property
+    def stretch(self) -> Float | None:
+        """(F, N, 3, 3) by what each bone is stretched and mirrored before it turns; None: by nothing."""
+        if self.strains is None and self.mirrors is None:
+            return None
+        made = np.eye(3) if self.strains is None else stretch_of(self.strains)
+        return np.asarray(made if self.mirrors is None else made * self.mirrors[..., None, None])
 
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:

@@ -24,7 +24,7 @@ class Performance:
 
     Attributes:
         name: the character's.
-        times: (T,) seconds, rising evenly, from 0.
+        times: (T,) seconds, rising from 0; evenly, unless keys of its clips are among them.
         pivots: (J, 3) metres, where the transforms are at rest.
         linear: (T, J, 3, 3); where there is a skeleton, rotations unless its takes stretch bones.
         positions: (T, J, 3) metres, where the pivots are.
@@ -86,7 +86,7 @@ class Performance:
         if self.skeleton is None or self.joints is None:
             return False
         skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
-        if np.abs(gram - np.eye(3)).max() > _STIFF:
+        if np.abs(gram - np.eye(3)).max() > _STIFF or (np.linalg.det(self.linear) < 0).any():
             return True
         ways = self.joints[:, 1:] - self.positions[:, 1:]
         own = np.einsum("tnba,tnb->tna", self.linear[:, 1:], ways)
@@ -106,7 +106,10 @@ class Performance:
 
 
 def stretches_of(linear: Float) -> tuple[Float, Float]:
-    """(T, N, 4) turns and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in linear = R S."""
-    turns = from_matrix(linear)
+    """(T, N, 4) turns and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in linear = R S.
+
+    A map that mirrors has negative scales.
+    """
+    turns = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
     scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
     return continuous(turns), scales

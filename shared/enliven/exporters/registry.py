@@ -39,6 +39,7 @@ class Exporter:
         jointed: it holds only characters with a skeleton.
         single: it holds only one character.
         heard: it holds sound: ``write`` takes ``sound``, samples from the first pose on.
+        keyed: it holds keys at uneven times, such as those of a clip's own file.
         check: takes the options and raises where one makes no sense, before any work.
     """
 
@@ -46,6 +47,7 @@ class Exporter:
     jointed: bool = False
     single: bool = False
     heard: bool = False
+    keyed: bool = False
     check: Callable[..., object] = lambda **_: None
 
 

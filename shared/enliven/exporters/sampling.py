@@ -37,10 +37,14 @@ from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of, root_motions
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
-from enliven.rotation import multiply, stretch_of, to_matrix
+from enliven.rotation import multiply, to_matrix
 
 _STICK = 0.08
 """Width of a drawn bone as a share of its length, as animation programs draw them."""
+_SAME_TIME = 1e-4
+"""Seconds within which two times are one: less than a jump of a glTF is long."""
+_MOST_ROUNDS = 1000
+"""Rounds of a looped clip with keys at their own times; later ones are sampled evenly."""
 
 
 def performance_of(
@@ -52,6 +56,7 @@ def performance_of(
     *,
     how: Literal["skin", "morphs"] = "skin",
     settings: BakeSettings | None = None,
+    keyed: bool = False,
 ) -> Performance:
     """Samples a character of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
 
@@ -61,6 +66,7 @@ def performance_of(
             of the project have ended, and to the end of a round.
         how: a puppet is baked as transforms that vertices follow, or as morph targets.
         settings: how closely a puppet is baked.
+        keyed: also at the times of keys that its clips have from their files: no jump becomes a ramp.
 
     Raises:
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
@@ -69,6 +75,8 @@ def performance_of(
     if end is None:
         end, rate = _closing(project, found, start, rate)
     times = frame_times(start, end, rate, found.id)
+    if keyed and found.kind == Shape.kind:
+        times = _with_keys(project, found, times)
     return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
 
 
@@ -84,12 +92,40 @@ def _closing(project: Project, character: RigBase, start: float, rate: float) ->
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
+def _with_keys(project: Project, character: RigBase, times: Float) -> Float:
+    """(T,) even seconds of the project with those at which keys of a character's clips are played.
+
+    Even seconds next to a key are left out, so that a jump keeps its two times.
+    """
+    found = list[Float]()
+    for layer in (*character.layers, *character.root_layers):
+        clip = project.takes.get(layer.take)
+        if not isinstance(clip, Clip) or clip.fine is None:
+            continue
+        seconds, lasts = clip.fine.seconds, layer.lasting(clip.duration)
+        for one in layer.clips(clip.duration):
+            at = one.begin + (seconds - one.first) / one.speed
+            at = at[(at >= one.begin) & (at <= one.end)]
+            rounds = int((times[-1] - layer.offset) / lasts) + 1 if layer.loop and lasts > 0.0 else 1
+            found += [at + number * lasts for number in range(min(rounds, _MOST_ROUNDS))]
+    keys = np.unique(np.concatenate([np.zeros(0), *found]))
+    keys = keys[(keys > times[0]) & (keys < times[-1])]
+    keys = keys[np.diff(keys, prepend=-np.inf) > _SAME_TIME]
+    if not len(keys):
+        return times
+    after = np.clip(np.searchsorted(keys, times), 1, max(len(keys) - 1, 1))
+    near = np.minimum(np.abs(times - keys[after - 1]), np.abs(times - keys[np.minimum(after, len(keys) - 1)]))
+    free = near > _SAME_TIME
+    free[[0, -1]] = True
+    return np.union1d(times[free], keys)
+
+
 def performance_of_clip(clip: Clip) -> Performance:
     """Returns a clip as a performance of all its frames; its mesh is a stick for each bone."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     skeleton = clip.skeleton
     linear = to_matrix(clip.turns)
-    linear = linear if clip.strains is None else linear @ stretch_of(clip.strains)
+    linear = linear if clip.stretch is None else linear @ clip.stretch
     return _of_bones(clip.id, skeleton, times, linear, joint_places(clip), *sticks(skeleton))
 
 

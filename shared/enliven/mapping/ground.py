@@ -157,4 +157,4 @@ def levelled(clip: Clip, chest: int) -> Clip:
     last = np.maximum.accumulate(np.where(sure, np.arange(len(turns)), 0))
     made = clip.turns.copy()
     made[:, 0] = heading_of(turns[last])
-    return replace(clip, turns=made)
+    return replace(clip, turns=made, fine=None)

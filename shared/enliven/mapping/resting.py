@@ -115,7 +115,7 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
 def rebased(clip: Clip, since: Float) -> Clip:
     """The same motion against another rest pose, of world turns ``since`` (N, 4) from the present one."""
     turns = multiply(clip.turns, conjugate(since))
-    moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns)
+    moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns, fine=None)
     if clip.offsets is not None:
         moved = replace(moved, offsets=rotate(since, clip.offsets))
     if clip.strains is not None:

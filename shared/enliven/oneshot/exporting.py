@@ -36,5 +36,6 @@ def export(
         made = [performance_of_clip(what)]
     else:
         chosen = characters or [*what.shapes, *what.graphs, *what.puppets]
-        made = [performance_of(what, character, start, end, rate) for character in chosen]
+        keyed = exporter.keyed
+        made = [performance_of(what, one, start, end, rate, keyed=keyed) for one in chosen]
     exporter.write(Path(path), made, title)

@@ -119,6 +119,8 @@ def resampled(clip: Clip, step: float) -> Clip:
     """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     tracks: dict[str, Any] = {name: _mixed(track, times, step) for name, track in clip.tracks}
+    if clip.mirrors is not None:
+        tracks["mirrors"] = np.where(_mixed(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
     return replace(_even(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
 
 
@@ -126,7 +128,10 @@ def between_times(clip: Clip, start: float, stop: float) -> Clip:
     """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
-    return clip.mapped(lambda track: track[first:last])
+    cut = clip.mapped(lambda track: track[first:last])
+    if clip.fine is None:
+        return cut
+    return replace(cut, fine=clip.fine.between(first * clip.step, (len(cut.turns) + first - 1) * clip.step))
 
 
 def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:

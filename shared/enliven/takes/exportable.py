@@ -25,8 +25,9 @@ from enliven.takes.possessed import characters_and_poses, with_performance
 from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
 from enliven.takes.rigged import rigged_of
 
-Sample = Callable[[float, float | None, float | None, bool], Performance]
-"""From start to end seconds (None: all), frames a second (None: its own), with morph targets or without."""
+Sample = Callable[[float, float | None, float | None, bool, bool], Performance]
+"""From start to end seconds (None: all), frames a second (None: its own), with morph targets or without, and
+with the clips' own keys or without."""
 _RATE = 30.0
 """Frames a second of what has no rate of its own: that of the sensors."""
 
@@ -147,11 +148,13 @@ def _sampled(
     end: float | None,
     rate: float | None,
     morphs: bool,
+    keyed: bool,
     own: float = _RATE,
 ) -> Performance:
     """A character of a project, at its ``own`` frames a second where no others are asked for."""
+    keyed = keyed and rate is None
     how: Literal["skin", "morphs"] = "morphs" if morphs else "skin"
-    return performance_of(project, character, start, end, rate or own, how=how)
+    return performance_of(project, character, start, end, rate or own, how=how, keyed=keyed)
 
 
 def _recorded(
@@ -163,20 +166,21 @@ def _recorded(
     end: float | None,
     rate: float | None,
     morphs: bool,
+    keyed: bool,
 ) -> Performance:
     """A character that was performed live, as a rigged shape or as a possessed mesh."""
     if character.kind == "bones":
         still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
         late = shape.later(offset)
-        return _sampled(project.with_characters(late), late, start, end, rate, morphs, 1 / clip.step)
+        return _sampled(project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step)
     named = replace(character, id=name)
     project = with_performance(Project(), (name, 0), named, poses, begin, [], None)
     (graph,), (stream,) = project.graphs.values(), project.streams.values()
-    return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
+    return _sampled(project, graph, start, end, rate, morphs, keyed, 1 / stream.step)
 
 
-def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, _: bool) -> Performance:
+def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:
     """Frames of a clip; what is no longer there at a time is refused by its name."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:

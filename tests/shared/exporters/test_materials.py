@@ -3,7 +3,6 @@
 import io
 import json
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,9 +15,8 @@ from enliven.example_sessions.mesh import mesh_of
 from enliven.example_sessions.tables import MeshTable
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of, write_gltf
-from enliven.formats.gltf import read_gltf, with_materials
+from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project, write_project
-from enliven.meshes import submesh
 
 PARTS = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -202,11 +200,6 @@ def test_a_session_has_the_materials_of_its_mesh(tmp_path):
     mesh = mesh_of(MeshTable("square.gltf"), tmp_path / "square.gltf").mesh
     own = read_gltf(tmp_path / "square.gltf").shape.mesh
     assert same(mesh.materials, own.materials) and len(mesh.faces) == len(own.faces)
-    turned = replace(mesh, materials=None).with_faces(np.array([2, 0, 1]))
-    found = with_materials(turned, tmp_path / "square.gltf").materials.of
-    np.testing.assert_array_equal(found, own.materials.of[[2, 0, 1]])
-    other = submesh(mesh, np.array([True, False, True]))
-    assert with_materials(replace(other, materials=None), tmp_path / "square.gltf").materials is None
 
 
 def test_images_outside_of_the_folder_are_not_taken(tmp_path):

@@ -88,7 +88,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
             back = np.linalg.inv(world[:, parent])
             local = back @ local
             places[:, j] = np.einsum("tab,tb->ta", back, pivots[:, j] - pivots[:, parent])
-        turns[:, j] = from_matrix(local)
+        turns[:, j] = from_matrix(local * np.where(np.linalg.det(local) < 0, -1.0, 1.0)[:, None, None])
         turned = to_matrix(turns[:, j])
         scales[:, j] = np.einsum("tba,tba->ta", turned, local)
         world[:, j] = turned * scales[:, j, None, :]

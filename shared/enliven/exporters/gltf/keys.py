@@ -8,7 +8,9 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 
-def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
+def needed_keys(
+    values: Float, tolerance: float, turns: bool = False, times: Float | None = None
+) -> Int:
     """Returns (K,) the frames of ``values`` (T, C) to keep, the first and the last among them.
 
     Between two that are kept no frame is farther than the tolerance from what a player shows. From each key
@@ -17,14 +19,16 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
     Args:
         turns: whether values are unit quaternions without jumps of sign, which players interpolate on the
             sphere; the tolerance is in radians then.
+        times: (T,) seconds of the frames; None for even ones.
     """
     if len(values) <= 2 or tolerance <= 0.0:
         return np.arange(len(values))
-    return np.asarray(_needed(np.ascontiguousarray(values, np.float64), tolerance, turns))
+    when = np.arange(float(len(values))) if times is None else np.ascontiguousarray(times, np.float64)
+    return np.asarray(_needed(np.ascontiguousarray(values, np.float64), when, tolerance, turns))
 
 
 @njit(cache=True, nogil=True)
-def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
+def _needed(values, times, tolerance, turns):  # type: ignore[no-untyped-def]
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
     begin = kept[0]  # a literal 0 would be a type of its own, and _holds be compiled for it
@@ -32,12 +36,12 @@ def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
     while begin < last:
         # As far as doubling goes, then between by halves.
         good, step = begin + 1, 2
-        while begin + step <= last and _holds(values, begin, begin + step, tolerance, turns):
+        while begin + step <= last and _holds(values, times, begin, begin + step, tolerance, turns):
             good, step = begin + step, 2 * step
         bad = min(begin + step, last + 1)
         while bad - good > 1:
             middle = (good + bad) // 2
-            if _holds(values, begin, middle, tolerance, turns):
+            if _holds(values, times, begin, middle, tolerance, turns):
                 good = middle
             else:
                 bad = middle
@@ -46,7 +50,7 @@ def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _holds(values, begin, end, tolerance, turns):  # type: ignore[no-untyped-def]
+def _holds(values, times, begin, end, tolerance, turns):  # type: ignore[no-untyped-def]
     """Returns whether all frames between two keys are within the tolerance of their interpolation."""
     width = values.shape[1]
     dot = 0.0
@@ -55,7 +59,7 @@ def _holds(values, begin, end, tolerance, turns):  # type: ignore[no-untyped-def
     sign = -1.0 if turns and dot < 0.0 else 1.0
     angle = np.arccos(min(abs(dot), 1.0)) if turns else 0.0
     for f in range(begin + 1, end):
-        share = (f - begin) / (end - begin)
+        share = (times[f] - times[begin]) / (times[end] - times[begin])
         first, second = 1.0 - share, share
         if turns and angle > 1e-4:
             first, second = np.sin(first * angle) / np.sin(angle), np.sin(second * angle) / np.sin(angle)

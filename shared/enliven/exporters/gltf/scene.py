@@ -9,7 +9,7 @@ from enliven.arrays import Float, Int
 from enliven.document import SkinWeights
 from enliven.exporters.gltf.joints import clean_skin, listed, unit32
 from enliven.meshes import Mesh
-from enliven.meshes.gltf import MeshScene
+from enliven.meshes.gltf import JUMP, MeshScene
 from enliven.rotation import IDENTITY
 
 _STILL = 1e-7
@@ -80,14 +80,19 @@ class GltfScene(MeshScene):
             stored = unit32(values[:1])[0] if path == "rotation" else values[0]
             setattr(self.document.nodes[node], path, listed(stored))
             return
+        jumps = None if still else jumps_of(times, values)
+        if jumps is not None:
+            stored = unit32(values[jumps]) if path == "rotation" else values[jumps].astype(np.float32)
+            self.channel(times[jumps], node, path, self.blob.add(stored), "STEP")
+            return
         kept = np.arange(len(times)) if keys is None else keys
         kept = np.array([0, len(times) - 1]) if still else kept
         stored = unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
         self.channel(times[kept], node, path, self.blob.add(stored))
 
-    def channel(self, times: Float, node: int, path: str, output: int) -> None:
-        """Adds a channel that reads its values from an existing accessor."""
-        sampler = pygltflib.AnimationSampler(input=self._times(times), output=output, interpolation="LINEAR")
+    def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
+        """Adds a channel that reads its values from an existing accessor, interpolated in that way."""
+        sampler = pygltflib.AnimationSampler(input=self._times(times), output=output, interpolation=how)
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
         channel = pygltflib.AnimationChannel(sampler=len(self._animation.samplers) - 1, target=target)
@@ -100,6 +105,19 @@ class GltfScene(MeshScene):
         if key not in self._known:
             self._known[key] = self.blob.add(stored)
         return self._known[key]
+
+
+def jumps_of(times: Float, values: Float) -> Int | None:
+    """Returns (K,) the frames of ``values`` (T, C) with which a channel of steps is the same.
+
+    None where the values also change over a longer time than a jump of a clip takes.
+    """
+    changed = np.abs(np.diff(values, axis=0)).max(1) > _STILL
+    if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP)).any():
+        return None
+    kept = np.unique([0, *(np.flatnonzero(changed) + 1), len(times) - 1])
+    held = values[kept[np.searchsorted(kept, np.arange(len(times)), "right") - 1]]
+    return kept if np.abs(held - values).max() <= len(times) * _STILL else None
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:

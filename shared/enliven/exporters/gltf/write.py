@@ -50,7 +50,7 @@ def write_gltf(
     write_file(Path(path), glb_of(performances, name), "Choose another place.")
 
 
-GLB = Exporter(write_gltf)
+GLB = Exporter(write_gltf, keyed=True)
 
 
 def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
@@ -123,7 +123,7 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
             ("rotation", np.roll(turns[:, k], -1, -1), most / reach[k]),
             ("scale", scales[:, k], most / reach[k]),
         ):
-            keys = needed_keys(values, within, path == "rotation")
+            keys = needed_keys(values, within, path == "rotation", performance.times)
             scene.animate(performance.times, node, path, values, keys)
         joints.append(node)
     scene.skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
@@ -166,7 +166,8 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
     # A weight moves no vertex farther than the longest way of its target.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)
-    keys = needed_keys(morphs.weights * far, performance.keys / np.sqrt(len(far)))
+    within = performance.keys / np.sqrt(len(far))
+    keys = needed_keys(morphs.weights * far, within, times=performance.times)
     stored = morphs.weights[keys].astype(np.float32)
     scene.channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
     scene.put(holder)

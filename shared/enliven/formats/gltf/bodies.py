@@ -13,23 +13,21 @@ _STRETCHED = 1e-4
 """Largest stretch of a joint beyond 1 that is rounding and no scale track."""
 
 
-def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> tuple[list[LinkBody], list[str]]:
-    """Returns a body for each joint, and sentences about what no body can do.
+def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
+    """Returns a body for each joint.
 
     Args:
         surface: of the file.
         chosen: the nodes that are joints.
         world: (F, n, 4, 4) world_from_node over all animations.
     """
-    file, bind, notes = surface.file, surface.bind, list[str]()
+    file, bind = surface.file, surface.bind
     number = {node: k for k, node in enumerate(chosen)}
     bodies = list[LinkBody]()
     for node in chosen:
         away = world[:, node] @ np.linalg.inv(bind.world[node])
-        over = np.linalg.det(away[:, :3, :3]) < 0
-        if over.any():
-            away[over, :3, :3] = _righted(away[over, :3, :3])
-            notes.append(f"an animation mirrors {file.name(node)}, which no bone does: it is turned instead")
+        mirrors = np.where(np.linalg.det(away[:, :3, :3]) < 0, -1.0, 1.0)
+        away[:, :3, :3] *= mirrors[:, None, None]
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
         scaled = _skew(away[:, :3, :3]) > _STRETCHED
         strains = strain_of(away[:, :3, :3], turns) if scaled else None
@@ -45,9 +43,10 @@ def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> tuple[li
             file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
         )
         body.leaves, body.strains = leaves, strains
+        body.mirrors = mirrors if (mirrors < 0).any() else None
         bodies.append(body)
     _weigh(bodies, number, surface.parts, surface.rest)
-    return bodies, notes
+    return bodies
 
 
 def _skew(linear: Float) -> float:
@@ -55,13 +54,6 @@ def _skew(linear: Float) -> float:
     if not len(linear):
         return 0.0
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
-
-
-def _righted(linear: Float) -> Float:
-    """(F, 3, 3) maps that mirror, without the mirroring along the axis that they stretch least."""
-    left, stretch, right = np.linalg.svd(linear)
-    left[:, :, 2] *= -1.0
-    return np.asarray(left * stretch[:, None] @ right)
 
 
 def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]) -> None:

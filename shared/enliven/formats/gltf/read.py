@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.document import Clip, Skeleton, SkinWeights, still_shape, unused
+from enliven.document import Clip, FineFrames, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bodies import bodies_of
@@ -37,26 +37,41 @@ from enliven.meshes.gltf import (
     animated_locals,
     frame_times,
     gltf_surface,
+    key_times,
     moving_nodes,
     world_matrices,
 )
+from enliven.rotation import continuous
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
 
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
+_LATE = 0.1
+"""Seconds of a pause before the first key that get a note: programs that count frames from 1 leave less."""
 
 
 @dataclass
 class _Animation:
-    """One animation: its name, its frames among those of all, and the seconds between them."""
+    """One animation: its name, its samples among those of all, and when they are.
+
+    Attributes:
+        name: the file's, or a number.
+        frames: its samples.
+        seconds: (K,) of them, from 0.
+        even: (F,) which of them are evenly spaced.
+        step: seconds between these.
+    """
 
     name: str
     frames: slice
+    seconds: Float
+    even: Int
     step: float
 
 
+@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:
@@ -106,12 +121,12 @@ def _unrigged(mesh: Mesh, notes: list[str]) -> Rig:
 
 def _rigged(surface: GltfSurface) -> Rig:
     file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
-    animations, world = _played(file)
+    animations, world = _played(file, notes)
     chosen = _chosen(file, parts)
     if len(chosen) > _MOST_JOINTS:
         raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies, mirrored = bodies_of(surface, chosen, world)
+    bodies = bodies_of(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
     tree = tree_of(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
@@ -121,21 +136,25 @@ def _rigged(surface: GltfSurface) -> Rig:
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
         clips.append(_clip(animation, tree, bodies, tracks, taken))
-    notes += tree.notes + mirrored + _told(bodies, tree, size)
+    notes += tree.notes + _told(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
-def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
+def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
     """The animations, and (F, n, 4, 4) world_from_node over all their frames."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
-        times = frame_times(file, number)
+        even = frame_times(file, number)
+        times = np.union1d(even, key_times(file, number, even))
         if (start + len(times)) * len(file.parents) > MOST_PLACES:
             raise file.wrong(f"its animations are more than {start + len(times)} frames together: too many")
-        step = float(times[1] - times[0]) if len(times) > 1 else 1 / 30
+        step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"
-        animations.append(_Animation(name, slice(start, start + len(times)), step))
+        if even[0] > _LATE:
+            notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
+        own, at = slice(start, start + len(times)), np.searchsorted(times, even)
+        animations.append(_Animation(name, own, times - times[0], at, step))
         start += len(times)
     count = len(file.document.nodes)
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
@@ -179,11 +198,27 @@ def _clip(
     """One animation; ``tracks`` are the offsets and strains of all of them, kept where this one has any."""
     name = unused(animation.name, taken)
     taken.add(name)
-    turns = np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1)
+    turns = continuous(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
     own = [None if track is None else track[animation.frames] for track in tracks]
     offsets, strains = (None if track is None or not track.any() else track for track in own)
-    root = bodies[tree.root].places[animation.frames]
-    return Clip(name, tree.skeleton, turns, root, animation.step, offsets=offsets, strains=strains)
+    root, even = bodies[tree.root].places[animation.frames], animation.even
+    mirrors = _mirrors(animation, tree, bodies)
+    fine = None
+    if len(even) < len(turns):
+        fine = FineFrames(animation.seconds, turns, root, offsets, strains, mirrors)
+    given = {"offsets": offsets, "strains": strains, "mirrors": mirrors}
+    some = {track: None if rows is None else rows[even] for track, rows in given.items()}
+    return Clip(name, tree.skeleton, turns[even], root[even], animation.step, **some, fine=fine)
+
+
+def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
+    """(K, N) -1 where a bone is mirrored, else 1; None where none is."""
+    made = np.ones((len(animation.seconds), len(tree.driver)))
+    for j, driver in enumerate(tree.driver):
+        mirrors = bodies[driver].mirrors
+        if mirrors is not None:
+            made[:, j] = mirrors[animation.frames]
+    return made if (made < 0).any() else None
 
 
 def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:

@@ -68,7 +68,8 @@ def _moved(rig: Rig, scale: float, by: Float) -> Rig:
 
 def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
     offsets = None if clip.offsets is None else clip.offsets * scale
-    return replace(clip, skeleton=skeleton, root=clip.root * scale + by, offsets=offsets)
+    fine = None if clip.fine is None else clip.fine.scaled(scale, by)
+    return replace(clip, skeleton=skeleton, root=clip.root * scale + by, offsets=offsets, fine=fine)
 
 
 def welded(shape: Shape) -> Shape:
@@ -112,7 +113,7 @@ def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]
     taken: dict[str, object] = dict(project.layer_names)
     for j, name in enumerate(skeleton.names):
         chain = (int(skeleton.parents[j]), j) if j else (0,)
-        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain, stretch=bool(clip.tracks))
+        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain, stretch=clip.deforms)
         taken[layer.id] = layer
         layers.append(layer)
         spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))

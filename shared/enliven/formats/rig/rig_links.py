@@ -44,6 +44,7 @@ class LinkBody:
         reach: (3,) metres, the far end of those vertices, or None.
         leaves: name and (3,) metres of its child nodes that are no joints.
         strains: (F, 6) the Hencky strains since rest, before the turns; None where it is never stretched.
+        mirrors: (F,) -1 where it is mirrored against its rest, else 1; None where it never is.
     """
 
     name: str
@@ -55,9 +56,12 @@ class LinkBody:
     reach: Float | None = None
     leaves: list[tuple[str, Float]] = field(default_factory=list)
     strains: Float | None = None
+    mirrors: Float | None = None
 
     def moved(self, way: Float) -> Float:
-        """(F, 3) where vectors (3,) or (F, 3) of the rest pose lead: stretched, then turned."""
+        """(F, 3) where vectors (3,) or (F, 3) of the rest pose lead: stretched and mirrored, then turned."""
+        if self.mirrors is not None:
+            way = self.mirrors[:, None] * way
         if self.strains is not None:
             way = stretched(stretch_of(self.strains), np.broadcast_to(way, (len(self.places), 3)))
         return rotate(self.turns, way)
@@ -140,6 +144,8 @@ def _residuals(bodies: list[LinkBody]) -> Float:
         way = (rest - rest[p])[:, None]
         if body.strains is not None:
             way = stretched(stretch_of(body.strains[looked]), way)
+        if body.mirrors is not None:
+            way = way * body.mirrors[looked, None]
         expected = places[p] + rotate(body.turns[looked], way)
         off[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
     return off

@@ -125,6 +125,7 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
             strains[:, j] = driver.strains
         if j and tree.body[j] >= 0:
             way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
+            way = way if driver.mirrors is None else way * driver.mirrors[:, None]
             offsets[:, j] = stretched(stretch_of(-strains[:, j]), way) - skeleton.vectors[j]
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _SEEN * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None

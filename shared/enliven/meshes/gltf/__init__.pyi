@@ -3,9 +3,11 @@ from .blob import Blob as Blob
 from .file import GltfFile as GltfFile
 from .gltf_json import GLTF_SUFFIXES as GLTF_SUFFIXES
 from .motion import (
+    JUMP as JUMP,
     MOST_PLACES as MOST_PLACES,
     animated_locals as animated_locals,
     frame_times as frame_times,
+    key_times as key_times,
     world_matrices as world_matrices,
 )
 from .parts import GltfPart as GltfPart, moving_nodes as moving_nodes

@@ -48,7 +48,7 @@ class Bind:
                     self.world[node] = placed @ np.linalg.inv(inverse)
                     known.add(node)
         self._follow(known)
-        self._resize(known)
+        self._resize(known, parts)
 
     def vertices(self, part: GltfPart) -> Float:
         """Returns (V, 3) metres: a part in the bind pose, by its own skinning."""
@@ -115,7 +115,7 @@ class Bind:
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
 
-    def _resize(self, known: set[int]) -> None:
+    def _resize(self, known: set[int], parts: list[GltfPart]) -> None:
         """Scales and mirrors joints that the file leaves at another size than at binding.
 
         A size that is never animated belongs to the rest pose, with all that hangs on it, and so does a
@@ -132,13 +132,20 @@ class Bind:
         sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
         # Whether a node is mirrored against where it was bound.
         mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
+        moving = set[int]()
+        if document.animations and _blends(parts, mirrored):
+            # What lies half on a mirrored joint would not move as the file says: clips mirror their bones.
+            for node in self._order:
+                if node in known and (mirrored[node] or self._file.parents[node] in moving):
+                    moving.add(node)
+            mirrored = dict.fromkeys(known, False)
         for node in self._order:
             parent = self._file.parents[node]
             if node not in known or parent not in known:
                 continue
             self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
             grown = sizes[node] / sizes[parent]
-            if node not in animated and abs(grown - 1.0) > _GROWN:
+            if node not in animated | moving and abs(grown - 1.0) > _GROWN:
                 self.world[node][:3, :3] *= grown
             if mirrored[node] != mirrored[parent]:
                 self.world[node][:3, :3] *= self._mirror(node)
@@ -151,6 +158,17 @@ class Bind:
 
 def _size(matrix: Float) -> float:
     return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+def _blends(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
+    """Whether a vertex follows both a mirrored joint and one that is not."""
+    for part in parts:
+        over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
+        over[[node for node, flag in mirrored.items() if flag]] = True
+        share = np.where(over[part.nodes], part.weights, 0.0).sum(1)
+        if ((share > 1e-4) & (share < 1.0 - 1e-4)).any():
+            return True
+    return False
 
 
 def _turned_over(matrix: Float) -> bool:

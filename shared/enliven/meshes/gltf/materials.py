@@ -94,27 +94,37 @@ class Materials:
             return -1
         return len(self.definitions) - 1
 
-    def _kept(self, value: Any) -> Any:
-        """The JSON of a material with its textures numbered as here, without those that were left out."""
+    def _kept(self, value: Any, in_extensions: bool = False) -> Any:
+        """The JSON of a material with its textures numbered as here, without those that were left out.
+
+        Args:
+            in_extensions: whether the keys of the value are names of extensions.
+        """
         if isinstance(value, list):
             return [self._kept(inner) for inner in value]
         if not isinstance(value, dict):
             return value
         made = dict[str, Any]()
         for key, inner in value.items():
-            made[key] = self._kept(inner)
+            made[key] = self._kept(inner, key == "extensions")
             if key.endswith("Texture") and isinstance(inner, dict):
                 number = self._textures[inner["index"]]
                 if number is None:
                     del made[key]
                 else:
                     made[key]["index"] = number
+            # What is empty says nothing, and writers leave it out; but an empty extension says that it is used.
+            elif not in_extensions and _is_empty(made[key]):
+                del made[key]
         return made
 
     def _texture(self, number: int) -> int | None:
         """Keeps a texture and returns its number, or None with a note."""
         try:
             texture = _entry(self._file.document.textures, number)
+            packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
+            if texture.source is None and packed:
+                raise InputError(f"its picture is in {packed[0][:60]}")
             image = _entry(self._file.document.images, texture.source)
             if image.bufferView is not None:
                 data = self._file.data_of_view(image.bufferView)
@@ -133,6 +143,10 @@ class Materials:
             return None
         self.textures.append(made)
         return len(self.textures) - 1
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or (isinstance(value, (dict, list, str)) and not value)
 
 
 def _entry(entries: list[Any] | None, number: int) -> Any:

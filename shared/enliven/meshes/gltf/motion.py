@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,19 @@ _SHORTEST_STEP = 1 / 120
 """Seconds between samples at least: denser keys are no visible motion and cost memory."""
 _CLOSED = 1e-5
 """Share of a node's largest size that stands for size 0: too small to be seen, and it can be inverted."""
+_CURVED_STEP = 1 / 120
+"""The same where channels are cubic: between frames a curve would become a line."""
+_MUCH_GROWTH = 0.3
+"""Logarithm of the factor from key to key beyond which a size gets more frames: a third larger."""
+_GROWTH_STEP = 1 / 240
+"""Seconds between these frames at least."""
+_MOST_GROWTH = 64
+"""Of these frames from one key to the next at most: what takes longer grows slowly."""
+JUMP = 2.5e-4
+"""Seconds before the key of a jump at which the value before it still stands: no display shows the way
+between, and float32 tells the two times apart for an hour."""
+_SAME_TIME = 1e-4
+"""Seconds within which two times are one: rounding of float32."""
 MOST_PLACES = 1 << 23
 """Frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 a second."""
 
@@ -143,19 +157,74 @@ def _settle(parents: list[int], world: Float, local: Float, done: set[int], node
 
 def frame_times(file: GltfFile, animation: int) -> Float:
     """Returns (F,) the evenly spaced seconds of an animation's samples; evenly spaced keys fall on them."""
-    keys = [_keys(file, s.input) for s in file.document.animations[animation].samplers]
+    samplers = _used_samplers(file, animation)
+    keys = [_keys(file, sampler.input) for sampler in samplers]
     keys = [k for k in keys if len(k)]
     if not keys:
         return np.zeros(1)
     start, end = min(k[0] for k in keys), max(k[-1] for k in keys)
     gaps = [float(np.median(np.diff(k))) for k in keys if len(k) > 1]
     gap = max(min(gaps, default=_LONGEST_STEP), _SHORTEST_STEP)
+    longest = _CURVED_STEP if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _LONGEST_STEP
     # A whole number of frames in the gap between two keys keeps the keys on frames.
-    gap /= max(math.ceil(gap / _LONGEST_STEP - 1e-3), 1)
+    gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MOST_PLACES:
         raise file.wrong(f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many")
     return np.asarray(np.linspace(start, end, steps + 1) if end > start else np.array([start]))
+
+
+def key_times(file: GltfFile, animation: int, even: Float) -> Float:
+    """Returns (K,) the seconds of an animation's own keys that ``even`` times (F,) do not hold.
+
+    A jump of a STEP channel is at two times, just before its key and at it.
+    """
+    found, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
+    for sampler in _used_samplers(file, animation):
+        keys = _keys(file, sampler.input)
+        if sampler.interpolation == "STEP" and len(keys) > 1:
+            values = np.asarray(file.accessor(sampler.output), np.float64)
+            jumps = keys[1:][np.abs(np.diff(values[: len(keys)], axis=0)).max(1) > 0.0]
+            found += [jumps, jumps - JUMP]
+        else:
+            found.append(keys)
+    found += _growing(file, animation)
+    seconds = np.unique(np.concatenate([np.zeros(0), *found]))
+    seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
+    nearest = even[0] + np.round((seconds - even[0]) / step) * step
+    seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
+    # Two keys within less than a jump would be one time in float32.
+    return seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME]
+
+
+def _growing(file: GltfFile, animation: int) -> list[Float]:
+    """More times between keys over which a node grows or shrinks much.
+
+    Between frames a clip interpolates the logarithm of a size, and the file the size.
+    """
+    found = file.document.animations[animation]
+    made = list[Float]()
+    for channel in found.channels or []:
+        sampler = found.samplers[channel.sampler]
+        if channel.target.path != "scale" or channel.target.node is None or sampler.interpolation == "STEP":
+            continue
+        keys, sizes = _keys(file, sampler.input), file.scale_keys[channel.target.node][animation]
+        logs = np.log(np.maximum(np.abs(sizes), _CLOSED))
+        for k in np.flatnonzero(np.abs(np.diff(logs, axis=0)).max(1, initial=0.0) > _MUCH_GROWTH):
+            count = min(int((keys[k + 1] - keys[k]) / _GROWTH_STEP) + 1, _MOST_GROWTH)
+            made.append(np.linspace(keys[k], keys[k + 1], count + 1))
+    return made
+
+
+def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
+    """The samplers of the channels that move nodes."""
+    found = file.document.animations[animation]
+    used = {
+        channel.sampler
+        for channel in found.channels or []
+        if channel.target.node is not None and channel.target.path in ("translation", "rotation", "scale")
+    }
+    return [found.samplers[number] for number in sorted(used)]
 
 
 def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:

@@ -153,7 +153,7 @@ def _part(
     table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
     if table is None:
         return part
-    return instanced(part, instance_transforms(file, vars(table)), file)
+    return instanced(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
 
 
 def _morphed(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
@@ -168,12 +168,17 @@ def _morphed(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Floa
     return vertices
 
 
-def instance_transforms(file: GltfFile, table: dict[str, int]) -> Float:
+def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Float:
     """Returns (K, 4, 4) node_from_mesh of the instances in the table of a node.
 
     Raises:
-        InputError: where its columns are of different lengths, or not finite.
+        InputError: where its columns are of different lengths, or not finite, or where so many instances of
+            ``size`` vertices or corners are more than a reader has room for.
     """
+    accessors = file.document.accessors
+    most = max((accessors[at].count for name, at in table.items() if name in _COLUMNS), default=1)
+    if most * max(size, 1) > MOST_ELEMENTS:
+        raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
     columns = {name: np.asarray(file.accessor(at), np.float64) for name, at in table.items() if name in _COLUMNS}
     count = max((len(values) for values in columns.values()), default=1)
     filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _COLUMNS.items()]
@@ -185,15 +190,9 @@ def instance_transforms(file: GltfFile, table: dict[str, int]) -> Float:
     return matrices_of(*filled)
 
 
-def instanced(part: GltfPart, transforms: Float, file: GltfFile) -> GltfPart:
-    """Returns a part once for each of the transforms (K, 4, 4); a mirrored one has its faces turned round.
-
-    Raises:
-        InputError: where that is more than a reader has room for.
-    """
+def instanced(part: GltfPart, transforms: Float) -> GltfPart:
+    """Returns a part once for each of the transforms (K, 4, 4); a mirrored one has its faces turned round."""
     count, size = len(transforms), len(part.vertices)
-    if count * max(size, 3 * len(part.faces)) > MOST_ELEMENTS:
-        raise file.wrong(f"it shows {count} instances of {size} vertices, which are too many")
     moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
     mirrored = np.linalg.det(transforms[:, :3, :3]) < 0
     faces = [

@@ -41,6 +41,7 @@ class GltfSurface:
     notes: list[str]
 
 
+@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
 def gltf_surface(path: Path | str, name: str = "") -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 

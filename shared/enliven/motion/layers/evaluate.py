@@ -34,7 +34,7 @@ from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.stretching import Stretching
 from enliven.motion.layers.travel import Travel
-from enliven.rotation import stretch_of, to_matrix
+from enliven.rotation import to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +127,9 @@ class Player:
 
     def _stretch(self, times: Float) -> Float | None:
         """(T, N, 3, 3) U_j at times (T,); None where no bone is stretched."""
-        strains = None if self._stretching is None else self._stretching.at(times)[1]
-        return None if strains is None or not strains.any() else stretch_of(strains)
+        if self._stretching is None:
+            return None
+        return self._stretching.stretch(times, self._stretching.at(times)[1])
 
     def _links(self, times: Float) -> Float:
         """(T or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
@@ -136,7 +137,8 @@ class Player:
         if self._stretching is not None:
             offsets, strains = self._stretching.at(times)
             links = links + offsets
-            links = stretched(stretch_of(strains), links) if strains.any() else links
+            stretch = self._stretching.stretch(times, strains)
+            links = links if stretch is None else stretched(stretch, links)
             links.setflags(write=False)  # as a skeleton's are: compiled code is made once for both
         return links
 

@@ -118,7 +118,7 @@ class _Take:
     ) -> None:
         layers, lines = [all_layers[i] for i in numbers], [all_lines[i] for i in numbers]
         clip = lines[0].clip
-        self.numbers, self.id, self._turns, self._begin = numbers, clip.id, clip.turns, begin
+        self.numbers, self.id, self._turns, self._begin = numbers, clip.id, clip.finest.turns, begin
         self.fed: Float | None = None
         self._clocks = Clocks.of(layers, [clip] * len(layers))
         self._bones = np.concatenate([line.bones for line in lines])

@@ -21,10 +21,12 @@ from enliven.document import Clip, Layer, Ref, Shape, Span
 from enliven.motion.layers.polyline import Polyline, place_of
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.timing import Clocks
-from enliven.rotation import rotate, turned_strain
+from enliven.rotation import rotate, stretch_of, turned_strain
 
 _LENGTH = 1e-9
 """Share of the shape's longest bone below which a bone has no length to be compared by."""
+_ROUNDING = 1e-6
+"""Share of a frame within which a time is at a frame."""
 _REFLECTED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
 """(6,) what the reflection in the plane x = 0 does to a strain."""
 
@@ -52,8 +54,9 @@ class _Stretched:
         """(T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
         played = self.clock.played(times)
         weight = played.weight[:, 0] * self.layer.weight
+        finest = self.clip.finest
         made = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
-        for out, track in zip(made, (self.clip.offsets, self.clip.strains), strict=True):
+        for out, track in zip(made, (finest.offsets, finest.strains), strict=True):
             if track is not None:
                 one, other = (_between(track[:, self.bones], at[:, 0]) for at in (played.frame, played.other))
                 out += weight[:, None, None] * (one + played.share[:, :1, None] * (other - one))
@@ -66,6 +69,19 @@ class _Stretched:
         )
 
 
+    def mirrors(self, times: Float) -> Float | None:
+        """(T, N) 1, or -1 for a bone that is mirrored at a time; None where none is at any time."""
+        track = self.clip.finest.mirrors
+        if track is None:
+            return None
+        played, most = self.clock.played(times), self.strains.argmax(1)
+        here = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
+        # Between two frames the first still stands: a mirroring has no halves.
+        rows = track[np.floor(here + _ROUNDING).astype(int)][:, self.bones]
+        heard = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
+        return np.where(heard, rows[:, most], 1.0)
+
+
 class Stretching:
     """All the layers of a shape that stretch bones."""
 
@@ -76,7 +92,7 @@ class Stretching:
     def of(sampler: Sampler, shape: Shape) -> Stretching | None:
         """The layers of a shape that take the lengths and stretches of their takes; None without any."""
         both = zip(sampler.layers, sampler.lines, strict=True)
-        heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.tracks]
+        heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
         ratios = [_ratios(layer, line, shape) for layer, line in heard]
         known = [ratio[np.isfinite(ratio)] for ratio in ratios]
         usual = float(np.median(np.concatenate(known))) if any(len(some) for some in known) else 1.0
@@ -90,6 +106,15 @@ class Stretching:
         """(T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains as a clip has them."""
         made = [layer.at(times) for layer in self._layers]
         return sum(offsets for offsets, _ in made), sum(strains for _, strains in made)  # type: ignore[return-value]
+
+    def stretch(self, times: Float, strains: Float) -> Float | None:
+        """(T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None where nothing is seen."""
+        made = stretch_of(strains) if strains.any() else None
+        for layer in self._layers:
+            mirrors = layer.mirrors(times)
+            if mirrors is not None and (mirrors < 0.0).any():
+                made = (np.eye(3) if made is None else made) * mirrors[..., None, None]
+        return made
 
 
 def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _Stretched:

@@ -47,12 +47,14 @@ class Clocks:
             are of.
         first: (L + 1,) where among the segments those of each layer begin.
         layers: the same, asked for the curves of their weights and speeds.
+        fine: for each layer the seconds (K,) of its take's fine frames, or None where its frames are even.
     """
 
     rows: Float
     lanes: Float
     first: Int
     layers: tuple[TimeMap, ...]
+    fine: tuple[Float | None, ...] = ()
 
     @staticmethod
     def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
@@ -66,7 +68,8 @@ class Clocks:
             counts.append(len(lane))
         first = np.array(list(accumulate(counts)), np.int64)
         table = np.array(rows, np.float64).reshape(-1, 8)
-        return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers))
+        fine = tuple(None if clip.fine is None else clip.fine.seconds for clip in clips)
+        return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers), fine)
 
     def played(self, seconds: Float) -> Times:
         """What is played at times (T,) of the project; :meth:`curves` are apart from its weights."""
@@ -76,6 +79,10 @@ class Clocks:
             if layer.speeds:
                 even[:, number] = layer.offset + curve_of(layer.speeds).area(seconds - layer.offset)
         _played(even, self.rows, self.lanes, self.first, out)
+        for number, moments in enumerate(self.fine):
+            if moments is not None:
+                second, frames = out[:2, :, number] * self.rows[number, 3], np.arange(float(len(moments)))
+                out[:2, :, number] = np.interp(second, moments, frames)
         return Times(*out)
 
     def curves(self, seconds: Float) -> Float:

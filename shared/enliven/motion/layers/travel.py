@@ -54,7 +54,7 @@ class Travel:
         self.layer = None if layer is None or layer.muted else layer
         if self.layer is not None:
             clip = smoothed(project.takes[self.layer.take], self.layer.smooth)
-            self._clip, self._root = clip, clip.root
+            self._clip, self._root = clip, clip.finest.root
             self._clocks = Clocks.of([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)
             begin, end = (_root_at(clip, second) for second in self.layer.ends(clip.duration))

@@ -107,7 +107,8 @@ def export(project: Project, path: Path, chosen: list[RigBase] | None = None) ->
         ResourceError: where the file cannot be written.
     """
     exporter = exporter_of(path)
-    made = [performance_of(project, character) for character in chosen or exportable(project)]
+    keyed, chosen = exporter.keyed, chosen or exportable(project)
+    made = [performance_of(project, character, keyed=keyed) for character in chosen]
     sounds = project.sounds.values()
     heard = {"sound": heard_from(sounds, 0.0)} if exporter.heard and sounds else {}
     exporter.write(path, made, path.stem, **heard)

@@ -1,0 +1,78 @@
+"""Every way by which a glTF file comes in, each as the surface that it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from enliven.example_sessions.mesh import mesh_of
+from enliven.example_sessions.tables import MeshTable
+from enliven.formats.gltf import read_gltf
+from enliven.meshes import Mesh, load_mesh, load_upright
+from enliven.takes import exportables_of
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.rig import cast_rig
+from enliven_viewer.commands.stage import _read as read_for_stage
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace.files import add_file
+
+Surface = tuple[np.ndarray, np.ndarray]
+"""(V, 3) metres and (F, 3)."""
+
+
+def _of(mesh: Mesh) -> Surface:
+    return mesh.vertices, mesh.faces
+
+
+def _exported(path: Path) -> Surface:
+    found = exportables_of(path).found[0]
+    return _of(found.sample(0.0, 0.0, None, False, False).surface[0])
+
+
+def _on_stage(path: Path) -> Surface:
+    project, name, _ = read_for_stage(str(path), "skeleton", None)
+    return _of(project.shape(name).mesh)
+
+
+def _put_in_studio(path: Path) -> Surface:
+    editor = Editor()
+    add_file(editor, path)
+    (character,) = editor.project.characters.values()
+    return _of(character.mesh)
+
+
+def _possessed(path: Path) -> Surface:
+    character = cast(str(path)).character
+    return character.vertices, character.faces
+
+
+def _driven(path: Path) -> Surface:
+    character = cast_rig(str(path)).character
+    return character.vertices, character.faces
+
+
+DOORS: dict[str, Callable[[Path], Surface]] = {
+    "load_mesh": lambda path: _of(load_mesh(path).mesh),
+    "possess": lambda path: _of(load_upright(path).mesh),
+    "retarget": lambda path: _of(read_gltf(path).shape.mesh),
+    "session": lambda path: _of(mesh_of(MeshTable(path.name), path).mesh),
+    "export": _exported,
+    "stage": _on_stage,
+    "studio": _put_in_studio,
+    "edge, by a graph": _possessed,
+    "edge, by its skeleton": _driven,
+}
+
+
+def measures(surface: Surface) -> np.ndarray:
+    """(2,) what no move, turn about the upright, size or order of vertices changes: width and area."""
+    vertices, faces = surface
+    vertices = np.asarray(vertices, np.float64)[np.unique(faces)]
+    extent = np.ptp(vertices, axis=0)
+    a, b, c = (np.asarray(surface[0], np.float64)[faces[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    ways = np.linspace(0, np.pi, 90, endpoint=False)
+    wide = np.ptp(vertices[:, [0, 2]] @ [np.cos(ways), np.sin(ways)], axis=0).max()
+    return np.array([wide / extent[1], area / extent[1] ** 2])

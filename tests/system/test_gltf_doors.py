@@ -1,0 +1,32 @@
+"""Every way by which a glTF file comes in shows the same surface: one reader for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gltf_doors import DOORS, measures
+from gltf_twins import TWINS
+
+from enliven.formats.gltf import read_gltf
+
+SUFFIXES = (".glb", ".vrm")
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_every_door_shows_what_the_reader_reads(tmp_path, door):
+    for number, (name, made) in enumerate(TWINS.items()):
+        if name == "flat_matrix":  # some doors leave out faces that lie on one another
+            continue
+        path = made().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
+        mesh = read_gltf(path).shape.mesh
+        shown = measures(DOORS[door](path))
+        np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
+
+
+def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
+    twin = TWINS["waving"]()
+    twin.extension("EXT_meshopt_compression", True)
+    path = twin.write(tmp_path / "a.glb")
+    for door in DOORS.values():
+        with pytest.raises(Exception, match="EXT_meshopt_compression"):
+            door(path)
