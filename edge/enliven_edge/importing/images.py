@@ -77,10 +77,9 @@ def read_depth_png(path: Path) -> UInt16:
             return np.asarray(image).astype(np.uint16)
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"the image is damaged ({error})", where=str(path), mend="Copy it again from its source."
-        ) from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        mend = "Copy it again from its source."
+        raise InputError("the image is damaged", where=str(path), mend=mend) from None
 
 
 def read_colour(path: Path) -> UInt8 | None:
@@ -94,10 +93,9 @@ def read_colour(path: Path) -> UInt8 | None:
     try:
         with _opened(path, _COLOUR) as image:
             return np.asarray(image.convert("RGB"))
-    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"the image is damaged ({error})", where=str(path), mend="Copy it again, or remove it."
-        ) from None
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
+        mend = "Copy it again, or remove it."
+        raise InputError("the image is damaged", where=str(path), mend=mend) from None
 
 
 def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
