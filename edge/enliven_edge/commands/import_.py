@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,13 @@ def import_recording(
             help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
         ),
     ] = None,
+    units_per_metre: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            help="Values of a depth image in a metre: 1000 for millimetres, 5000 for TUM, 10000 for a D405.",
+        ),
+    ] = None,
     mirror: Annotated[
         bool, typer.Option(help="Swap left and right (some drivers deliver a mirror image).")
     ] = False,
@@ -45,6 +53,8 @@ def import_recording(
       enliven import STUDY.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
       enliven import VIEWER.bag -o viewer.mcap                    RealSense Viewer, Orbbec Viewer (or .db3)
       enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
+      enliven import rgbd_dataset_freiburg1_desk/ -o desk.mcap    TUM's or 7-Scenes' folder as it is
+      enliven import D405/ --units-per-metre 10000 -o d405.mcap   depth images in another unit
       enliven import --list-readers                               the layouts that are known
     """
     from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of, mirrored
@@ -61,12 +71,17 @@ def import_recording(
         )
     paths = find_files(files)
     chosen = find_reader(paths, reader)
-    frames = chosen.read(paths, ImportOptions(fps, device, lens_of(lens)))
+    notes = [chosen.note] if chosen.note else []
+    options = ImportOptions(fps, device, lens_of(lens), units_per_metre, notes.append)
+    frames = iter(chosen.read(paths, options))
+    # What is assumed about the files is known with their first frame, and the recording keeps it.
+    first = list(islice(frames, 1))
+    frames = chain(first, frames)
     found = write_recording(
         mirrored(frames) if mirror else frames,
         output,
         task=f"Importing ({chosen.name})",
-        facts=("import", {"reader": chosen.name, "note": chosen.note}),
+        facts=("import", {"reader": chosen.name, "note": "; ".join(notes)}),
         empty=InputError("the files hold no frames", where=chosen.name, mend="Choose others."),
         level=level,
         overwrite=overwrite,
@@ -74,8 +89,8 @@ def import_recording(
     )
     size = output.stat().st_size / 1e6
     typer.echo(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
-    if chosen.note:
-        typer.echo(f"Note: {chosen.note}.")
+    for note in notes:
+        typer.echo(f"Note: {note}.")
 
 
 def _reader_table() -> Table:

@@ -33,6 +33,13 @@ def track(
             help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
         ),
     ] = None,
+    units_per_metre: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            help="Values of a depth image in a metre: 1000 for millimetres, 5000 for TUM, 10000 for a D405.",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     lines: Annotated[
         bool, typer.Option("--lines", help="Say how far it is line by line, for a program that waits.")
@@ -41,8 +48,8 @@ def track(
     """Find the people in a recording of depth, and write where their joints were: a take for everything.
 
     Every image is tracked, however long that takes. What comes out is a take for the studio and for the
-    commands that move a model by a motion, and is replayed like any recording. A single 16-bit image in
-    millimetres is enough; every layout that enliven import knows is read.
+    commands that move a model by a motion, and is replayed like any recording. A single 16-bit image is
+    enough; every layout that enliven import knows is read.
 
     \b
       enliven track TAKE.mcap -o bodies.mcap
@@ -53,7 +60,10 @@ def track(
     from enliven_edge.settings import EdgeSettings
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
-    frames, count = _recorded(recording) if _is_recording(recording) else _imported(recording, lens)
+    if _is_recording(recording):
+        frames, count = _recorded(recording)
+    else:
+        frames, count = _imported(recording, lens, units_per_metre)
     found_in = tracked(frames, chosen.tracker)
     if lines:
         found_in = _counted(found_in, count)
@@ -93,10 +103,10 @@ def _recorded(path: Path) -> tuple[Iterable[Frame], int]:
     return source.frames(), source.info.topics[DEPTH_TOPIC].count
 
 
-def _imported(path: Path, lens: str | None) -> tuple[Iterable[Frame], int]:
+def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tuple[Iterable[Frame], int]:
     """Returns the frames of foreign files as ``enliven import`` reads them, and the number of files.
 
-    The camera that is assumed where no file states one is said.
+    Prints the camera and what is assumed about the files.
 
     Raises:
         InputError: where no reader knows the files, or they hold no depth.
@@ -106,7 +116,12 @@ def _imported(path: Path, lens: str | None) -> tuple[Iterable[Frame], int]:
 
     paths = find_files([str(path)])
     reader = find_reader(paths)
-    frames = iter(reader.read(paths, ImportOptions(lens=lens_of(lens))))
+
+    def note(sentence: str) -> None:
+        typer.echo(f"Note: {sentence}.")
+
+    options = ImportOptions(lens=lens_of(lens), units_per_metre=units_per_metre, note=note)
+    frames = iter(reader.read(paths, options))
     first = next(frames, None)
     if not isinstance(first, DepthFrame):
         raise _without_depth(path)

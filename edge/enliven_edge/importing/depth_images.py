@@ -20,11 +20,11 @@ from enliven_edge.importing.base import (
     natural_order,
     text_of,
 )
+from enliven_edge.importing.depth_sequences import depth_series, read_millimetres, timed_images, unit_of
 from enliven_edge.importing.images import (
     KINECT1,
     is_depth_png,
     read_colour,
-    read_depth_png,
     usual_camera,
 )
 
@@ -45,13 +45,17 @@ class OpenCvDepthReader(Reader):
     def can_read(self, paths: Sequence[Path]) -> bool:
         depth = [path for path in paths if path.name.endswith(_SUFFIX)]
         return (
-            bool(depth) and is_depth_png(depth[0]) and b"<opencv_storage>" in head_of(_camera_file(depth[0]))
+            any(is_depth_png(path) for path in depth)
+            and b"<opencv_storage>" in head_of(_camera_file(depth[0]))
         )
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
-        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
-            depth = read_depth_png(path)
+        if not images:
+            raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
+        unit = unit_of(images[0], options)
+        for path, time_ns in timed_images(images, options):
+            depth = read_millimetres(path, unit)
             camera = read_camera(_camera_file(path), depth.shape[1], depth.shape[0])
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".jpg"))
             yield DepthFrame(depth, camera, time_ns, options.device or "kinect1", colour)
@@ -67,7 +71,8 @@ def read_camera(path: Path, width: int, height: int) -> Intrinsics:
         text = ElementTree.fromstring(text_of(path)).findtext("intrinsic/data") or ""
         numbers = [float(word) for word in text.split()]
     except (ElementTree.ParseError, ValueError):
-        raise InputError("the camera file is damaged", where=str(path)) from None
+        mend = "Copy it again, or export it as XML of OpenCV's FileStorage."
+        raise InputError("the camera file is damaged", where=str(path), mend=mend) from None
     if len(numbers) != 9:
         raise InputError(
             f"the matrix `intrinsic` has {len(numbers)} numbers, expected 9",
@@ -131,10 +136,10 @@ def _read(path: Path) -> UInt16:
 
 
 class PlainDepthReader(Reader):
-    """16-bit PNG in millimetres without a camera file: the camera is stated, or a usual one of that shape."""
+    """16-bit PNG without a camera file: the camera is stated, or a usual one of that shape."""
 
     name = "plain-depth"
-    description = "depth PNG alone (16-bit, millimetres, the shape of a Kinect's image, or with --lens)"
+    description = "depth PNG alone (16-bit, the shape of a Kinect's image, or with --lens)"
     note = (
         "no camera in the files: a usual Kinect's of the image's shape unless --lens is given; no times: "
         "evenly spaced"
@@ -144,9 +149,10 @@ class PlainDepthReader(Reader):
         return bool(paths) and any(is_depth_png(path) for path in paths)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        images = sorted((path for path in paths if is_depth_png(path)), key=natural_order)
-        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
-            depth = read_depth_png(path)
+        images = depth_series(paths) or list(paths)
+        unit = unit_of(images[0], options)
+        for path, time_ns in timed_images(images, options):
+            depth = read_millimetres(path, unit)
             name, camera = _camera_of(path, depth.shape[1], depth.shape[0], options)
             yield DepthFrame(depth, camera, time_ns, name)
 

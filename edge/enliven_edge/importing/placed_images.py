@@ -21,7 +21,8 @@ from enliven_edge.importing.base import (
     natural_order,
     text_of,
 )
-from enliven_edge.importing.images import is_depth_png, png_size, read_colour, read_depth_png
+from enliven_edge.importing.depth_sequences import DepthUnit, read_millimetres, timed_images, unit_of
+from enliven_edge.importing.images import is_depth_png, png_size, read_colour
 
 _REPOSITORY = "device_repository.json"
 
@@ -35,20 +36,22 @@ class RealSenseReader(Reader):
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _images(paths)
-        return bool(images) and (images[0].parent / _REPOSITORY).is_file() and is_depth_png(images[0])
+        return any(is_depth_png(path) for path in images) and (images[0].parent / _REPOSITORY).is_file()
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = _images(paths)
         if not images:
             raise InputError("no file is named N_DEVICE_depth_N.png", where=str(paths[0]))
-        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+        units: dict[str, DepthUnit] = {}
+        for path, time_ns in timed_images(images, options):
             device = path.stem.split("_")[1]
             entry = _device(path.parent / _REPOSITORY, device)
             camera = _stated_camera(
                 entry, *png_size(path), where=f"{path.parent / _REPOSITORY}, device {device}"
             )
             sensor = options.device or f"{_model(entry)}-{entry.get('Serial', device)}"
-            yield DepthFrame(read_depth_png(path), camera, time_ns, sensor)
+            unit = units.setdefault(device, unit_of(path, options, _model(entry)))
+            yield DepthFrame(read_millimetres(path, unit), camera, time_ns, sensor)
 
 
 def _images(paths: Sequence[Path]) -> list[Path]:
@@ -66,7 +69,8 @@ def _device(repository: Path, device: str) -> dict[str, Any]:
         entries = json.loads(text_of(repository))
         known = {str(entry["Device"]): entry for entry in entries}
     except (ValueError, TypeError, KeyError, RecursionError):
-        raise InputError("the list of devices is damaged", where=str(repository)) from None
+        mend = "Copy it again from the recording computer."
+        raise InputError("the list of devices is damaged", where=str(repository), mend=mend) from None
     if device not in known:
         raise InputError(
             f"the device {device} is not in the list",
@@ -95,6 +99,9 @@ def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str
 
 _SUFFIX = ".depth.png"
 _CAMERA = "camera-intrinsics.txt"
+_SEVEN_SCENES_SIZE = (640, 480)
+_SEVEN_SCENES_LENS = (585.0, 585.0, 320.0, 240.0)
+"""Focal lengths and centre in pixels that the 7-Scenes data set states for all its sequences."""
 _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
 """Rows and columns of fx, fy, cx, cy in the camera matrix."""
 
@@ -107,27 +114,40 @@ class PosedDepthReader(Reader):
     """
 
     name = "posed-depth"
-    description = "depth PNG with camera poses (frame-N.depth.png, frame-N.pose.txt, camera-intrinsics.txt)"
+    description = "depth PNG with camera poses and 7-Scenes (frame-N.depth.png, frame-N.pose.txt)"
     note = "no times in the files: evenly spaced; no floor: y = 0 is at the first camera"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = [path for path in paths if path.name.endswith(_SUFFIX)]
-        if not images or not is_depth_png(images[0]):
+        first = next((path for path in sorted(images, key=natural_order) if is_depth_png(path)), None)
+        if first is None or not _pose_file(first).is_file():
             return False
-        return _pose_file(images[0]).is_file() and (images[0].parent / _CAMERA).is_file()
+        return (first.parent / _CAMERA).is_file() or png_size(first) == _SEVEN_SCENES_SIZE
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
-        matrix = _matrix(images[0].parent / _CAMERA, 3)
-        fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
-        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
-            width, height = png_size(path)
-            camera = Intrinsics(width, height, fx, fy, cx, cy)
+        lens = _lens_of(images[0].parent / _CAMERA, options)
+        unit = unit_of(images[0], options)
+        for path, time_ns in timed_images(images, options):
+            camera = Intrinsics(*png_size(path), *lens)
             pose = LEVEL_WORLD_FROM_CAMERA @ _rigid(_matrix(_pose_file(path), 4), _pose_file(path))
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))
-            yield DepthFrame(read_depth_png(path), camera, time_ns, options.device or "rgbd", colour, pose)
+            depth = read_millimetres(path, unit)
+            yield DepthFrame(depth, camera, time_ns, options.device or "rgbd", colour, pose)
+
+
+def _lens_of(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
+    """Returns focal lengths and centre in pixels: as the user states, of the file, or of 7-Scenes."""
+    if options.lens is not None:
+        return options.lens
+    if not path.is_file():
+        options.note("no camera in the files: 585 pixels as in the 7-Scenes data set; --lens states another")
+        return _SEVEN_SCENES_LENS
+    matrix = _matrix(path, 3)
+    fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
+    return fx, fy, cx, cy
 
 
 def _pose_file(depth: Path) -> Path:

@@ -21,6 +21,7 @@ _BUILT_IN = (
     "depth_images:OpenCvDepthReader",
     "placed_images:PosedDepthReader",
     "placed_images:RealSenseReader",
+    "tum:TumReader",
     "depth_images:RawKinectReader",
     "kinect_texts:LabanotationReader",
     "multitrack:MultiTrackReader",
@@ -88,7 +89,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
     for name in names:
         path = Path(name)
         if path.is_dir():
-            inside = sorted(entry for entry in path.iterdir() if entry.is_file())
+            inside = _inside(path)
         elif path.exists():
             inside = [path]
         else:
@@ -98,3 +99,20 @@ def find_files(names: Sequence[str]) -> list[Path]:
             raise InputError(what, where=name, mend="Check the path.")
         found.update(dict.fromkeys(inside))
     return list(found)
+
+
+def _inside(folder: Path) -> list[Path]:
+    """Returns the files directly in a folder, and those of its folder "depth" unless it has images of its own.
+
+    Raises:
+        InputError: if it is a scene of several sequences, as 7-Scenes has them.
+    """
+    inside = sorted(entry for entry in folder.iterdir() if entry.is_file())
+    if any(path.suffix.lower() in (".png", ".jpg") for path in inside):
+        return inside
+    sequences = sorted(entry.name for entry in folder.glob("seq-*") if entry.is_dir())
+    if sequences:
+        what = f"it holds {len(sequences)} sequences, each a recording of its own: {', '.join(sequences[:8])}"
+        raise InputError(what, where=str(folder), mend=f"Import one of them, such as {folder / sequences[0]}")
+    depth = folder / "depth"
+    return inside + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])

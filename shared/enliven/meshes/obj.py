@@ -54,6 +54,7 @@ class _Faces:
         sizes: (P,) corners of each polygon.
         materials: (P,) number in ``names``, -1 for none.
         offsets: (P,) byte of the file at which its line begins.
+        vertices_in_block: the number of vertices in each block of the file.
     """
 
     corners: list[Int] = field(default_factory=list)
@@ -63,7 +64,12 @@ class _Faces:
     names: dict[bytes, int] = field(default_factory=dict)
     libraries: list[bytes] = field(default_factory=list)
     current: int = -1
-    vertex_count: int = 0
+    vertices_in_block: list[int] = field(default_factory=list)
+
+    @property
+    def vertex_count(self) -> int:
+        """The number of vertices in the file, used or not."""
+        return sum(self.vertices_in_block)
 
 
 def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, list[str]]:
@@ -97,9 +103,8 @@ def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
         raise _WrongLine(int(_joined(faces.offsets, (0,))[polygon]), what)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
-    vertices, colours = _read_vertices(text, is_used)
-    number = np.cumsum(is_used) - 1
-    corners[:, 0] = number[corners[:, 0]]
+    vertices, colours = _read_vertices(text, is_used, faces.vertices_in_block)
+    corners[:, 0] = np.searchsorted(np.flatnonzero(is_used), corners[:, 0])
     notes = list[str]()
     if len(vertices) < faces.vertex_count:
         loose = faces.vertex_count - len(vertices)
@@ -141,20 +146,16 @@ def _numbered(block: bytes, lines: _Lines, are: Bool) -> bytes:
     return without_comments(letters[np.repeat(are, lines.lengths)].tobytes())
 
 
-def _whole_blocks(text: bytes):  # type: ignore[no-untyped-def]
-    """Yields (offset, block, lines) for each block of text; every block ends with a line end."""
-    for offset, block in blocks(text):
-        whole = block if block.endswith(b"\n") else block + b"\n"
-        yield offset, whole, _lines_in(whole)
-
-
 def _read_faces(text: bytes) -> _Faces:
     """Returns the polygons of a file, and counts its vertices."""
     faces, counts = _Faces(), np.zeros(3, np.int64)
-    for offset, block, lines in _whole_blocks(text):
+    for offset, part in blocks(text):
+        block = part if part.endswith(b"\n") else part + b"\n"
+        lines = _lines_in(block)
         kinds = np.stack([lines.are("v"), lines.are("v", "t"), lines.are("v", "n")], 1)
         before = counts + np.cumsum(kinds, 0) - kinds
         counts = counts + kinds.sum(0)
+        faces.vertices_in_block.append(int(kinds[:, 0].sum()))
         are_faces = lines.are("f")
         materials = _materials_of(block, lines, faces)
         if not are_faces.any():
@@ -165,7 +166,6 @@ def _read_faces(text: bytes) -> _Faces:
         faces.sizes.append(sizes)
         faces.materials.append(materials[are_faces])
         faces.offsets.append(at)
-    faces.vertex_count = int(counts[0])
     return faces
 
 
@@ -217,17 +217,19 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     return corners, np.bincount(polygon, minlength=len(offsets))
 
 
-def _read_vertices(text: bytes, is_used: Bool) -> tuple[Float, UInt8 | None]:
-    """Returns (U, 3) the used vertices, and (U, 3) their colours or None."""
+def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Float, UInt8 | None]:
+    """Returns (U, 3) the used vertices, and (U, 3) their colours or None; blocks without used ones are skipped."""
     vertices, colours, count = list[Float](), list[Float](), 0
-    for offset, block, lines in _whole_blocks(text):
-        are = lines.are("v")
-        many = int(are.sum())
-        are[are] = is_used[count : count + many]
+    for (offset, block), many in zip(blocks(text), in_block, strict=True):
+        used = is_used[count : count + many]
         count += many
-        if not are.any():
+        if not used.any():
             continue
-        chunk = _numbered(block, lines, are)
+        whole = block if block.endswith(b"\n") else block + b"\n"
+        lines = _lines_in(whole)
+        are = lines.are("v")
+        are[are] = used
+        chunk = _numbered(whole, lines, are)
         offsets = offset + lines.starts[are]
         starts = word_starts(chunk)
         counts = np.bincount(lines_of(chunk, starts), minlength=len(offsets))

@@ -14,10 +14,12 @@ from enliven.meshes.tokens import lines_of, numbers_in, without_comments, word_s
 
 _OFF = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
-    rb"(?:(?P<vertices>[+-]?\d{1,12})\s+(?P<faces>[+-]?\d{1,12})(?:[^\S\n]+[+-]?\d{1,12})?(?=\s))?",
+    rb"(?:(?P<vertices>[+-]?\d{1,12})"
+    rb"(?:[^\S\n]+(?P<faces>[+-]?\d{1,12})(?:[^\S\n]+[+-]?\d{1,12})?|\s+(?P<lower>[+-]?\d{1,12})\s+[+-]?\d{1,12})"
+    rb"(?=\s))?",
     re.IGNORECASE,
 )
-"""The header: the word may be missing, and so may the count of edges."""
+"""The header: the word may be missing, and so may the count of edges unless each count has its own line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
 """Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture coordinates."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -39,12 +41,12 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
         raise ValueError("the first word is not OFF")
-    if head["binary"] or b"4" in kind:
-        problem = "it is binary" if head["binary"] else "its vertices have four coordinates"
+    if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
+        problem = "it is binary" if head["binary"] else "its vertices have not three coordinates"
         raise ValueError(f"{problem}: write it as text, with three coordinates for each vertex")
     if head["vertices"] is None:
         raise ValueError("the counts of vertices and faces are missing")
-    count, face_count = int(head["vertices"]), int(head["faces"])
+    count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
     said = f"it says {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
         raise ValueError(said)

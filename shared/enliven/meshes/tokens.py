@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Int
 
-BLOCK_BYTES = 1 << 22
+BLOCK_BYTES = 1 << 20
 """Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
 _SHOWN_BYTES = 40
 """Most bytes of a wrong word that a message shows."""

@@ -36,6 +36,14 @@ def read(folder, **options):
     return reader.name, list(reader.read(paths, ImportOptions(**options)))
 
 
+def read_with(name, folder, **options):
+    """(frames, notes) of a reader by name."""
+    notes: list[str] = []
+    paths = find_files([str(folder)])
+    frames = list(find_reader(paths, name).read(paths, ImportOptions(**options, note=notes.append)))
+    return frames, notes
+
+
 def test_opencv_depth(tmp_path):
     for i in (0, 1, 2, 10):
         save(tmp_path / f"{i}_depth.png", depth_image(i))
@@ -136,9 +144,10 @@ def test_a_damaged_image_is_named(tmp_path):
     (tmp_path / "1_depth.png").write_bytes(whole[:200])
     with pytest.raises(InputError, match=r"1_depth.png: the image is damaged"):
         read(tmp_path)
-    save(tmp_path / "1_depth.png", np.zeros((48, 64), np.uint8))
-    with pytest.raises(InputError, match=r"1_depth.png: it is not a PNG of one 16-bit channel"):
-        read(tmp_path)
+    for i in range(2):
+        save(tmp_path / f"{i}_depth.png", np.zeros((48, 64), np.uint8))
+    with pytest.raises(InputError, match=r"0_depth.png: .*256 greys, not of one 16-bit channel"):
+        read_with("opencv-depth", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -241,3 +250,160 @@ def test_other_packages_add_readers(monkeypatch, tmp_path):
     monkeypatch.setattr(module, lambda group: [Broken(), Entry()])
     with pytest.warns(UserWarning, match="'broken' cannot be loaded"):
         assert find_reader([tmp_path / "a.mine"]).name == "mine"
+
+
+def spoil(path, how):
+    """Replaces a depth image by one that holds no depth."""
+    if how == "empty":
+        path.write_bytes(b"")
+    elif how == "colour":
+        save(path, np.zeros((240, 320, 3), np.uint8))
+    elif how == "8 bits":
+        save(path, np.zeros((240, 320), np.uint8))
+    else:
+        path.write_text("a web page: not found")
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("empty", "it is empty"),
+        ("colour", "a PNG image in colour"),
+        ("8 bits", "256 greys"),
+        ("a web page", "not a PNG"),
+    ],
+)
+@pytest.mark.parametrize("at", [0, 2, 4])
+def test_an_image_without_depth_is_reported_and_leaves_a_gap(tmp_path, how, words, at):
+    for i in range(5):
+        save(tmp_path / f"depth_{i}.png", depth_image(i, 240, 320))
+        save(tmp_path / f"colour_{i}.png", np.zeros((240, 320, 3), np.uint8))
+    spoil(tmp_path / f"depth_{at}.png", how)
+    frames, notes = read_with(None, tmp_path, fps=10)
+    kept = [i for i in range(5) if i != at]
+    assert [frame.time_ns for frame in frames] == [i * 10**8 for i in kept]
+    for i, frame in zip(kept, frames, strict=True):
+        assert np.array_equal(frame.depth, depth_image(i, 240, 320))
+    (told,) = [note for note in notes if "left out" in note]
+    assert f"depth_{at}.png" in told and words in told
+
+
+def test_many_images_without_depth_are_counted(tmp_path):
+    for i in range(20):
+        save(tmp_path / f"{i}.png", depth_image(i, 240, 320))
+        if i % 2:
+            spoil(tmp_path / f"{i}.png", "empty")
+    frames, notes = read_with(None, tmp_path)
+    assert len(frames) == 10
+    assert len([note for note in notes if "is left out" in note]) == 5
+    assert "5 more images are left out, the last one 19.png" in notes
+
+
+def wall(units, metres=2.0, height=240, width=320):
+    return np.full((height, width), round(units * metres), np.uint16)
+
+
+@pytest.mark.parametrize("units", [1000.0, 5000.0, 10_000.0, 4000.0])
+def test_a_stated_unit_gives_millimetres(tmp_path, units):
+    save(tmp_path / "a_0.png", wall(units))
+    (frame,), notes = read_with(None, tmp_path, units_per_metre=units)
+    assert (frame.depth == 2000).all()
+    assert notes == []
+
+
+def test_the_assumed_unit_is_noted_and_doubted_if_it_is_far(tmp_path):
+    save(tmp_path / "a_0.png", wall(1000))
+    _, notes = read_with(None, tmp_path)
+    assert notes == ["depth values are taken as millimetres; --units-per-metre states another"]
+    save(tmp_path / "a_0.png", wall(5000))
+    _, notes = read_with(None, tmp_path)
+    assert "beyond 10.0 m" in notes[1] and "5000" in notes[1]
+
+
+def test_a_d405_is_known_by_name(tmp_path):
+    folder = tmp_path / "D405_session"
+    folder.mkdir()
+    save(folder / "depth_0.png", wall(10_000, 0.3))
+    (frame,), notes = read_with(None, folder)
+    assert (frame.depth == 300).all() and "RealSense D405" in notes[0]
+    matrix = {"320x240": [300.0, 0, 160, 0, 300, 120, 0, 0, 1]}
+    entry = {"Device": "A", "Type": "Intel RealSense D405", "Serial": "1", "Depth Intrinsics": [matrix]}
+    made = tmp_path / "devices"
+    made.mkdir()
+    (made / "device_repository.json").write_text(json.dumps([entry]))
+    save(made / "0_A_depth_0.png", wall(10_000, 0.3))
+    (frame,), _ = read_with(None, made)
+    assert (frame.depth == 300).all()
+
+
+def tum(folder, count=4):
+    """A sequence as the TUM benchmark lays it out; a wall that comes nearer."""
+    (folder / "depth").mkdir(parents=True)
+    (folder / "rgb").mkdir()
+    lists = {name: ["# a comment", "# timestamp filename"] for name in ("depth", "rgb")}
+    poses = ["# timestamp tx ty tz qx qy qz qw"]
+    for k in range(count):
+        seconds = f"1305031453.{374112 + 33_333 * k:06d}"
+        save(folder / "depth" / f"{seconds}.png", wall(5000, 2.0 - 0.1 * k, 480, 640))
+        save(folder / "rgb" / f"{seconds[:-3]}999.png", np.full((480, 640, 3), 50 * k, np.uint8))
+        lists["depth"].append(f"{seconds} depth/{seconds}.png")
+        lists["rgb"].append(f"{seconds[:-3]}999 rgb/{seconds[:-3]}999.png")
+        poses.append(f"{seconds} {k} 2 3 0 0 0 1")
+    for name, lines in lists.items():
+        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
+    (folder / "groundtruth.txt").write_text("\n".join(poses) + "\n")
+    (folder / "accelerometer.txt").write_text("# nothing\n")
+
+
+@pytest.mark.parametrize("part", ["", "depth"])
+def test_a_tum_sequence_has_its_times_unit_colour_and_poses(tmp_path, part):
+    tum(tmp_path / "rgbd_dataset")
+    name, frames = read(tmp_path / "rgbd_dataset" / part)
+    assert name == "tum-depth"
+    assert [frame.time_ns for frame in frames] == [1305031453374112000 + 33_333_000 * k for k in range(4)]
+    assert [int(frame.depth[0, 0]) for frame in frames] == [2000, 1900, 1800, 1700]
+    assert [int(frame.colour[0, 0, 0]) for frame in frames] == [0, 50, 100, 150]
+    assert frames[0].intrinsics.fx == 525.0
+    np.testing.assert_allclose(frames[3].world_from_camera[:3, 3], [3, 3, -2])
+    assert np.linalg.det(frames[0].world_from_camera[:3, :3]) == pytest.approx(1)
+
+
+def test_a_tum_sequence_without_lists_or_with_a_gap(tmp_path):
+    tum(tmp_path)
+    for name in ("depth.txt", "rgb.txt", "groundtruth.txt", "accelerometer.txt"):
+        (tmp_path / name).unlink()
+    second = sorted((tmp_path / "depth").iterdir())[1]
+    spoil(second, "empty")
+    frames, notes = read_with(None, tmp_path)
+    assert [frame.time_ns % 10**9 for frame in frames] == [374112000, 440778000, 474111000]
+    assert any("TUM" in note for note in notes) and any(second.name in note for note in notes)
+    assert frames[0].colour is None and frames[0].world_from_camera is None
+
+
+def test_a_tum_list_is_checked(tmp_path):
+    tum(tmp_path)
+    (tmp_path / "depth.txt").write_text("1305031453.374112 ../secret.png\n")
+    with pytest.raises(InputError, match="outside of its folder"):
+        read(tmp_path)
+    tum(tmp_path / "b")
+    with (tmp_path / "b" / "groundtruth.txt").open("a") as file:
+        file.write("1305031453 1 2\n")
+    with pytest.raises(InputError, match="line 6 is not a time"):
+        read(tmp_path / "b")
+
+
+def test_seven_scenes_are_read_as_they_come(tmp_path):
+    folder = tmp_path / "chess" / "seq-01"
+    folder.mkdir(parents=True)
+    (tmp_path / "chess" / "TrainSplit.txt").write_text("sequence1\n")
+    depth = wall(1000, 2.0, 480, 640)
+    depth[:10] = 65_535
+    save(folder / "frame-000000.depth.png", depth)
+    save(folder / "frame-000000.color.png", np.full((480, 640, 3), 7, np.uint8))
+    np.savetxt(folder / "frame-000000.pose.txt", np.eye(4))
+    (frame,), notes = read_with(None, folder)
+    assert frame.intrinsics.fx == 585.0 and any("7-Scenes" in note for note in notes)
+    assert (frame.depth[:10] == 0).all() and (frame.depth[10:] == 2000).all()
+    assert frame.colour is not None and frame.world_from_camera is not None
+    with pytest.raises(InputError, match=r"1 sequences.*seq-01"):
+        find_files([str(tmp_path / "chess")])

@@ -182,3 +182,52 @@ def test_a_file_that_ends_early_or_has_no_frames() -> None:
 def test_the_unit_is_guessed_by_the_legs(unit: str) -> None:
     for leg in (0.72, 0.82, 0.92):
         assert guess_unit(leg / UNITS[unit]) == unit
+
+
+def same(text: str) -> None:
+    """The text is read as :data:`SIMPLE` is."""
+    capture, expected = parse_bvh(text), parse_bvh(SIMPLE)
+    assert (capture.names, capture.parents, capture.notes) == (expected.names, expected.parents, ())
+    np.testing.assert_allclose(capture.positions, expected.positions, atol=1e-12)
+    assert capture.seconds == expected.seconds
+
+
+LAYOUTS = {
+    "brace on the line of the name": lambda text: text.replace("Hips\n{", "Hips {").replace("Site\n  {", "Site {"),
+    "brace without a blank": lambda text: text.replace("Hips\n{", "Hips{"),
+    "all words in one line": lambda text: text[: text.index("MOTION")].replace("\n", " ") + text[text.index("MOTION") :],
+    "each word on a line": lambda text: text.replace("OFFSET 0 90 0", "OFFSET\n0\n90\n0").replace("ROOT Hips", "ROOT\nHips"),
+    "upper case": lambda text: text.replace("Frames", "FRAMES").replace("Frame Time", "FRAME TIME").replace("End Site", "END SITE"),
+    "lower case": lambda text: text.lower().replace("hips", "Hips"),
+    "rows over lines": lambda text: text.replace("0 90 0 0 0 0", "0 90 0\n0 0 0").replace("1 90 0 90 0 0", "1 90\n0 90 0 0"),
+    "two rows in a line": lambda text: text.replace("0 90 0 0 0 0\n1", "0 90 0 0 0 0 1"),
+    "comments": lambda text: "# made by hand\n" + text.replace("Hips\n", "Hips # the root\n// below\n").replace("0 90 0 0 0 0\n", "0 90 0 0 0 0 # rest\n"),
+    "blank lines and tabs": lambda text: text.replace("\n", "\n\n").replace(" ", "\t"),
+    "old Macintosh line ends": lambda text: text.replace("\n", "\r"),
+    "blanks before colons": lambda text: text.replace("Frames:", "Frames :").replace("Frame Time:", "Frame Time :"),
+    "no blank after colons": lambda text: text.replace("Frames: ", "Frames:").replace("Time: ", "Time:"),
+    "no blank in the label": lambda text: text.replace("Frame Time", "FrameTime"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", list(LAYOUTS))
+def test_layouts_of_other_programs_are_read(layout: str) -> None:
+    same(LAYOUTS[layout](SIMPLE))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "cp1252"])
+def test_names_keep_their_letters_in_every_encoding(tmp_path, encoding: str) -> None:
+    path = tmp_path / "a.bvh"
+    mark = b"\xfe\xff" if encoding == "utf-16-be" else b""
+    path.write_bytes(mark + SIMPLE.replace("Hips", "H\u00fcfte").encode(encoding))
+    assert read_bvh(path).names == ("H\u00fcfte", "H\u00fcfte end")
+
+
+def test_names_with_colons_and_signs_are_kept() -> None:
+    for name in ("mixamorig:Hips", "Bip01 Pelvis", "Bone#1", "a//b"):
+        assert parse_bvh(SIMPLE.replace("Hips", name)).names[0] == name
+
+
+def test_wrapped_rows_too_many_are_noted() -> None:
+    capture = parse_bvh(SIMPLE + "2 90\n0 0 0 0\n")
+    assert capture.frames == 3 and capture.notes == ("2 frames are promised, 3 are there",)

@@ -248,14 +248,15 @@ def _read_header(words: _Words) -> tuple[int, float]:
 
 def _after_label(words: _Words, label: str, expected: str) -> str:
     """Returns the word after a label such as "Frame Time:", which may have blanks and any case."""
-    said = ""
-    while len(said) < len(label):
-        said += words.next(expected).lower()
+    said, value = "", ""
+    while len(said) < len(label) and not value:
+        word, _, value = words.next(expected).partition(":")
+        said += word.lower()
     if said != label:
         raise words.wrong(f"expected {expected}")
     if words.peek() == ":":
         words.next(expected)
-    return words.next(expected)
+    return value or words.next(expected)
 
 
 def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:

@@ -1,0 +1,134 @@
+"""Sequences of depth images: images that cannot be used leave a gap in time, and values become millimetres."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import UInt16
+from enliven.errors import InputError
+from enliven_edge.importing.base import ImportOptions, head_of, natural_order
+from enliven_edge.importing.images import PNG_MAGIC, colour_kind, is_depth_png, read_depth_png
+
+MILLIMETRES = 1000.0
+"""Values in a metre of most depth images."""
+TUM_UNITS = 5000.0
+"""Values in a metre of the images of the TUM RGB-D benchmark."""
+_D405_UNITS = 10_000.0
+"""Values in a metre of a RealSense D405, whose depth unit is 0.1 mm from the factory."""
+_NO_DISTANCE = 65_535
+"""Value that some cameras write where nothing was measured, 7-Scenes' among them; 65 m in millimetres."""
+_FAR_MM = 8000.0
+"""Median distance of an image beyond which another unit is likelier: depth cameras end near there."""
+_MAX_NAMED = 5
+"""Most images that are named one by one in notes; the others are counted."""
+_OPTION = "--units-per-metre states another"
+
+
+class DepthUnit:
+    """Converts the values of a sequence's images to millimetres, and reports the unit with the first image.
+
+    Args:
+        options: the user's; its unit takes precedence.
+        usual: values in a metre in this layout.
+        reason: why that is assumed, such as "as in the TUM benchmark".
+    """
+
+    def __init__(self, options: ImportOptions, usual: float = MILLIMETRES, reason: str = "") -> None:
+        self._units = options.units_per_metre or usual
+        self._note, self._is_stated = options.note, options.units_per_metre is not None
+        self._reason, self._is_reported = reason, False
+
+    def millimetres(self, values: UInt16) -> UInt16:
+        """(H, W) uint16 millimetres; 0 where nothing was measured, or too far for 16 bits."""
+        values = np.where(values == _NO_DISTANCE, 0, values).astype(np.uint16)
+        depth = values
+        if self._units != MILLIMETRES:
+            scaled = np.rint(values * (MILLIMETRES / self._units))
+            depth = np.where(scaled < _NO_DISTANCE, scaled, 0).astype(np.uint16)
+        if not self._is_reported:
+            self._is_reported = True
+            self._report(depth)
+        return depth
+
+    def _report(self, depth: UInt16) -> None:
+        """Reports the unit, and doubts about it by the first image."""
+        if self._is_stated:
+            return
+        name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
+        reason = f" ({self._reason})" if self._reason else ""
+        self._note(f"depth values are taken as {name}{reason}; {_OPTION}")
+        known = depth[depth > 0]
+        if known.size and float(np.median(known)) > _FAR_MM:
+            far = float(np.median(known)) / 1000
+            self._note(
+                f"half of the first image is beyond {far:.1f} m, which is farther than depth cameras measure: "
+                "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"
+            )
+
+
+def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
+    """Returns the unit of an image without a stated one: a D405's by the device or the name of file or folder."""
+    names = (device, path.name, path.parent.name)
+    if any(re.search(r"(?<![a-z0-9])d405(?![0-9])", name.lower()) for name in names):
+        return DepthUnit(options, _D405_UNITS, "as a RealSense D405 writes them")
+    return DepthUnit(options)
+
+
+def depth_series(paths: Iterable[Path]) -> list[Path]:
+    """Returns the PNG files of the series that hold depth, in order; a series has equal names but for numbers.
+
+    Images of a series that hold no depth are among them, so that each later one keeps its place.
+    """
+    series: dict[tuple[Path, str], list[Path]] = {}
+    for path in paths:
+        if path.suffix.lower() == ".png":
+            series.setdefault((path.parent, re.sub(r"\d+", "#", path.name)), []).append(path)
+    held = [images for images in series.values() if any(is_depth_png(path) for path in images)]
+    return sorted((path for images in held for path in images), key=natural_order)
+
+
+def usable_images(
+    timed: Iterable[tuple[Path, int]], options: ImportOptions
+) -> Iterator[tuple[Path, int]]:
+    """Yields the images that hold depth with their times; the others are reported by name and leave a gap.
+
+    Raises:
+        InputError: if none of them holds depth.
+    """
+    used, left_out = 0, list[Path]()
+    for path, time_ns in timed:
+        if is_depth_png(path) or not path.exists():
+            used += 1
+            yield path, time_ns
+            continue
+        left_out.append(path)
+        if len(left_out) <= _MAX_NAMED:
+            options.note(f"{path.name} is left out: {_problem(path)}; later images keep their time")
+    if left_out and not used:
+        raise InputError(_problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG.")
+    if len(left_out) > _MAX_NAMED:
+        options.note(f"{len(left_out) - _MAX_NAMED} more images are left out, the last one {left_out[-1].name}")
+
+
+def _problem(path: Path) -> str:
+    """Returns why a file holds no depth."""
+    if path.is_file() and path.stat().st_size == 0:
+        return "it is empty"
+    kind = colour_kind(path)
+    if kind is not None:
+        return f"it is {kind}, not of one 16-bit channel"
+    return "it is not a PNG of one 16-bit channel" if head_of(path, 8) == PNG_MAGIC else "it is not a PNG image"
+
+
+def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
+    """Reads (H, W) uint16 millimetres from a depth image; raises as :func:`read_depth_png`."""
+    return unit.millimetres(read_depth_png(path))
+
+
+def timed_images(images: Sequence[Path], options: ImportOptions, fps: float = 30.0) -> Iterator[tuple[Path, int]]:
+    """Yields the usable images with evenly spaced times in nanoseconds, as :func:`usable_images`."""
+    return usable_images(zip(images, options.times_ns(fps), strict=False), options)

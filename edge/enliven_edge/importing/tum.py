@@ -1,0 +1,164 @@
+"""Sequences of the TUM RGB-D benchmark, and others that are named after their times in seconds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.rotation import to_matrix
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    ImportOptions,
+    Reader,
+    are_numbers,
+    first_lines,
+    head_of,
+    text_of,
+)
+from enliven_edge.importing.depth_sequences import TUM_UNITS, DepthUnit, read_millimetres, usable_images
+from enliven_edge.importing.images import is_depth_png, read_colour, usual_camera
+
+_LIST = "depth.txt"
+"""The list of depth images with their times, in the folder of a sequence."""
+_COLOURS = "rgb.txt"
+_POSES = "groundtruth.txt"
+_TIME = re.compile(r"\d{9,11}\.\d{3,9}")
+"""The name of an image that is its time: seconds since 1970, with at least milliseconds."""
+_MAX_GAP_NS = 20_000_000
+"""Longest time between a depth image and its colour or pose, the benchmark's own 0.02 s."""
+_Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+"""(4, 4) from the benchmark's world, which has +Z up."""
+
+
+class TumReader(Reader):
+    """A folder with depth.txt, or images that are named after seconds since 1970; 5000 units to the metre."""
+
+    name = "tum-depth"
+    description = "TUM RGB-D benchmark (depth.txt with rgb.txt and groundtruth.txt; or SECONDS.png)"
+    note = "no camera in the files: 525 pixels unless --lens is given; times are the files' own"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(_is_list(path) for path in paths) or any(_is_timed(path) and is_depth_png(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        lists = [path for path in paths if _is_list(path)]
+        if lists:
+            folder, timed = lists[0].parent, _listed(lists[0])
+        else:
+            timed = [(path, _nanoseconds(path.stem)) for path in paths if _is_timed(path)]
+            folder = timed[0][0].parent.parent if timed else Path()
+        if not timed:
+            raise InputError("no image is named after its time", where=str(paths[0]))
+        timed.sort(key=lambda one: one[1])
+        colours = _listed(folder / _COLOURS)
+        poses = _poses(folder / _POSES, [time_ns for _, time_ns in timed])
+        unit = DepthUnit(options, TUM_UNITS, "as in the TUM benchmark")
+        for path, time_ns in usable_images(timed, options):
+            depth = read_millimetres(path, unit)
+            camera = _camera(path, depth.shape[1], depth.shape[0], options)
+            colour = _nearest(colours, time_ns)
+            shown = read_colour(colour) if colour is not None else None
+            yield DepthFrame(depth, camera, time_ns, options.device or "rgbd", shown, poses.get(time_ns))
+
+
+def _is_timed(path: Path) -> bool:
+    return path.suffix.lower() == ".png" and _TIME.fullmatch(path.stem) is not None
+
+
+def _is_list(path: Path) -> bool:
+    """Returns whether a file lists depth images as the benchmark does."""
+    if path.name != _LIST:
+        return False
+    rows = [line.split() for line in first_lines(head_of(path), 20) if not line.startswith("#")]
+    rows = [row for row in rows[:-1] or rows if row]
+    return bool(rows) and all(len(row) == 2 and are_numbers(row[:1]) for row in rows)
+
+
+def _nanoseconds(seconds: str) -> int:
+    """Returns the nanoseconds of a time in decimal seconds, exactly."""
+    return int(Decimal(seconds) * 10**9)
+
+
+def _rows(path: Path, columns: int) -> list[list[str]]:
+    """Returns the rows of a list without comments; none if it is not there.
+
+    Raises:
+        InputError: for a row with another number of columns, or without a time.
+    """
+    if not path.is_file():
+        return []
+    rows = list[list[str]]()
+    for number, line in enumerate(text_of(path).split("\n"), 1):
+        row = line.split("#")[0].replace(",", " ").split()
+        if not row:
+            continue
+        if len(row) != columns or not are_numbers(row[:1]) or not np.isfinite(float(row[0])):
+            what = f"line {number} is not a time and {columns - 1} more columns"
+            raise InputError(what, where=str(path), mend="Remove the line, or copy the file again.")
+        rows.append(row)
+    return rows
+
+
+def _listed(path: Path) -> list[tuple[Path, int]]:
+    """Returns the images of a list below its folder, with their times in nanoseconds, in order."""
+    images = [(path.parent / name, _nanoseconds(seconds)) for seconds, name in _rows(path, 2)]
+    folder = path.parent.resolve()
+    for image, _ in images:
+        if not image.resolve().is_relative_to(folder):
+            raise InputError(f"it names {str(image)[:80]!r} outside of its folder", where=str(path))
+    return sorted(images, key=lambda one: one[1])
+
+
+def _nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
+    """Returns the image nearest in time, None if all are too far away."""
+    if not images:
+        return None
+    times = np.array([time for _, time in images])
+    at = int(np.abs(times - time_ns).argmin())
+    return images[at][0] if abs(int(times[at]) - time_ns) <= _MAX_GAP_NS else None
+
+
+def _poses(path: Path, times: list[int]) -> dict[int, Float]:
+    """Returns (4, 4) world_from_camera, +Y up, at each of the times; nothing if one is without a pose."""
+    rows = _rows(path, 8)
+    if not rows:
+        return {}
+    known = np.array([_nanoseconds(row[0]) for row in rows])
+    try:
+        values = np.array([[float(word) for word in row[1:]] for row in rows])
+    except ValueError:
+        raise InputError("a pose has something that is not a number", where=str(path)) from None
+    poses: dict[int, Float] = {}
+    for time_ns in times:
+        at = int(np.abs(known - time_ns).argmin())
+        x, y, z, w = values[at, 3:]
+        length = float(np.linalg.norm(values[at, 3:]))
+        if abs(int(known[at]) - time_ns) > _MAX_GAP_NS or not (np.isfinite(values[at]).all() and length > 0.5):
+            return {}
+        pose = np.eye(4)
+        pose[:3, :3] = to_matrix(np.array([w, x, y, z]) / length)
+        pose[:3, 3] = values[at, :3]
+        poses[time_ns] = _Y_UP_FROM_Z_UP @ pose
+    return poses
+
+
+def _camera(path: Path, width: int, height: int, options: ImportOptions) -> Intrinsics:
+    """Returns the camera: as stated, or a usual one of this shape."""
+    if options.lens is not None:
+        return Intrinsics(width, height, *options.lens)
+    usual = usual_camera(width, height)
+    if usual is None:
+        raise InputError(
+            f"the image is {width}x{height}, and no file states its camera",
+            where=str(path),
+            mend="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY.",
+        )
+    return usual[1]
