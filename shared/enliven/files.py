@@ -51,7 +51,7 @@ PART = ".part"
 _PART_LETTERS = 40
 """Letters of a file's name that its unfinished part shows: file systems have room for 255 bytes."""
 _LEFT_OVER_S = 86_400.0
-"""Seconds after which an unfinished file belongs to a program that was killed: nothing is written for a day."""
+"""Seconds after which an unfinished file belongs to a killed program: nothing is written for a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _TOGETHER = "Keep the files of the model in one folder."
 

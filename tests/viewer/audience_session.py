@@ -1,4 +1,4 @@
-"""Shows an audience a real edge in a window that fills the screen; the edge is killed and started again.
+"""Shows an audience a stage in a window that fills the screen; its edge is lost, and comes back.
 Prints what came of it. A second argument is a folder for pictures."""
 
 from __future__ import annotations
@@ -10,26 +10,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from coarse_pixels import coarse_pixels
+from deeds import scripted
 from imgui_bundle import imgui
 from PIL import Image
+from window_session import Feed
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
-
-from deeds import scripted
-from perform_session import PATIENCE, PAUSE, RealEdge
-
+from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.playback.document import Document
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
+PATIENCE = 60.0
+"""Seconds in which anything has happened."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 pictures: dict[str, np.ndarray] = {}
 
 
-def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge) -> None:
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -> None:
     """What happens to an installation."""
     workspace, loop = window.workspace, window._idle_loop
     perform = workspace.perform
@@ -40,7 +42,6 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             if time.monotonic() > end:
                 raise TimeoutError(what)
             ctx.yield_()
-            time.sleep(PAUSE)
 
     def shot(name: str) -> None:
         wanted.append(name)
@@ -49,15 +50,14 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     ctx.yield_(5)
     until(lambda: loop.loss == "waiting", "that nothing is there yet")
     shot("before")
-    edge.start()
-    until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
-    ctx.yield_(2)
+    feed.empty = False
+    until(lambda: perform.performers and not loop.loss, "somebody who performs")
     said["live"] = [loop.loss, perform.live.playhead.live]
     until(lambda: len(perform.live.document.timeline) > 40, "some seconds")
     shot("performing")
     said["widgets"] = sorted(workspace.widgets)
     said["area"] = [list(window.places.viewport)[:2], bool(window.places.viewport.width > 640)]
-    edge.kill()
+    feed.empty = True
     until(lambda: loop.loss == "away", "that it is noticed")
     said["words"] = loop.words
     ctx.yield_(3)
@@ -67,8 +67,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     shot("away later")
     said["moves"] = float(np.abs(pictures["away"].astype(int) - pictures["away later"]).mean())
     said["replays"] = [not perform.live.playhead.live, bool(began)]
-    edge.start()
-    until(lambda: perform.connected and perform.holders and not loop.loss, "the edge again")
+    feed.empty = False
+    until(lambda: not loop.loss, "the edge again")
     ctx.yield_(3)
     said["back"] = [loop.words, perform.live.playhead.live]
     ctx.key_press(int(imgui.Key.f11))
@@ -86,12 +86,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
 def main() -> None:
     folder, large = Path(sys.argv[1]), len(sys.argv) > 2
-    edge = RealEdge(folder)
-    edge.kill()  # it is known where it will be
+    feed = Feed(empty=True)
     render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=640, height=480)), folder)
     workspace.perform.room = "Play"
-    workspace.perform.join(":".join(["127.0.0.1", *edge.ports]))
+    workspace.perform.live = LiveStage(feed, Document())
     opening = WindowStart("enliven", full_screen=True, escape_ends=True, audience=True)
     window = StudioWindow(workspace, opening=opening)
 
@@ -102,10 +101,8 @@ def main() -> None:
             if large:
                 Image.fromarray(pictures[name]).save(Path(sys.argv[2]) / f"audience_{name}.png")
 
-    try:
-        window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window, edge)))
-    finally:
-        edge.kill()
+    with coarse_pixels(lambda: large):
+        window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window, feed)))
     print(json.dumps(said, default=str))
 
 

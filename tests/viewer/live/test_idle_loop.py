@@ -50,7 +50,9 @@ def shown() -> tuple[Feed, LiveStage, IdleLoop, OrbitCamera]:
     return feed, live, loop, camera
 
 
-def advance(live: LiveStage, loop: IdleLoop, camera: OrbitCamera, seconds: float, orbits: bool = True) -> None:
+def advance(
+    live: LiveStage, loop: IdleLoop, camera: OrbitCamera, seconds: float, orbits: bool = True
+) -> None:
     live.advance(seconds)
     loop.advance(live, camera, seconds, orbits=orbits)
 

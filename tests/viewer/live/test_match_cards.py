@@ -20,9 +20,9 @@ from enliven_viewer.live.match_cards import cards_of, draw_cards
 from enliven_viewer.live.view_report import ViewReporter, hidden, look_of, turn_to_bones
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.capsules import capsules_of
 from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.overlay.match_lines import TINTS, limb_tints, match_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, scene_of

@@ -39,7 +39,10 @@ def view(
         float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
     ] = None,
     hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
-    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again.")] = False,
+    fullscreen: Annotated[
+        bool,
+        typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again."),
+    ] = False,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
     """Watch characters move: live from an edge, or from a take; in a window, or as a film.

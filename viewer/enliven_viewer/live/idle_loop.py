@@ -1,4 +1,4 @@
-"""The idle loop: what was performed last, over and over, while the edge is lost, so that no picture freezes."""
+"""The idle loop: what was performed last, over and over, while the edge is lost: no picture freezes."""
 
 from __future__ import annotations
 

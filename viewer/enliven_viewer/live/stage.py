@@ -169,7 +169,7 @@ class LiveStage:
         self.feed.close()
 
     def _without_next_matches(self, scene: Scene) -> Scene:
-        """The scene without matches of the next performer on characters that are held: older edges send them."""
+        """The scene without the next performer's matches on held characters: older edges send them."""
         shown = {
             name: board
             for name, board in scene.boards.items()

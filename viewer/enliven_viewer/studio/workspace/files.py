@@ -253,7 +253,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     except InputError as error:
         refused.append(error)
     try:
-        for clip in clips_of_recording(path):
+        for clip in clips_of_recording(path, whole=True):
             named = replace(clip, id=unused(path.stem, project.takes))
             project = project.with_takes(named)
             added.append(named.id)
