@@ -24,6 +24,7 @@ from enliven.document import (
     Project,
     Puppet,
     PuppetLayer,
+    RigBase,
     Shape,
     unused,
 )
@@ -45,6 +46,8 @@ from enliven.wire import HoldMessage
 
 _FEWEST = 2
 """Poses that a character needs at least to count as performed."""
+_FEWEST_EXAMPLES = 2
+"""Examples from which on a puppet moves by itself; with fewer its mesh is possessed."""
 _STILL = 0.005
 """Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
 _TURNED = 0.01
@@ -257,6 +260,11 @@ def _played_by(
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
+def _is_bare(one: RigBase | None) -> bool:
+    """Whether a character is a mesh that nothing moves yet: a stage has it as a mesh to be possessed."""
+    return isinstance(one, Puppet) and one.mesh is not None and len(one.poses) < _FEWEST_EXAMPLES
+
+
 def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
     """Returns a project with a character that was performed; one of its id that was possessed is replaced."""
     character, poses = performed.characters[key], performed.poses[key]
@@ -267,7 +275,7 @@ def _added(project: Project, key: Key, performed: Performed, begin: int) -> tupl
         taken = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
         project, shape = playing(project, still, taken)
         return project.with_characters(shape.later(offset)), shape.id
-    again = isinstance(one, GraphShape)
+    again = isinstance(one, GraphShape) or _is_bare(one)
     holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
     rest = project.without(key[0]) if again else project
     rest = with_performance(rest, key, character, poses, begin, [], holds)

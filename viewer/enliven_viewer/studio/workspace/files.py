@@ -12,6 +12,7 @@ from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
+from enliven.formats.project import project_of_mesh
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
@@ -73,11 +74,13 @@ def _add_sound(editor: Editor, path: Path) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Add a sample that ships with enliven: a mesh as a puppet, or a puppet that plays at once."""
+    """Add a sample that ships with enliven: one that plays at once, one to step into, one to act by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
-    elif name in ("chair", "lamp"):
+    elif name == "chair":
+        _add_played(editor, name, project_of_mesh(load_sample(name), name), name, ())
+    elif name == "lamp":
         _add_puppet(editor, Path(name), load_sample(name), ())
 
 
