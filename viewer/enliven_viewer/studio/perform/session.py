@@ -323,9 +323,7 @@ class PerformSession:
         self._soon = (*(one for one in self._soon if one != name), name)
         if not self.connected:
             said = f"{name} goes onto the stage as soon as there is one"
-            self.editor.toasts.say(
-                said, "Connect to a camera at the right, or let a recorded person perform."
-            )
+            self.editor.toasts.say(said, "Connect to a camera at the right, or to a recorded person.")
 
     def _put_awaited(self) -> None:
         """Put on the stage what waited for one."""

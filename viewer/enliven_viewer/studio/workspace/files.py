@@ -74,7 +74,7 @@ def _add_sound(editor: Editor, path: Path) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Add a sample that ships with enliven: one that plays at once, one to step into, one to act by examples."""
+    """Add a sample that ships with enliven: one that plays, one to step into, one to act by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True

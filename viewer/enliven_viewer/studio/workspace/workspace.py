@@ -157,7 +157,7 @@ class Workspace:
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:
-        """Add a sample; one that is there to be stepped into goes onto the stage, now or with the next one."""
+        """Add a sample; a mesh to step into goes onto the stage, or onto the next one that is connected."""
         add_sample(self.editor, name)
         one = self.editor.chosen()
         if one is not None and one.kind == "graph":

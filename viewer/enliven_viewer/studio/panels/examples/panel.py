@@ -21,6 +21,8 @@ from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 _BACK = "\uf060"
 _PAD = 10.0
 """Pixels between the edge of the status box and its text."""
+_STATUS = 92.0
+"""Pixels of height of the status box, whatever it says: a title and three lines; more are scrolled."""
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
@@ -78,29 +80,23 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
-    """A raised box with a coloured edge."""
+    """A raised box with a coloured edge; its height does not depend on what it says."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    corner = ImVec2(origin.x + wide, origin.y + _STATUS)
     draw = imgui.get_window_draw_list()
-    draw.channels_split(2)
-    draw.channels_set_current(1)
-    imgui.begin_group()
-    imgui.dummy(ImVec2(0, 3))
-    imgui.indent(_PAD + 4)
+    draw.add_rect_filled(origin, corner, packed(RAISED, 0.75), 7.0)
+    low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, corner.y - 8)
+    draw.add_rect_filled(*low, packed(tint), 2.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PAD + 4, 6))
+    imgui.begin_child("##status", ImVec2(0, _STATUS), imgui.ChildFlags_.always_use_window_padding)
+    imgui.pop_style_var()
     with tinted(tint, imgui.Col_.text):
         imgui.text_unformatted(title)
     with small(), tinted(INK if tint is not GOOD else QUIET, imgui.Col_.text):
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide - 2 * _PAD - 8)
+        imgui.push_text_wrap_pos(0.0)
         for line in (line for line in lines if line):
             imgui.text_unformatted(line)
         imgui.pop_text_wrap_pos()
-    imgui.unindent(_PAD + 4)
-    imgui.dummy(ImVec2(wide, 2))
-    imgui.end_group()
-    bottom = imgui.get_item_rect_max().y
-    draw.channels_set_current(0)
-    draw.add_rect_filled(origin, ImVec2(origin.x + wide, bottom), packed(RAISED, 0.75), 7.0)
-    low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, bottom - 8)
-    draw.add_rect_filled(*low, packed(tint), 2.0)
-    draw.channels_merge()
-    workspace.widgets["status"] = (origin.x, origin.y, origin.x + wide, bottom)
+    imgui.end_child()
+    workspace.widgets["status"] = (origin.x, origin.y, corner.x, corner.y)
