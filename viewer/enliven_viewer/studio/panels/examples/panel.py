@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
-from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.examples import layer_of, with_guessed_joints
 from enliven_viewer.studio.panels.examples.motion import draw_held
-from enliven_viewer.studio.panels.examples.points import draw_points
+from enliven_viewer.studio.panels.examples.points import draw_points, suggest
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
@@ -16,13 +19,15 @@ from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
+from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK = "\uf060"
 _PAD = 10.0
 """Pixels between the edge of the status box and its text."""
-_STATUS = 92.0
-"""Pixels of height of the status box, whatever it says: a title and three lines; more are scrolled."""
+_NEXT = 30.0
+"""Pixels of height of the button of what comes next: hit without aiming."""
+_STATUS = 66.0
+"""Pixels of height of the status box, whatever it says: a title and two lines; more are scrolled."""
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
@@ -33,6 +38,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
             return
         _head(workspace, puppet)
         draw_status(workspace, puppet)
+        _next_step(workspace, puppet)
         draw_points(workspace, puppet)
         puppet = workspace.editor.puppets.puppet
         number = None if puppet is None else layer_of(puppet, workspace.editor.selection.layer)
@@ -53,6 +59,36 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
     told("Back to everything that is on the stage")
     imgui.same_line()
     character_name(workspace, puppet)
+
+
+def _next_step(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the button of what comes next, always in the same place and marked."""
+    label, about, act = _step_of(workspace, puppet)
+    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
+            act()
+    workspace.remember("next step")
+    told(about)
+
+
+def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
+    """Return what comes next for a puppet: the label, what it does, and the command."""
+    editor, take = workspace.editor, workspace.performer.take
+    if editor.puppets.number is not None:
+        return "Done", "Keep the pose, and let the puppet play  (Enter)", editor.puppets.accept
+    if not puppet.points:
+        told_points = "Control points at the ends of the limbs; or click the surface yourself"
+        return "Suggest points", told_points, lambda: suggest(workspace, puppet)
+    if take is None:
+        told_take = "The motion of a performer that the puppet is to follow"
+        return "Open a take...", told_take, partial(workspace.ask, "open")
+    if any(not point.joint for point in puppet.points):
+        guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
+        told_joints = "Pair every point with a joint of the performer, by place"
+        return "Guess joints", told_joints, lambda: editor.edit("guess joints", guess)
+    told_pose = "A key pose for the performer's moment: drag the points to what it means"
+    begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
+    return "Pose it here", told_pose, begin
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
