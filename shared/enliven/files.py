@@ -53,7 +53,7 @@ PART = ".part"
 _PART_LETTERS = 40
 """Letters of a file's name that its unfinished part shows: file systems have room for 255 bytes."""
 _LEFT_OVER_S = 86_400.0
-"""Seconds after which an unfinished file belongs to a program that was killed: nothing is written for a day."""
+"""Seconds after which an unfinished file belongs to a killed program: nothing is written for a day."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),

@@ -42,8 +42,14 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     snap = lambda name: Do(lambda _: wanted.append(name))  # noqa: E731
     yield Wait(0.1)
     yield Do(lambda d: d.input.tool.suggested.wait())
+    steady: list[object] = []
+    look = Do(lambda d: steady.append([workspace.widgets.get(name) for name in ("status", "next step")]))
+    yield Wait(0.1)
+    yield look
     for name in ("left", "right", "head", "foot"):
         yield Click(OnPuppet("star", vertex(name)))
+        yield Wait(0.1)
+        yield look
     said["points"] = len(workspace.puppets.puppet.points)
     yield Do(lambda d: d.editor.scrub(1.0))
     yield Click(OnPuppet("star", point=0))
@@ -59,6 +65,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
         (workspace.puppets.places - workspace.puppets.puppet.rest)[0].tolist(),
     ]
     yield snap("posed")
+    yield look
     yield Do(lambda d: (d.puppets.drag(0, np.array([0.3, 0.45, 0.0])), d.puppets.drop()))
     yield Wait(0.5)
     yield Do(lambda d: d.puppets.crossing.wait())
@@ -68,6 +75,9 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     yield Key("ctrl+z")
     yield Key("enter")
     said["left"] = workspace.puppets.posing
+    yield Wait(0.1)
+    yield look
+    said["steady"], said["column"] = steady, list(window.places.side)
     yield Key("space")
     yield Wait(0.2)
     said["playing"] = workspace.editor.playing

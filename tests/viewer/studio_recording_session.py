@@ -29,7 +29,10 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 HELD = 0.3
 """Seconds that a button is pressed: as long as people press who aim."""
 SAID = "The camera sees little: the room is dark, and what is behind the performer is very near to the camera"
-WRONG = tuple(HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6) for n in (1, 2))
+WRONG = tuple(
+    HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6)
+    for n in (1, 2)
+)
 STEADY = ("possess", "record", "performer", "parts", "join", "stands chair", "count in", "scan")
 """Widgets whose places are looked at."""
 said: dict[str, object] = {"done": False}
@@ -91,7 +94,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
     until(lambda: perform.holders and perform.performers and perform.standing, "somebody who holds the chair")
     before = places(())
-    said["places"] = [before, places(WRONG[:1]), places(WRONG, "Too many characters"), places((), nobody=True)]
+    said["places"] = [
+        before,
+        places(WRONG[:1]),
+        places(WRONG, "Too many characters"),
+        places((), nobody=True),
+    ]
     said["inside"] = list(window.places.side)
     press("record", HELD)
     said["record"] = recording.phase

@@ -127,12 +127,14 @@ class WindowStart:
         bare: whether nothing is written over the picture, and no panel is shown.
         full_screen: whether it fills the monitor.
         escape_ends: whether Escape closes the window, where nothing else is to be dropped.
+        audience: whether it shows no menus, numbers or keys while it fills the monitor.
     """
 
     title: str = "enliven"
     bare: bool = False
     full_screen: bool = False
     escape_ends: bool = False
+    audience: bool = False
 
 
 def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:

@@ -1,7 +1,12 @@
 from . import views as views
 from .assignment import least_cost as least_cost
 from .board import Board as Board, MatchRow as MatchRow
-from .body_limbs import BodySource as BodySource, body_source as body_source
+from .body_limbs import (
+    BodySource as BodySource,
+    body_source as body_source,
+    joints_of_limb as joints_of_limb,
+    limb_number as limb_number,
+)
 from .matches import Match as Match, Ranking as Ranking
 from .picking import Pick as Pick, Picker as Picker, PickingSettings as PickingSettings
 from .ranking import Matcher as Matcher, RankingSettings as RankingSettings

@@ -17,12 +17,16 @@ class MatchRow:
         place: in the ranking, from 0.
         score: sum of cosines.
         lines: by branch of the source, (K, 3) metres, the joints that it would drive; none: (0, 3).
+        limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty: not known.
+        body: the id of the performer whose limbs they are; -1: not known.
     """
 
     name: str
     place: int
     score: float
     lines: tuple[Float, ...]
+    limbs: tuple[int, ...] = ()
+    body: int = -1
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,11 @@ from .capture_upright import (
 from .exportable import Exportable as Exportable, exportables_of as exportables_of
 from .files import read_take as read_take
 from .live_layer import LiveLayer as LiveLayer
-from .performed import Performed as Performed, with_performed as with_performed
+from .performed import (
+    ONLOOKER as ONLOOKER,
+    Performed as Performed,
+    with_performed as with_performed,
+)
 from .performed_over import LiveOver as LiveOver, plays as plays
 from .positions import turns_of as turns_of
 from .possessed import possession_in as possession_in, read_possessed as read_possessed

@@ -10,6 +10,7 @@ Others are added.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from enliven.document import (
     Project,
     Puppet,
     PuppetLayer,
+    RigBase,
     Shape,
     unused,
 )
@@ -35,6 +37,7 @@ from enliven.rotation import IDENTITY, continuous, from_matrix
 from enliven.takes.body_takes import holds_among
 from enliven.takes.live_layer import composed, own_chain, own_turns
 from enliven.takes.performed_over import plays, with_layer_over
+from enliven.takes.performers import MergedPerformers, merge_performers
 from enliven.takes.possessed import with_performance
 from enliven.takes.punching import Punch, punch_bones
 from enliven.takes.recorded import TakeSettings, clips_of_frames
@@ -43,6 +46,8 @@ from enliven.wire import HoldMessage
 
 _FEWEST = 2
 """Poses that a character needs at least to count as performed."""
+_FEWEST_EXAMPLES = 2
+"""Examples from which on a puppet moves by itself; with fewer its mesh is possessed."""
 _STILL = 0.005
 """Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
 _TURNED = 0.01
@@ -50,6 +55,12 @@ _TURNED = 0.01
 
 Key = tuple[str, int]
 """The id and the revision of a character."""
+
+
+_WHOLE = TakeSettings(gap=math.inf)
+"""A performer who is lost for a while has one take all the same."""
+ONLOOKER = " onlooker"
+"""What the name of a take ends in, before its number, if its performer held nothing while others did."""
 
 
 @dataclass
@@ -107,7 +118,8 @@ def with_performed(
     """
     made, before = list[str](), project
     whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
-    for clip in clips_of_frames(whole, performed.name, TakeSettings()):
+    merged = merge_performers(whole, performed.events)
+    for clip in _clips(merged, performed):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
         made.append(list(project.takes)[-1])
     for key in performed.moved:
@@ -117,7 +129,7 @@ def with_performed(
             project = _layered(project, one, key, performed, begin, replaces=replaces)
             made.append(one.id)
         elif isinstance(one, Puppet) and character.kind == "points":
-            project = _played_by(project, one, performed, whole, begin, replaces=replaces)
+            project = _played_by(project, one, performed, merged, begin, replaces=replaces)
             made.append(one.id)
         elif isinstance(one, GraphShape) and _keeps(project, one, performed, key, begin, replaces=replaces):
             holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
@@ -128,6 +140,21 @@ def with_performed(
             project, name = _added(project, key, performed, begin)
             made.append(name)
     return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(made))
+
+
+def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
+    """Returns one clip for each performer; performers who held nothing while others did are onlookers."""
+    ids = {who for said in performed.events for who in (said.body, said.former, *said.holders)}
+    holding = {merged.people[who] for who in ids if who in merged.people}
+    actors = [who for who in merged.everyone if who in holding or not holding]
+    others = [who for who in merged.everyone if who not in actors]
+    found = {who: clips_of_frames(merged.alone(who), performed.name, _WHOLE)[:1] for who in actors + others}
+    clips = list[Clip]()
+    for people, name in ((actors, performed.name), (others, f"{performed.name}{ONLOOKER}")):
+        own = [clip for who in people for clip in found[who]]
+        several = len(own) > 1
+        clips += [replace(clip, id=f"{name} {n}" if several else name) for n, clip in enumerate(own, 1)]
+    return clips
 
 
 def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
@@ -209,15 +236,16 @@ def _played_by(
     project: Project,
     puppet: Puppet,
     performed: Performed,
-    frames: list[BodyFrame],
+    merged: MergedPerformers,
     begin: int,
     *,
     replaces: bool,
 ) -> Project:
     """Returns a project in which a puppet plays the take of the performer who held it last."""
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
-    alone = [_alone(frame, holders[-1]) for frame in frames] if holders else frames
-    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", TakeSettings())
+    who = merged.people.get(holders[-1]) if holders else None
+    alone = merged.frames if who is None else merged.alone(who)
+    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", _WHOLE)
     if not clips:
         return project
     take = replace(clips[0], id=unused(clips[0].id, project.takes))
@@ -232,8 +260,9 @@ def _played_by(
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
-def _alone(frame: BodyFrame, who: int) -> BodyFrame:
-    return replace(frame, bodies=[body for body in frame.bodies if body.id == who])
+def _is_bare(one: RigBase | None) -> bool:
+    """Whether a character is a mesh that nothing moves yet: a stage has it as a mesh to be possessed."""
+    return isinstance(one, Puppet) and one.mesh is not None and len(one.poses) < _FEWEST_EXAMPLES
 
 
 def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
@@ -246,7 +275,7 @@ def _added(project: Project, key: Key, performed: Performed, begin: int) -> tupl
         taken = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
         project, shape = playing(project, still, taken)
         return project.with_characters(shape.later(offset)), shape.id
-    again = isinstance(one, GraphShape)
+    again = isinstance(one, GraphShape) or _is_bare(one)
     holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
     rest = project.without(key[0]) if again else project
     rest = with_performance(rest, key, character, poses, begin, [], holds)

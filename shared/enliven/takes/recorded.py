@@ -9,8 +9,9 @@ recorded; depth alone has to be tracked first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -24,6 +25,7 @@ from enliven.person import Body
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.settings import setting
 from enliven.takes.capture_clip import clip_of_bodies
+from enliven.takes.performers import merge_performers
 from enliven.wire import BODIES, BodiesMessage, message_to_bodies
 
 
@@ -42,8 +44,13 @@ class TakeSettings:
     step: float = setting(1.0 / 30.0, "Time between two frames of a take.", unit="s", low=1e-3, high=1.0)
 
 
-def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None) -> list[Clip]:
+def clips_of_recording(
+    path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
+) -> list[Clip]:
     """Returns a clip for each visit of a person: a person who leaves and comes back has several.
+
+    Args:
+        whole: one clip for each person instead, who holds still while they are lost.
 
     The rest pose is the first that was seen of them; ``clip_of_bodies`` takes
     any other.
@@ -53,7 +60,11 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
     """
     path = Path(path)
     recording = Recording(path)
-    made = clips_of_frames(body_frames(recording), path.stem, settings or TakeSettings())
+    chosen, frames = settings or TakeSettings(), body_frames(recording)
+    if whole:
+        seen = [frame for frame in frames if isinstance(frame, BodyFrame)]
+        chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(seen).frames)
+    made = clips_of_frames(frames, path.stem, chosen)
     if not made and DEPTH_TOPIC in recording.info.topics:
         mend = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
         raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)

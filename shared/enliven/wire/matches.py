@@ -55,11 +55,13 @@ def _packed(row: MatchRow) -> PackedMatch:
     points = np.concatenate([np.zeros((0, 3)), *lines])
     steps = np.clip(np.rint(np.nan_to_num(points) / JOINT_STEP), -32768, 32767).astype("<i2")
     sizes = bytes(len(line) for line in lines)
-    return PackedMatch(row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes())
+    limbs = bytes(limb % 256 for limb in row.limbs[: len(sizes)])
+    known = limbs if len(limbs) == len(sizes) else b""
+    return PackedMatch(row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes(), known, row.body)
 
 
 def _unpacked(match: PackedMatch) -> MatchRow:
     points = np.frombuffer(match.points, "<i2").reshape(-1, 3) * JOINT_STEP
     ends = np.cumsum([0, *match.sizes])
     lines = tuple(points[a:b] for a, b in itertools.pairwise(ends))
-    return MatchRow(match.name, match.place, match.score, lines)
+    return MatchRow(match.name, match.place, match.score, lines, tuple(match.limbs), match.body)

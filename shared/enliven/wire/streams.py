@@ -191,6 +191,8 @@ class PackedMatch(Struct, array_like=True, frozen=True):
         score: sum of cosines.
         sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
         points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
+        limbs: (m,) uint8, the performer's limb of each branch; empty: not known, as from an older edge.
+        body: the id of the performer whose limbs they are; -1: not known.
     """
 
     name: Name
@@ -198,9 +200,13 @@ class PackedMatch(Struct, array_like=True, frozen=True):
     score: Number
     sizes: Annotated[bytes, Meta(max_length=64)]
     points: Annotated[bytes, Meta(max_length=6 * 1024)]
+    limbs: Annotated[bytes, Meta(max_length=64)] = b""
+    body: Identity = -1
 
     def __post_init__(self) -> None:
         expect("points", self.points, 6 * sum(self.sizes))
+        if self.limbs:
+            expect("limbs", self.limbs, len(self.sizes))
 
 
 class MatchesMessage(Struct, array_like=True, frozen=True):

@@ -207,8 +207,11 @@ def test_two_performers_drive_and_one_lets_go() -> None:
     show.play(one, two)
     show.stage.possess("star", body=1, parts="arms")
     board = show.play(one, two)
-    assert (board.state, board.body) == ("choosing", 2)
+    assert (board.state, board.body) == ("playing", 1), "the match of who comes next would hide what is held"
+    assert [(row.body, row.limbs) for row in board.rows] == [(1, (1, 2))], "both arms, by their numbers"
     show.stage.possess("star", body=2, parts="arms", mode="join")
+    board = show.play(one, two)
+    assert [(row.body, row.limbs) for row in board.rows] == [(1, (1, 2)), (2, (1, 2))]
     assert show.stage.holders == {1, 2}
     rest = show.limb("right")
     show.play(replace(moved(60, (0, 0, 1)), id=1), two)

@@ -15,6 +15,7 @@ from enliven_viewer.doctor import checks
 from enliven_viewer.settings import ViewerSettings, sized
 
 SESSION = Path(__file__).parents[1] / "window_session.py"
+AUDIENCE = Path(__file__).parents[1] / "audience_session.py"
 
 
 def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
@@ -45,6 +46,17 @@ def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
 def test_a_bare_window_is_the_picture_alone(tmp_path: Path) -> None:
     said = in_a_window(SESSION, str(tmp_path), "bare")
     assert said["size"] == [0, 0, 640, 480] and said["spread"] > 5 and said["over"]
+
+
+def test_an_audience_sees_the_performance_alone_and_no_frozen_picture(tmp_path: Path) -> None:
+    said = in_a_window(AUDIENCE, str(tmp_path))
+    assert said["done"], said
+    assert said["widgets"] == [] and said["area"] == [[0.0, 0.0], True], "no menu, no panel, no timeline"
+    assert said["live"] == ["", True]
+    assert said["words"] == "The stage is away. It comes back by itself."
+    assert said["replays"] == [True, True] and said["moves"] > 0.05, "what was performed last goes on"
+    assert said["back"] == ["", True], "the edge is followed again"
+    assert said["windowed"] == [False, True] and said["again"] == [True, False], "F11 is the way to the menus"
 
 
 def command() -> typer.Typer:

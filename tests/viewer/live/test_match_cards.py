@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
+from swaying import swaying
 
 from enliven.document.character import Character, SkinWeights
+from enliven.matching import body_source, limb_number
 from enliven.matching.board import Board, MatchRow
+from enliven.person import BONES
+from enliven.person.body import Body
+from enliven.wire.matches import board_to_message, message_to_board
+from enliven.wire.streams import MatchesMessage
 from enliven_viewer.live.match_cards import cards_of, draw_cards
 from enliven_viewer.live.view_report import ViewReporter, hidden, look_of, turn_to_bones
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.capsules import capsules_of
+from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.render.overlay.canvas import Canvas
-from enliven_viewer.render.overlay.match_lines import TINTS, match_rows
+from enliven_viewer.render.overlay.match_lines import TINTS, limb_tints, match_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, scene_of
 
@@ -197,3 +206,43 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
     turn_to_bones(camera, scene())
     camera.advance(10.0)
     assert abs(camera.view(1.0).camera_from_world[2, 2]) > 0.99, "the cross lies across z"
+
+
+def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
+    """Whatever parts choose: a right leg is as on the model, and limbs that drive nothing are the body's."""
+    performer = Body(1, standing_joints(), np.ones(20))
+    for parts in ("all", "arms", "legs", "right arm", "torso"):
+        chains = body_source(performer, parts).chains
+        limbs = tuple(limb_number(chain) for chain in chains)
+        lines = tuple(LEFT if k else LEFT[:0] for k in range(len(chains)))
+        row = MatchRow("1-1", 0, 1.0, lines, limbs, 1)
+        board = Board("cross", "choosing", 1, 5, 0, (row,), 1)
+        plain = capsules_of((performer,), 1.0)
+        rows = capsules_of((performer,), 1.0, limb_tints({"cross": board}))
+        card = cards_of(scene(board), front().view(1.5))[0]
+        for limb, line, chain, tint in zip(limbs, lines, chains, card.tints, strict=True):
+            outer = [bone for bone, (_, end) in enumerate(BONES) if end in chain[1:]]
+            wanted = linear_from_srgb(255 * np.array(TINTS[limb])) if len(line) else plain[outer, 8:11]
+            np.testing.assert_allclose(rows[outer, 8:11], np.broadcast_to(wanted, (len(outer), 3)), atol=1e-6)
+            assert tint == TINTS[limb]
+    assert len(set(TINTS)) == len(TINTS) >= 6
+
+
+def standing_joints() -> np.ndarray:
+    return swaying(1, 0).joints
+
+
+def test_the_limbs_of_a_match_come_over_the_wire_and_older_edges_send_none() -> None:
+    row = MatchRow("1-1", 0, 1.5, (RIGHT, LEFT), (1, 4), 7)
+    board = Board("cross", "choosing", 7, 5, 0, (row,), 1)
+    again = message_to_board(msgspec.msgpack.decode(packed(board), type=MatchesMessage))
+    assert (again.rows[0].limbs, again.rows[0].body) == ((1, 4), 7)
+    older = msgspec.msgpack.decode(packed(board))
+    older[5] = [match[:5] for match in older[5]]
+    old = message_to_board(msgspec.msgpack.decode(msgspec.msgpack.encode(older), type=MatchesMessage))
+    assert old.rows[0].limbs == () and limb_tints({"cross": old}) == {}
+    assert len(match_rows({"cross": old})[0]) == len(match_rows({"cross": board})[0])
+
+
+def packed(board: Board) -> bytes:
+    return msgspec.msgpack.encode(board_to_message(board))

@@ -27,7 +27,7 @@ def test_the_choice_goes_round_those_in_view() -> None:
         possession.next_performer(present)
         seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert possession.words == "P steps in: the whole body of performer 5"
+    assert possession.words(int) == "P steps in: the whole body of performer 5"
 
 
 def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
@@ -35,9 +35,9 @@ def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
     assert possession.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
     possession.next_performer([3, 7])
     assert [possession.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
-    assert "smoothed by 0" in possession.words
+    assert "smoothed by 0" in possession.words(int)
     possession.locked = True
-    assert possession.words.endswith("locked")
+    assert possession.words(int).endswith("locked")
 
 
 def test_every_key_of_possession_means_one_thing_in_its_workspace() -> None:

@@ -15,13 +15,19 @@ from hypothesis import strategies as st
 from patience import PATIENCE
 from swaying import swaying
 
+from enliven.document.project import Project
+from enliven.formats.project import project_of_mesh
 from enliven.frames import BodyFrame
+from enliven.modeling.edits import vertices_of
+from enliven.modeling.puppet import make_puppet
 from enliven.person.body import Body
+from enliven.samples import load_sample
 from enliven.takes.performed import Performed
 from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.perform.stillness import Stillness
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
 STEP = 33_333_333
@@ -140,3 +146,43 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
     until(session, lambda: session.recording.recorder.seconds > 0.4)
     called("record")
     assert session.recording.phase == "idle" and session.editor.history.names[-1] == "record take 1"
+
+
+def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -> None:
+    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither gets a twin."""
+    mesh, editor = load_sample("chair"), session.editor
+
+    def scanned(project: Project) -> Project:
+        made = project_of_mesh(mesh, "chair")
+        return project.with_streams(*made.streams.values()).with_characters(made.graph("chair"))
+
+    for kind, add in (("puppet", lambda project: make_puppet(project, mesh, "chair")), ("graph", scanned)):
+        editor.begin(Project())
+        assert editor.edit("open", add)
+        before = editor.project.characters["chair"].kind
+        session.recording.record()
+        until(session, lambda: session.recording.recorder.seconds > 0.8)
+        session.recording.record()
+        assert list(editor.project.characters) == ["chair"], kind
+        chair = editor.project.graph("chair")
+        assert chair.mesh is not None and len(chair.mesh.vertices) == len(mesh.vertices)
+        moved = [vertices_of(editor.project, "chair", second) for second in (0.1, 0.5)]
+        assert np.abs(moved[1] - moved[0]).max() > 0.01
+        editor.undo()
+        assert editor.project.characters["chair"].kind == before
+
+
+def test_what_waits_for_a_stage_goes_onto_it(session: PerformSession, tmp_path: Path) -> None:
+    """A sample that was opened before there was a stage, and one that was opened after."""
+    later = Workspace.new(Editor(), tmp_path / "own")
+    later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
+    assert later.actions.do("sample.chair")
+    assert later.editor.selection.character == "chair 2" and later.perform.room == "Perform"
+    assert later.editor.project.graph("chair 2").mesh is not None, "nothing has to be prepared"
+    assert session.client is not None
+    later.perform.connect(str(session.client.edges[0].endpoint))
+    until(later.perform, lambda: "chair 2" in later.perform.standing)
+    assert later.perform.meant == "chair 2", "Possess means it"
+    assert later.actions.do("sample.chair")
+    until(later.perform, lambda: "chair 3" in later.perform.standing)
+    later.perform.disconnect()

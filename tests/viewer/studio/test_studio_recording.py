@@ -65,7 +65,9 @@ def perform(workspace: Workspace, until: int) -> None:
 
 def seconds(path: Path) -> float:
     """How long the take of the performer is in a project file; 0 where there is none."""
-    return max((take.duration for name, take in read_project(path).takes.items() if "take 1" in name), default=0)
+    return max(
+        (take.duration for name, take in read_project(path).takes.items() if "take 1" in name), default=0
+    )
 
 
 @pytest.mark.parametrize("wish", ["quit", "new"])
@@ -98,7 +100,9 @@ def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, t
     assert (tmp_path / "work.enliven").read_bytes() == before
 
 
-def test_saving_meanwhile_keeps_what_is_there_and_the_recording_goes_on(workspace: Workspace, tmp_path) -> None:
+def test_saving_meanwhile_keeps_what_is_there_and_the_recording_goes_on(
+    workspace: Workspace, tmp_path
+) -> None:
     workspace.ask("save")
     first = seconds(tmp_path / "work.enliven")
     assert first > 0.9 and workspace.perform.recording.phase == "recording" and workspace.store.dirty

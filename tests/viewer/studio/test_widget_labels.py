@@ -109,7 +109,14 @@ def test_no_label_changes_the_id_of_its_widget() -> None:
 
 @pytest.mark.parametrize(
     "label",
-    ['f"Stop {clock(x)}"', "text", 'f"Keep {it.name}"', 'f"{x:.1f} s##stop"', '("a" if on else "b") + "##p"', 'f"##{x:.1f}"'],
+    [
+        'f"Stop {clock(x)}"',
+        "text",
+        'f"Keep {it.name}"',
+        'f"{x:.1f} s##stop"',
+        '("a" if on else "b") + "##p"',
+        'f"##{x:.1f}"',
+    ],
 )
 def test_labels_that_change_are_found(label: str) -> None:
     assert changing("a.py", f"imgui.button({label})")

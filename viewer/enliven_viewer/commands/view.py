@@ -39,7 +39,10 @@ def view(
         float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
     ] = None,
     hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
-    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
+    fullscreen: Annotated[
+        bool,
+        typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again."),
+    ] = False,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
     """Watch characters move: live from an edge, or from a take; in a window, or as a film.
@@ -49,6 +52,7 @@ def view(
       enliven view --edge 192.168.1.20             an edge on the network
       enliven view --edge 10.0.0.5 --edge 10.0.0.6  two of them, beside one another
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
+      enliven view --fullscreen                    for an audience: no menus, no numbers, no keys
       enliven view --fullscreen --no-hud           an installation: the picture alone
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
       enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
@@ -72,7 +76,8 @@ def view(
         if filming:
             _film(take, addresses, film, sheet, chosen, seconds, hud)
         else:
-            _window(take, addresses, chosen, seconds, WindowStart(_title(take), not hud, fullscreen, True))
+            start = WindowStart(_title(take), not hud, fullscreen, escape_ends=True, audience=True)
+            _window(take, addresses, chosen, seconds, start)
 
 
 _OTHERS = {

@@ -7,6 +7,7 @@ from .hud import (
 )
 
 from .stage import LiveStage as LiveStage
+from .idle_loop import IdleLoop as IdleLoop
 from .performer_numbers import PerformerNumbers as PerformerNumbers
 from .possession_choice import PARTS as PARTS, SMOOTHING as SMOOTHING
 from .match_cards import cards_of as cards_of, draw_cards as draw_cards

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.matching import Board
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
-from enliven_viewer.render.overlay import TINTS
+from enliven_viewer.render.overlay import tints_of
 from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ class Card:
         lines: (K, 2) by branch of the source, likewise.
         held: 0..1 how long of the time to hold still has passed.
         row: the number of its character among those that choose.
+        tints: by branch of the source, the colour of its limb, as on the performer.
     """
 
     title: str
@@ -50,6 +51,7 @@ class Card:
     lines: tuple[Float, ...]
     held: float = 0.0
     row: int = 0
+    tints: tuple[tuple[float, float, float], ...] = ()
 
 
 def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
@@ -81,7 +83,7 @@ def _cards(
         meant = number == board.shown
         score = f"{row.name[:10]}  {row.score:.2f}"
         bones, held = parts[0].reshape(-1, 2, 2), board.held * meant
-        cards.append(Card(title, score, meant, bones, lines, held, number_of_row))
+        cards.append(Card(title, score, meant, bones, lines, held, number_of_row, tints_of(row)))
     return cards
 
 
@@ -115,7 +117,7 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
     corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
     for bone in corner + side * card.bones:
         canvas.line(bone, 1.2 * s, FAINT)
-    limbs = zip(card.lines, itertools.cycle(TINTS), strict=False)
+    limbs = zip(card.lines, card.tints, strict=True)
     for line, tint in ((line, tint) for line, tint in limbs if len(line)):  # a limb may drive nothing
         canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:

@@ -66,7 +66,7 @@ class LiveStage:
         self.playhead.advance(seconds)
         moment = self.playhead.moment()
         style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
-        self.scene = scene_of(self.document, moment, style, self._surfaces)
+        self.scene = self._without_next_matches(scene_of(self.document, moment, style, self._surfaces))
         self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
@@ -167,6 +167,15 @@ class LiveStage:
     def close(self) -> None:
         """Let the feed go."""
         self.feed.close()
+
+    def _without_next_matches(self, scene: Scene) -> Scene:
+        """The scene without the next performer's matches on held characters: older edges send them."""
+        shown = {
+            name: board
+            for name, board in scene.boards.items()
+            if board.state != "choosing" or name not in self.held
+        }
+        return replace(scene, boards=shown)
 
     def _named(self, meant: str | None) -> list[str | None]:
         """The character that an order names; among several the edge finds the one that is meant."""

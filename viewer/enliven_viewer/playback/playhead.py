@@ -19,8 +19,9 @@ class Playhead:
         self.timeline = timeline
         self.live = live
         self.paused = False
-        self.loop = loop
+        self.loop = self._loops = loop
         self.speed = 1.0
+        self._span_ns: int | None = None
         self._time = float(timeline.start_ns)
         self._generation = timeline.generation
 
@@ -49,7 +50,7 @@ class Playhead:
             self.go_live()
         if self.live or self.paused:
             return
-        start, end = self.timeline.start_ns, self.timeline.end_ns
+        start, end = self._start_ns, self.timeline.end_ns
         self._time = max(self._time, start) + seconds * self.speed * NS
         if self._time > end:
             self._time = start + (self._time - end) % max(end - start, 1) if self.loop else end
@@ -84,6 +85,19 @@ class Playhead:
     def go_live(self) -> None:
         """Follow the newest moment again."""
         self.live, self.paused, self.speed = True, False, 1.0
+        self.loop, self._span_ns = self._loops, None
+
+    def replay_last(self, seconds: float) -> None:
+        """Play the newest ``seconds`` over and over, until :meth:`go_live`."""
+        self.live, self.paused, self.speed, self.loop = False, False, 1.0, True
+        self._span_ns = round(seconds * NS)
+        self._time = float(self._start_ns)
+
+    @property
+    def _start_ns(self) -> int:
+        """Where playing back begins: at the timeline's start, or later while only its end is replayed."""
+        start = self.timeline.start_ns
+        return start if self._span_ns is None else max(start, self.timeline.end_ns - self._span_ns)
 
     def _leave_live(self) -> None:
         self._time = float(self.timeline.end_ns)

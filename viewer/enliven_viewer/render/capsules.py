@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import moderngl
 import numpy as np
 
@@ -40,9 +43,21 @@ _SHADOW_RINGS = 3
 """Rings of a half ball that casts a shadow, for the same reason."""
 
 
-def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
-    """(N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and opacity."""
+def capsules_of(
+    bodies: tuple[Body, ...],
+    opacity: float,
+    limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = MappingProxyType({}),
+) -> Float32:
+    """(N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and opacity.
+
+    Args:
+        limbs: by the id of a body, sRGB colours of bones by their outer joint; others have the body's.
+    """
     rows = [_capsules_of_one(body, TINTS[k % len(TINTS)], opacity) for k, body in enumerate(bodies)]
+    for body, made in zip(bodies, rows, strict=True):
+        for joint, tint in limbs.get(body.id, {}).items():
+            bone = [number for number, (_, end) in enumerate(BONES) if end == joint]
+            made[[*bone, len(BONES) + joint], 8:11] = linear_from_srgb(255.0 * np.array(tint))
     return np.concatenate(rows) if rows else np.zeros((0, 12), np.float32)
 
 

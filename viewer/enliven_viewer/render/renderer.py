@@ -26,7 +26,7 @@ from enliven_viewer.render.lights import contact_from_world, light_from_world
 from enliven_viewer.render.looks import LOOKS, look_rows, to_key
 from enliven_viewer.render.materials import Textures
 from enliven_viewer.render.mesh_pass import ALPHA_TO_COVERAGE, MeshPass
-from enliven_viewer.render.overlay import Marks, Tubes, match_rows
+from enliven_viewer.render.overlay import Marks, Tubes, limb_tints, match_rows
 from enliven_viewer.render.props import PropPass
 from enliven_viewer.render.region import casters_of, marks_of, shadow_bounds, visible_region
 from enliven_viewer.render.scene import Scene
@@ -98,7 +98,8 @@ class Renderer:
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
-        capsules = capsules_of(scene.bodies if scene.style.body > 0 else (), scene.style.body)
+        bodies = scene.bodies if scene.style.body > 0 else ()
+        capsules = capsules_of(bodies, scene.style.body, limb_tints(scene.boards))
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)

@@ -12,6 +12,7 @@ from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
+from enliven_viewer.live import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
@@ -22,6 +23,7 @@ from enliven_viewer.studio.panels import (
     load_fonts,
 )
 from enliven_viewer.studio.panels.stage import (
+    draw_audience,
     draw_inset,
     draw_live,
     draw_scan_over,
@@ -40,6 +42,8 @@ _SAMPLES = 0
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
 
 
+_USUAL_CORNER = (80, 80)
+"""Pixels from the screen's corner to a window that leaves the full screen in which it began."""
 _USUAL = WindowStart()
 """With panels, in a window, which asks before it throws work away."""
 _MINIMISED_PAUSE = 0.05
@@ -60,7 +64,12 @@ class StudioWindow:
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
         self.pace = 0.0  # pictures a second of late
-        self._windowed: Place | None = None
+        # Where F11 goes back to; a window that begins full screen has no place of its own yet.
+        settings = workspace.editor.settings
+        self._windowed: Place | None = (
+            (*_USUAL_CORNER, settings.width, settings.height) if opening.full_screen else None
+        )
+        self._idle_loop = IdleLoop()
         self.pictures = 0
         self._pictures: WindowPictures | None = None
         self.desktop: Desktop | None = None
@@ -167,13 +176,19 @@ class StudioWindow:
     @property
     def places(self) -> Places:
         """The layout of the panels at the window's size."""
-        return places_of(self.workspace, bare=self.opening.bare)
+        return places_of(self.workspace, bare=self.opening.bare or self.audience)
+
+    @property
+    def audience(self) -> bool:
+        """Whether nothing but the performance is shown, since the window fills the screen of an audience."""
+        return self.opening.audience and self._windowed is not None
 
     @property
     def _idle(self) -> bool:
         """Whether nothing moves, so that few pictures a second are enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
+        still = still and not self._idle_loop.loss
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
@@ -196,6 +211,9 @@ class StudioWindow:
         self.pace += (1 / max(elapsed, 1e-3) - self.pace) * min(elapsed * 2, 1.0)
         editor.advance(elapsed)
         workspace.perform.advance(elapsed)
+        if self.opening.audience and (self.opening.bare or self.audience):
+            orbits = not workspace.preferences.less_motion
+            self._idle_loop.advance(workspace.perform.live, editor.camera, elapsed, orbits=orbits)
         workspace.sound.follow()
         workspace.scan.advance()
         workspace.watch_tour(elapsed)
@@ -206,7 +224,9 @@ class StudioWindow:
         """Draw the panels, and pass the input beside them to the viewport."""
         places, pictures = self.places, self._pictures
         assert pictures is not None
-        if not self.opening.bare:
+        if self.audience and not self.opening.bare:
+            draw_audience(self.workspace, places.viewport, self._idle_loop.words)
+        elif not self.opening.bare:
             draw_panels(self.workspace, places, pictures)
             if not hides_live(self.workspace):
                 draw_inset(self.workspace, places.viewport, self._inset, pictures.glances)

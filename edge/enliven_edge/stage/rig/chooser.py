@@ -16,6 +16,7 @@ from enliven.matching import (
     Ranking,
     ScreenView,
     body_source,
+    limb_number,
 )
 from enliven.person import Body
 from enliven_edge.stage.rig.live_shape import Pair
@@ -117,7 +118,9 @@ class Chooser:
 
     def _row(self, match: Match, place: int, joints: Float) -> MatchRow:
         lines = tuple(joints[list(chain)] for chain in self._chains(match))
-        return MatchRow(self._skeleton.names[match.candidate.root], place, match.score, lines)
+        limbs = () if self._source is None else tuple(limb_number(chain) for chain in self._source.chains)
+        name = self._skeleton.names[match.candidate.root]
+        return MatchRow(name, place, match.score, lines, limbs, self.body)
 
     def _chains(self, match: Match) -> list[tuple[int, ...]]:
         """Returns the target chain of each branch of the source; empty for none."""

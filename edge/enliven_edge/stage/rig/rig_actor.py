@@ -13,7 +13,7 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
-from enliven.matching import Board, MatchRow, ScreenView
+from enliven.matching import Board, MatchRow, ScreenView, limb_number
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parts_named
 from enliven.possession import Cues, Mode, cues_of
@@ -98,23 +98,26 @@ class RigActor(ChosenActor):
     def cues(self, bodies: list[Body]) -> Cues:
         count = len(self.character.pivots)
         held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
-        targets = self.chooser.targets()
+        targets = () if held else self.chooser.targets()
         preview = (self.chooser.body, _strengths(count, targets)) if targets else None
         return cues_of(held, preview)
 
     def board(self) -> Board:
         own, chooser = self.character.id, self.chooser
+        if self.holds:  # while it is held, another performer's match would hide what is driven
+            rows = tuple(self._driven(hold) for hold in self.holds)
+            return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)
-        if shown >= 0:
-            told = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
-            return Board(own, "choosing", *told)
-        if not self.holds:
+        if shown < 0:
             return Board(own, "off", time_ns=self._time_ns)
-        rows = tuple(
-            MatchRow("driven", 0, 0.0, tuple(self.live_shape.joints[list(t)] for _, t in hold.pairs))
-            for hold in self.holds
-        )
-        return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
+        told = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
+        return Board(own, "choosing", *told)
+
+    def _driven(self, hold: Binding) -> MatchRow:
+        """Returns the chains that a performer drives, each with the limb that drives it."""
+        lines = tuple(self.live_shape.joints[list(target)] for _, target in hold.pairs)
+        limbs = tuple(limb_number(source) for source, _ in hold.pairs)
+        return MatchRow("driven", 0, 0.0, lines, limbs, hold.body)
 
     def warm_up(self) -> None:
         rehearsal = RigActor(self.live_shape.shape, self.settings)

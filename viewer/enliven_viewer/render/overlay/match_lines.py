@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven.matching import Board
+from enliven.matching import Board, MatchRow, joints_of_limb
 from enliven_viewer.render.overlay.tubes import tube_rows
 
-TINTS = ((0.20, 0.86, 0.84), (1.0, 0.66, 0.20), (0.72, 0.52, 1.0), (0.48, 0.92, 0.36), (1.0, 0.45, 0.55))
-"""Of the performer's limbs, in their order; sRGB."""
+Tint = tuple[float, float, float]
+"""Red, green and blue, sRGB in [0, 1]."""
+TINTS: tuple[Tint, ...] = (
+    (0.20, 0.86, 0.84),
+    (1.0, 0.66, 0.20),
+    (0.72, 0.52, 1.0),
+    (0.48, 0.92, 0.36),
+    (1.0, 0.45, 0.55),
+    (0.95, 0.90, 0.40),
+)
+"""Of the performer's limbs, by their numbers: head, left arm, right arm, left leg, right leg, trunk."""
 _THICK = 0.012
 """Radius as a share of the longest chain; half of it once the chain is driven."""
 _DEEP = 0.3
@@ -22,15 +29,39 @@ def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
     """(N, 12) rows for ``Tubes``, and how deep they show through, metres."""
     rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
     for board in boards.values():
-        meant = board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]
-        for row in meant if board.shown >= 0 else ():
+        for row in meant_rows(board):
             lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in row.lines]
             share = 0.5 if board.state == "playing" else 1.0
             radius = share * _THICK * max(lengths, default=0.0)
             deepest = max(deepest, share * _DEEP * max(lengths, default=0.0))
-            for line, tint in zip(row.lines, itertools.cycle(TINTS), strict=False):
+            for line, tint in zip(row.lines, tints_of(row), strict=True):
                 rows += _tubes(line, radius, np.array(tint, np.float32) ** 2.2)
     return np.concatenate(rows), deepest
+
+
+def meant_rows(board: Board) -> tuple[MatchRow, ...]:
+    """What drives the character, or the match that would; none where no choice is made."""
+    if board.state == "off" or board.shown < 0:
+        return ()
+    return board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]
+
+
+def tints_of(row: MatchRow) -> tuple[Tint, ...]:
+    """The colour of each line of a match: that of the performer's limb, or by their order."""
+    limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
+    return tuple(TINTS[limb % len(TINTS)] for limb in limbs)
+
+
+def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
+    """For each performer's id the colours of bones by their outer joint, as they are on the model."""
+    tints: dict[int, dict[int, Tint]] = {}
+    for row in (row for board in boards.values() for row in meant_rows(board)):
+        if len(row.limbs) != len(row.lines):
+            continue
+        for limb, line, tint in zip(row.limbs, row.lines, tints_of(row), strict=True):
+            if len(line):  # a limb may drive nothing
+                tints.setdefault(row.body, {}).update(dict.fromkeys(joints_of_limb(limb), tint))
+    return tints
 
 
 def _tubes(line, radius, tint):  # type: ignore[no-untyped-def]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.document import GraphShape, Project, Puppet, RigBase
+from enliven.takes import ONLOOKER
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
@@ -87,13 +88,23 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
         yield from below
     used = set().union(*(one.needed()["takes"] for one in project.characters.values()))
     yield Row(GROUP, "takes", "Takes", str(len(project.takes)), folds=True)
-    for name, take in project.takes.items():
-        note = f"{take.duration:.1f} s" + (" · in use" if name in used else "")
+    folded = [name for name in project.takes if name not in used and _is_onlooker(name)]
+    for name in (name for name in project.takes if name not in folded):
+        note = f"{project.takes[name].duration:.1f} s" + (" · in use" if name in used else "")
         yield Row(TAKE, name, name, note, depth=1)
+    if folded:
+        yield Row(GROUP, "onlookers", "Held nothing", str(len(folded)), depth=1, folds=True)
+        for name in folded:
+            yield Row(TAKE, name, name, f"{project.takes[name].duration:.1f} s", depth=2)
     if live:
         yield Row(GROUP, "live", "Live stage", str(len(live)), folds=True)
         for number, line in enumerate(live):
             yield Row(LIVE, "stage", line, number=number, depth=1)
+
+
+def _is_onlooker(name: str) -> bool:
+    """Whether the performer of a take held nothing while others did, by the name that it was given."""
+    return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
 
 
 def _handles(one: RigBase) -> Iterator[Row]:

@@ -63,7 +63,9 @@ def _names(
     """The groups that can be shown, and the channels of the one that is, with their values now."""
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
-        if imgui.selectable(f"{_NAMES[name]}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0))[0]:
+        if imgui.selectable(f"{_NAMES[name]}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0))[
+            0
+        ]:
             curves.group = name
         workspace.remember(f"curves {name}")
         if name == shown.name:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from enliven.matching import Board
 from enliven.wire import CALLS, CAMERA, CameraMessage, Topic
 from enliven_viewer.link import EdgeClient, EdgeFeed
 from enliven_viewer.live import LiveStage
@@ -111,5 +112,11 @@ def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
         there = guest.live.scene
         actors += there.actors
         bodies += [replace(body, id=body.id + APART * guest.number) for body in there.bodies]
-        boards |= there.boards
+        boards |= {name: _carried(board, APART * guest.number) for name, board in there.boards.items()}
     return replace(scene, actors=tuple(actors), bodies=tuple(bodies), boards=boards)
+
+
+def _carried(board: Board, ids: int) -> Board:
+    """A board of another edge; its performers' ids, where they are known, are ``ids`` higher here."""
+    rows = tuple(replace(row, body=row.body + ids) if row.body >= 0 else row for row in board.rows)
+    return replace(board, body=board.body + ids if board.body >= 0 else -1, rows=rows)

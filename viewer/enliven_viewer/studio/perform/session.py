@@ -66,6 +66,7 @@ class PerformSession:
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
         self._framed: tuple[str, ...] = ()
+        self._soon: tuple[str, ...] = ()  # characters that wait for a stage
 
     @property
     def keys_of(self) -> str:
@@ -246,6 +247,7 @@ class PerformSession:
         self._watch_edge()
         if self._client is not None:
             if self.editor.draft is None:
+                self._put_awaited()
                 self.sender.advance(self._client.stage, self.editor.project)
             self.recording.advance(seconds)
             self.sizes.advance(self._client, self.standing)
@@ -315,6 +317,22 @@ class PerformSession:
         """Put the chosen character on the stage, where it follows every edit."""
         if self._may(self.lacks_to_put()) and self.stage is not None:
             self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
+
+    def put_soon(self, name: str) -> None:
+        """Put a character on the stage, or on the next one that is connected to."""
+        self._soon = (*(one for one in self._soon if one != name), name)
+        if not self.connected:
+            said = f"{name} goes onto the stage as soon as there is one"
+            self.editor.toasts.say(said, "Connect to a camera at the right, or to a recorded person.")
+
+    def _put_awaited(self) -> None:
+        """Put on the stage what waited for one."""
+        if not self.connected or self.stage is None:
+            return
+        names, self._soon = self._soon, ()
+        for name in names:
+            if name in self.editor.project.characters and name not in self.standing:
+                self.sender.put(self.stage, self.editor.project, name)
 
     def take_off(self, name: str = "") -> None:
         """Take a character from the stage: the chosen one where none is named."""

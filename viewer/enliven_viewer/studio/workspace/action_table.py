@@ -13,7 +13,7 @@ from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
-from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
+from enliven_viewer.studio.workspace.files import SAMPLES, exportable
 from enliven_viewer.studio.workspace.fitting import fitting_actions
 from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.painting import painting_actions
@@ -76,7 +76,7 @@ def _every(
         "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."
     )
     for name, label in SAMPLES.items():
-        do = lambda name=name: add_sample(commands.editor, name)  # noqa: E731
+        do = lambda name=name: ask(f"sample {name}")  # noqa: E731
         yield Action(f"sample.{name}", "Help", label, (), do, about="A sample.", apart=name == "cactus")
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 

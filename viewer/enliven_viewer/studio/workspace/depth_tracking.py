@@ -95,7 +95,7 @@ class DepthTracking:
                 return
             made = Path(folder.name) / name
             try:
-                clips_of_recording(made)
+                clips_of_recording(made, whole=True)
                 add_file(self._editor, made)
             except EnlivenError as error:
                 mend = f"See what the tracker sees: enliven inspect {name} -o film.mp4"

@@ -13,6 +13,7 @@ from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
+from enliven.formats.project import project_of_mesh
 from enliven.formats.rig import resized
 from enliven.mapping import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
@@ -73,11 +74,13 @@ def _add_sound(editor: Editor, path: Path) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Add a sample that ships with enliven: a mesh as a puppet, or a puppet that plays at once."""
+    """Add a sample that ships with enliven: one that plays, one to step into, one to act by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
-    elif name in ("chair", "lamp"):
+    elif name == "chair":
+        _add_played(editor, name, project_of_mesh(load_sample(name), name), name, ())
+    elif name == "lamp":
         _add_puppet(editor, Path(name), load_sample(name), ())
 
 
@@ -281,7 +284,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     except InputError as error:
         refused.append(error)
     try:
-        for clip in clips_of_recording(path):
+        for clip in clips_of_recording(path, whole=True):
             named = replace(clip, id=unused(path.stem, project.takes))
             project = project.with_takes(named)
             added.append(named.id)

@@ -35,6 +35,7 @@ from enliven_viewer.studio.workspace.files import (
     SESSIONS,
     TAKES,
     add_file,
+    add_sample,
     export,
     exportable,
     save_session,
@@ -141,6 +142,8 @@ class Workspace:
             self.starting, self.tour = False, Tour(Toured(self.editor, self.actions, self.store))
         elif dialogue == "start":
             self.starting = not self.starting
+        elif dialogue.startswith("sample "):
+            self._add_sample(dialogue.removeprefix("sample "))
         elif dialogue == "again":
             self.open(Path(self.preferences.recent[0]))
         elif dialogue == "history":
@@ -152,6 +155,14 @@ class Workspace:
         else:
             self.finding, self.wanted_key = Finding(self.actions), WantedKey()
             self.asking = dialogue
+
+    def _add_sample(self, name: str) -> None:
+        """Add a sample; a mesh to step into goes onto the stage, or onto the next one that is connected."""
+        add_sample(self.editor, name)
+        one = self.editor.chosen()
+        if one is not None and one.kind == "graph":
+            self.perform.room = "Perform"
+            self.perform.put_soon(one.id)
 
     def open(self, path: Path) -> None:
         """Add a model or take, or open a project; asks first where work would be lost.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
-from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.examples import layer_of, with_guessed_joints
 from enliven_viewer.studio.panels.examples.motion import draw_held
-from enliven_viewer.studio.panels.examples.points import draw_points
+from enliven_viewer.studio.panels.examples.points import draw_points, suggest
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
@@ -16,11 +19,15 @@ from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
+from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK = "\uf060"
 _PAD = 10.0
 """Pixels between the edge of the status box and its text."""
+_NEXT = 30.0
+"""Pixels of height of the button of what comes next: hit without aiming."""
+_STATUS = 66.0
+"""Pixels of height of the status box, whatever it says: a title and two lines; more are scrolled."""
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
@@ -31,6 +38,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
             return
         _head(workspace, puppet)
         draw_status(workspace, puppet)
+        _next_step(workspace, puppet)
         draw_points(workspace, puppet)
         puppet = workspace.editor.puppets.puppet
         number = None if puppet is None else layer_of(puppet, workspace.editor.selection.layer)
@@ -51,6 +59,36 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
     told("Back to everything that is on the stage")
     imgui.same_line()
     character_name(workspace, puppet)
+
+
+def _next_step(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the button of what comes next, always in the same place and marked."""
+    label, about, act = _step_of(workspace, puppet)
+    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
+            act()
+    workspace.remember("next step")
+    told(about)
+
+
+def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
+    """Return what comes next for a puppet: the label, what it does, and the command."""
+    editor, take = workspace.editor, workspace.performer.take
+    if editor.puppets.number is not None:
+        return "Done", "Keep the pose, and let the puppet play  (Enter)", editor.puppets.accept
+    if not puppet.points:
+        told_points = "Control points at the ends of the limbs; or click the surface yourself"
+        return "Suggest points", told_points, lambda: suggest(workspace, puppet)
+    if take is None:
+        told_take = "The motion of a performer that the puppet is to follow"
+        return "Open a take...", told_take, partial(workspace.ask, "open")
+    if any(not point.joint for point in puppet.points):
+        guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
+        told_joints = "Pair every point with a joint of the performer, by place"
+        return "Guess joints", told_joints, lambda: editor.edit("guess joints", guess)
+    told_pose = "A key pose for the performer's moment: drag the points to what it means"
+    begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
+    return "Pose it here", told_pose, begin
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
@@ -78,29 +116,23 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
-    """A raised box with a coloured edge."""
+    """A raised box with a coloured edge; its height does not depend on what it says."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    corner = ImVec2(origin.x + wide, origin.y + _STATUS)
     draw = imgui.get_window_draw_list()
-    draw.channels_split(2)
-    draw.channels_set_current(1)
-    imgui.begin_group()
-    imgui.dummy(ImVec2(0, 3))
-    imgui.indent(_PAD + 4)
+    draw.add_rect_filled(origin, corner, packed(RAISED, 0.75), 7.0)
+    low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, corner.y - 8)
+    draw.add_rect_filled(*low, packed(tint), 2.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PAD + 4, 6))
+    imgui.begin_child("##status", ImVec2(0, _STATUS), imgui.ChildFlags_.always_use_window_padding)
+    imgui.pop_style_var()
     with tinted(tint, imgui.Col_.text):
         imgui.text_unformatted(title)
     with small(), tinted(INK if tint is not GOOD else QUIET, imgui.Col_.text):
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide - 2 * _PAD - 8)
+        imgui.push_text_wrap_pos(0.0)
         for line in (line for line in lines if line):
             imgui.text_unformatted(line)
         imgui.pop_text_wrap_pos()
-    imgui.unindent(_PAD + 4)
-    imgui.dummy(ImVec2(wide, 2))
-    imgui.end_group()
-    bottom = imgui.get_item_rect_max().y
-    draw.channels_set_current(0)
-    draw.add_rect_filled(origin, ImVec2(origin.x + wide, bottom), packed(RAISED, 0.75), 7.0)
-    low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, bottom - 8)
-    draw.add_rect_filled(*low, packed(tint), 2.0)
-    draw.channels_merge()
-    workspace.widgets["status"] = (origin.x, origin.y, origin.x + wide, bottom)
+    imgui.end_child()
+    workspace.widgets["status"] = (origin.x, origin.y, corner.x, corner.y)

@@ -1,3 +1,4 @@
+from .audience import draw_audience as draw_audience
 from .growing import draw_growing as draw_growing
 from .inset import draw_inset as draw_inset
 from .live import draw_live as draw_live

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.person import Body, Joint
 from enliven.wire import CameraMessage
+from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render.overlay import CUE_TINTS
+from enliven_viewer.render.overlay import CUE_TINTS, limb_tints
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import (
     WIDER,
@@ -60,11 +62,15 @@ def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures
 
 @dataclass(frozen=True)
 class CameraViewOf:
-    """What is seen by the camera of an edge, or was in a take: the name, who is there, and the camera."""
+    """What is seen by the camera of an edge, or was in a take: the name, who is there, and the camera.
+
+    ``limbs`` are the colours of a match, sRGB by performer and outer joint of a bone.
+    """
 
     name: str
     bodies: tuple[Body, ...]
     camera: CameraMessage | None = None
+    limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = field(default_factory=dict)
 
 
 def views_of(perform: PerformSession) -> list[CameraViewOf]:
@@ -72,11 +78,15 @@ def views_of(perform: PerformSession) -> list[CameraViewOf]:
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
-    views = [CameraViewOf(live.take or "Performer", live.scene.bodies, perform.camera)]
+    views = [_view_of(live.take or "Performer", live, perform.camera)]
     guests = [guest for guest in perform.guests if guest.connected]
-    views += [CameraViewOf(guest.name, guest.live.scene.bodies, guest.camera) for guest in guests]
+    views += [_view_of(guest.name, guest.live, guest.camera) for guest in guests]
     someone = any(one.bodies for one in views)
     return views if someone or perform.room == "Perform" else []
+
+
+def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> CameraViewOf:
+    return CameraViewOf(name, live.scene.bodies, camera, limb_tints(live.scene.boards))
 
 
 def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
@@ -101,7 +111,8 @@ def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # 
     draw.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
         tint = tuple(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)])
-        _figure(draw, area, body, (*tint, 1.0), width_of(one.camera))  # type: ignore[arg-type]
+        limbs = one.limbs.get(body.id, {})
+        _figure(draw, area, body, (*tint, 1.0), width_of(one.camera), limbs)  # type: ignore[arg-type]
     said = name if bodies else f"{name}: no one in view"
     draw.add_text(
         imgui.get_font(), _TEXT, ImVec2(area.x + 9, area.y + 6), packed(INK if bodies else QUIET), said
@@ -110,15 +121,22 @@ def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # 
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 
 
-def _figure(draw, area: Area, body: SeenBody, tint: Colour, width: float) -> None:  # type: ignore[no-untyped-def]
+def _figure(  # type: ignore[no-untyped-def]
+    draw,
+    area: Area,
+    body: SeenBody,
+    tint: Colour,
+    width: float,
+    limbs: Mapping[int, tuple[float, float, float]],
+) -> None:
     """A performer in a view of a width over its height: limbs, the farther first and darker, and a head."""
     at = body.places * area.height + [area.x, area.y]
     at[:, 0] += (area.width - width * area.height) / 2
     if not np.isfinite(at).all():
         return
     far, near = float(body.depth.max()), float(body.depth.min())
-    red, green, blue, _ = tint
     for parent, joint in body.bones:
+        red, green, blue = limbs.get(joint, tint[:3])
         depth = float(body.depth[[parent, joint]].mean())
         light = 1.0 - 0.45 * (depth - near) / max(far - near, 0.3)
         sure = _SURE + (1.0 - _SURE) * float(min(body.confidence[parent], body.confidence[joint]))
@@ -127,7 +145,8 @@ def _figure(draw, area: Area, body: SeenBody, tint: Colour, width: float) -> Non
         draw.add_line(ImVec2(*at[parent]), ImVec2(*at[joint]), ink, thick)
         draw.add_circle_filled(ImVec2(*at[joint]), thick / 2, ink)
     head = int(Joint.HEAD)
-    draw.add_circle_filled(ImVec2(*at[head]), area.height * body.pixels(_HEAD, head), packed(tint))
+    head_tint = (*limbs.get(head, tint[:3]), 1.0)
+    draw.add_circle_filled(ImVec2(*at[head]), area.height * body.pixels(_HEAD, head), packed(head_tint))
 
 
 def _explain(workspace: Workspace, area: Area) -> None:

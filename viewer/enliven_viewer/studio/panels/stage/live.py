@@ -52,8 +52,8 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
     if perform.room in ("Perform", "Play"):
-        _holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
-        _size(perform, draw, area)
+        draw_holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
+        draw_size(perform, draw, area)
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -103,7 +103,7 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     return free if free.width > _LEAST else area
 
 
-def _holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw who holds what, a line each, with the colour of the performer's skeleton."""
     bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     for holder in reversed(perform.holders):
@@ -145,7 +145,7 @@ def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: igno
         draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
 
 
-def _size(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def draw_size(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw at the left how large hands make a character, and what they do, beside the character."""
     if perform.sizes.words is None:
         return

@@ -1,0 +1,117 @@
+"""The performers of a recording: tracks that belong to one person are joined under one id.
+
+merge_performers(frames, events) -> MergedPerformers     # enliven.frames.BodyFrame, in order
+
+A tracker that loses a person for some frames finds them again, often under another id.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.frames import BodyFrame
+from enliven.person import Body, Joint
+from enliven.wire import HoldMessage
+
+_MAX_GAP_S = 3.0
+"""Longest time after which a track of another id can be the same person. Longer absences are mostly exits."""
+_REACH = 1.0
+"""Metres that a person can be from where they were lost: the tracker's error and one step."""
+_SPEED = 1.5
+"""Metres a second that a person walks while they are lost."""
+_BLEND_NS = 300_000_000
+"""Nanoseconds before a person is found again in which the held pose turns into the new one."""
+
+
+@dataclass
+class MergedPerformers:
+    """Frames with one id for each person.
+
+    Attributes:
+        frames: in the order of time; a person who is lost for long holds still until they are found.
+        people: for each id of the tracker, that of its person: the id that the person had first.
+    """
+
+    frames: list[BodyFrame]
+    people: dict[int, int] = field(default_factory=dict)
+
+    def alone(self, person: int) -> list[BodyFrame]:
+        """Returns the frames with one person only."""
+        return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
+
+    @property
+    def everyone(self) -> list[int]:
+        """The ids of all persons in the order of their first appearance."""
+        return list(dict.fromkeys(body.id for frame in self.frames for body in frame.bodies))
+
+
+def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] = ()) -> MergedPerformers:
+    """Returns frames in which every person has one id from the first to the last frame.
+
+    A track continues an earlier one if a hold was handed over to it, or if it begins soon after the end of
+    the earlier one, within reach of that place. Of several the nearest counts.
+    """
+    handed = {said.body: said.former for said in events if said.mode == "take over" and said.former >= 0}
+    people: dict[int, int] = {}
+    last: dict[int, tuple[int, Float]] = {}
+    made: list[BodyFrame] = []
+    for frame in frames:
+        present = {people[body.id] for body in frame.bodies if body.id in people}
+        for body in frame.bodies:
+            if body.id not in people:
+                people[body.id] = _person_of(body, frame.time_ns, handed, people, last, present)
+                present.add(people[body.id])
+        bodies = [replace(body, id=people[body.id]) for body in frame.bodies]
+        unique = {body.id: body for body in reversed(bodies)}
+        made.append(replace(frame, bodies=list(reversed(unique.values()))))
+        last |= {body.id: (frame.time_ns, _place(body)) for body in unique.values()}
+    return MergedPerformers(_bridged(made), people)
+
+
+def _person_of(
+    body: Body,
+    time_ns: int,
+    handed: dict[int, int],
+    people: dict[int, int],
+    last: dict[int, tuple[int, Float]],
+    present: set[int],
+) -> int:
+    """Returns the person whom a new track belongs to: one who was lost, or a new one."""
+    former = people.get(handed.get(body.id, -1))
+    if former is not None and former not in present:
+        return former
+    lost = {person: seen for person, seen in last.items() if person not in present}
+    gaps = {person: (time_ns - seen_ns) * 1e-9 for person, (seen_ns, _) in lost.items()}
+    away = {person: float(np.linalg.norm(_place(body) - place)) for person, (_, place) in lost.items()}
+    soon = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
+    near = [person for person in soon if away[person] <= _REACH + _SPEED * gaps[person]]
+    return min(near, key=lambda person: away[person], default=body.id)
+
+
+def _place(body: Body) -> Float:
+    """Returns (2,) metres on the floor of a body's hips; far away if they are not known."""
+    place = body.joints[Joint.HIP_CENTER, [0, 2]]
+    return place if np.isfinite(place).all() else np.full(2, 1e6)
+
+
+def _bridged(frames: list[BodyFrame]) -> list[BodyFrame]:
+    """Lets each person hold still from where they are lost until shortly before they are found again."""
+    added: dict[int, list[Body]] = {}
+    seen: dict[int, tuple[int, Body]] = {}
+    for frame in frames:
+        for body in frame.bodies:
+            since = seen.get(body.id)
+            if since is not None and frame.time_ns - since[0] > 2 * _BLEND_NS:
+                added.setdefault(frame.time_ns - _BLEND_NS, []).append(since[1])
+            seen[body.id] = frame.time_ns, body
+    known = {frame.time_ns: frame for frame in frames}
+    for time_ns, bodies in added.items():
+        frame = known.get(time_ns)
+        there = [] if frame is None else list(frame.bodies)
+        sensor = frames[0].sensor if frame is None else frame.sensor
+        known[time_ns] = BodyFrame([*there, *bodies], time_ns, sensor)
+    return [known[time_ns] for time_ns in sorted(known)]

@@ -1,0 +1,110 @@
+"""Shows an audience a stage in a window that fills the screen; its edge is lost, and comes back.
+Prints what came of it. A second argument is a folder for pictures."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from coarse_pixels import coarse_pixels
+from deeds import scripted
+from imgui_bundle import imgui
+from PIL import Image
+from window_session import Feed
+
+from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.playback.document import Document
+from enliven_viewer.settings import RenderSettings, WindowStart
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+PATIENCE = 60.0
+"""Seconds in which anything has happened."""
+said: dict[str, object] = {"done": False}
+wanted: list[str] = []
+pictures: dict[str, np.ndarray] = {}
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -> None:
+    """What happens to an installation."""
+    workspace, loop = window.workspace, window._idle_loop
+    perform = workspace.perform
+
+    def until(done: Callable[[], object], what: str) -> None:
+        said["waits for"], end = what, time.monotonic() + PATIENCE
+        while not done():
+            if time.monotonic() > end:
+                raise TimeoutError(what)
+            ctx.yield_()
+
+    def shot(name: str) -> None:
+        wanted.append(name)
+        until(lambda: not wanted, "a picture")
+
+    ctx.yield_(5)
+    until(lambda: loop.loss == "waiting", "that nothing is there yet")
+    shot("before")
+    feed.empty = False
+    until(lambda: perform.performers and not loop.loss, "somebody who performs")
+    said["live"] = [loop.loss, perform.live.playhead.live]
+    until(lambda: len(perform.live.document.timeline) > 40, "some seconds")
+    shot("performing")
+    said["widgets"] = sorted(workspace.widgets)
+    said["area"] = [list(window.places.viewport)[:2], bool(window.places.viewport.width > 640)]
+    feed.empty = True
+    until(lambda: loop.loss == "away", "that it is noticed")
+    said["words"] = loop.words
+    ctx.yield_(3)
+    shot("away")
+    began, seen = perform.live.playhead.time_ns, set[int]()
+    until(lambda: seen.add(perform.live.playhead.time_ns) or len(seen) > 5, "a replay that goes on")
+    shot("away later")
+    said["moves"] = float(np.abs(pictures["away"].astype(int) - pictures["away later"]).mean())
+    said["replays"] = [not perform.live.playhead.live, bool(began)]
+    feed.empty = False
+    until(lambda: not loop.loss, "the edge again")
+    ctx.yield_(3)
+    said["back"] = [loop.words, perform.live.playhead.live]
+    ctx.key_press(int(imgui.Key.f11))
+    ctx.yield_(4)
+    said["windowed"] = [window.audience, "room Play" in workspace.widgets]
+    shot("windowed")
+    ctx.key_press(int(imgui.Key.f11))
+    ctx.yield_(4)
+    workspace.widgets.clear()
+    ctx.yield_(3)
+    said["again"] = [window.audience, "room Play" in workspace.widgets]
+    said["done"] = True
+    ctx.key_press(int(imgui.Key.escape))
+
+
+def main() -> None:
+    folder, large = Path(sys.argv[1]), len(sys.argv) > 2
+    feed = Feed(empty=True)
+    render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    workspace = Workspace.new(Editor(StudioSettings(render=render, width=640, height=480)), folder)
+    workspace.perform.room = "Play"
+    workspace.perform.live = LiveStage(feed, Document())
+    opening = WindowStart("enliven", full_screen=True, escape_ends=True, audience=True)
+    window = StudioWindow(workspace, opening=opening)
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            name = wanted.pop()
+            pictures[name] = window.pixels()
+            if large:
+                Image.fromarray(pictures[name]).save(Path(sys.argv[2]) / f"audience_{name}.png")
+
+    with coarse_pixels(lambda: large):
+        window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window, feed)))
+    print(json.dumps(said, default=str))
+
+
+if __name__ == "__main__":
+    main()

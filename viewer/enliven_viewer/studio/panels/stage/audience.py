@@ -1,0 +1,43 @@
+"""Draws over the picture what an audience reads: who is in which character, and whether the stage is away."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live import Hud, cards_of
+from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panels.stage.live import draw_holders, draw_size
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import GLASS, INK
+
+_TEXT = 26.0
+"""Pixels of the sentence about a stage that is away: read from the back of a room."""
+_ABOVE = 72.0
+"""Pixels between the sentence and the bottom of the picture."""
+
+
+def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
+    """Draw over the whole picture; ``words`` say that the stage is away, and are empty while it is not."""
+    live = workspace.perform.live
+    draw = imgui.get_background_draw_list()
+    if not workspace.asking:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.none)
+    if words:
+        _sentence(draw, area, words)
+    elif live is not None:
+        cards = cards_of(live.scene, workspace.editor.lens.view)
+        Hud(Pen(draw, (area.x, area.y))).draw_choice((round(area.width), round(area.height)), cards, "")
+        draw_holders(workspace.perform, draw, area)
+        draw_size(workspace.perform, draw, area)
+
+
+def _sentence(draw, area: Area, text: str) -> None:  # type: ignore[no-untyped-def]
+    """Draw one sentence in the middle of the lower border."""
+    wide = imgui.calc_text_size(text).x / imgui.get_font_size()
+    size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))
+    left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _ABOVE
+    low, high = ImVec2(left - 26, top - 12), ImVec2(left + wide * size + 26, top + size + 12)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.78)), 14.0)
+    draw.add_text(imgui.get_font(), size, ImVec2(left, top), packed(INK), text)
