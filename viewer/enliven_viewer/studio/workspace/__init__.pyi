@@ -1,3 +1,3 @@
 from .files import SAMPLES as SAMPLES
-from .file_browser import FileBrowser as FileBrowser
+from .file_browser import ORDERS as ORDERS, FileBrowser as FileBrowser, places as places
 from .workspace import Workspace as Workspace
