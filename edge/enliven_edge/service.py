@@ -19,7 +19,7 @@ from enliven_edge.glance import Glance
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
 from enliven_edge.scans import Scans
-from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of
+from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of, is_device
 from enliven_edge.stage import HandSizing, Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
@@ -71,6 +71,7 @@ class Edge:
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
+        self.health.follow_device(is_device(sensor))
         self.controls = controls or Controls([])
         self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
         self.arrivals.last_revision = outlet.publisher.last_revision

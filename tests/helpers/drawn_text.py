@@ -30,12 +30,12 @@ class Letters:
 
 
 def drawn_letters() -> list[Letters]:
-    """Returns the letters that the last frame drew, a draw list each; call between render and the next frame."""
+    """Returns the letters that the last frame drew, a draw list each; call it before the next frame."""
     return [letters for one in imgui.get_draw_data().cmd_lists if (letters := _letters(one)) is not None]
 
 
 def _letters(drawn) -> Letters | None:  # type: ignore[no-untyped-def]
-    """Returns the letters of a draw list: two triangles with four corners and a texture place of some width."""
+    """Returns the letters of a draw list: pairs of triangles with a place of some width in the texture."""
     vertices, indices = drawn.vtx_buffer, drawn.idx_buffer
     if not len(vertices) or not len(indices):
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -50,6 +51,7 @@ class _Skeleton(msgspec.Struct):
     trackingId: str = ""
 
 
+log = logging.getLogger(__name__)
 _decoder = msgspec.json.Decoder(list[list[_Skeleton]])
 
 
@@ -90,7 +92,11 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
     try:
         frames = _decoder.decode(read_file(path))
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise InputError(f"it is not this kind of JSON: {plain_reason(error)}", where=str(path)) from None
+        log.debug("%s", path, exc_info=error)
+        mend = "Choose a file that the Flow Room recorded."
+        raise InputError(
+            "its JSON is cut short, damaged or of another kind", where=str(path), mend=mend
+        ) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:

@@ -7,6 +7,7 @@ from .base import (
     SensorFault as SensorFault,
     condition_of as condition_of,
     health_of as health_of,
+    is_device as is_device,
 )
 from .diary import Diary as Diary, DiaryEntries as DiaryEntries, DiaryEntry as DiaryEntry
 from .registry import sensor_options as sensor_options

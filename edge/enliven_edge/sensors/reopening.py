@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import TIME_LIMIT_NS, Frame
-from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, is_device
 from enliven_edge.sensors.errands import Errands
 
 log = logging.getLogger(__name__)
@@ -70,6 +70,7 @@ class ReopeningSensor(Sensor):
         self._device: Sensor | None = None
         self.name, self._known = awaited, False
         self.fps: float | None = None
+        self.made_up = False
         if not awaited:
             self._use(first or open_device())
         getattr(open_device, "patient", lambda: None)()
@@ -142,6 +143,7 @@ class ReopeningSensor(Sensor):
     def _use(self, device: Sensor) -> None:
         """Takes an opened device; the first gives the stream its name."""
         self._device, self.fps = device, getattr(device, "fps", None)
+        self.made_up = not is_device(device)
         if not self._known:
             self.name, self._known = device.name, True
 

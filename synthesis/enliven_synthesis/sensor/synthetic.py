@@ -32,6 +32,8 @@ class SyntheticSensor(Sensor):
         InputError: for an unknown profile, choreography or setting, or a value out of range.
     """
 
+    made_up = True
+
     def __init__(
         self,
         profile: str | Path = "kinect1",

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from strokes import limb
 
+from enliven.document.clip import Clip
 from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
-from enliven.document.rigged import still_shape
+from enliven.document.rigged import Shape, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
+from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.places import LEAST, TIMELINE, places_in
+from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.timeline.lane_names import plain_limb
 from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.playback import length_of
+from enliven_viewer.studio.window import elapsed_since
+from enliven_viewer.studio.workspace import Workspace
 
 
 def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:
@@ -142,3 +151,82 @@ def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_wh
     timeline.scrolled = 17.0
     timeline.follow(tall)
     assert timeline.scrolled == 17.0, "nothing new was chosen: the artist's place is kept"
+
+
+def test_playing_stays_between_the_in_and_out_points(workspace_playing) -> None:
+    editor = workspace_playing.editor
+    editor.marked, editor.playing, editor.loop = (0.5, 1.25), True, True
+    editor.time = 0.6
+    seen = []
+    for _ in range(40):
+        editor.advance(0.1)
+        seen.append(editor.time)
+    assert editor.playing and min(seen) >= 0.5 - 1e-9 and max(seen) <= 1.25 + 1e-9
+    assert seen[7] == pytest.approx(0.65), "what passed the out point goes on from the in point"
+    editor.loop = False
+    for _ in range(20):
+        editor.advance(0.1)
+    assert editor.time == pytest.approx(1.25) and not editor.playing
+    editor.time, editor.playing = 1.6, True
+    editor.advance(0.1)
+    assert editor.time == pytest.approx(1.7), "beyond the out point the rest plays"
+
+
+def test_in_and_out_points_are_set_by_actions_and_taken_away(workspace_playing) -> None:
+    workspace, editor = workspace_playing, workspace_playing.editor
+    editor.scrub(0.5)
+    assert workspace.actions.do("view.in_point") and editor.marked == (0.5, editor.length)
+    editor.scrub(1.0)
+    assert workspace.actions.do("view.out_point") and editor.marked == (0.5, 1.0)
+    editor.scrub(0.25)
+    workspace.actions.do("view.out_point")
+    assert editor.marked == (0.0, 0.25), "an out point before the in point begins a new range"
+    assert workspace.actions.do("view.whole_loop") and editor.marked is None
+    assert not workspace.actions.do("view.whole_loop")
+
+
+def test_the_playhead_follows_the_clock_over_slow_pictures() -> None:
+    assert elapsed_since(10.0, 10.75) == 0.75
+    assert elapsed_since(10.0, 100.0) == 2.0, "a computer that slept does not jump to the end"
+
+
+def test_lanes_are_named_by_the_limb_first() -> None:
+    assert plain_limb("left leg 1 girdle") == "left hip"
+    assert plain_limb("right arm") == "right arm"
+    assert plain_limb("left arm 2 girdle") == "left shoulder 2"
+    take, clip = "wave of a long name", library()[0]
+    project = limb_with_two_layers(clip, take)[1]
+    names = [bar.label for bar in TimelineLayout(project, 2.0, 900.0).bars()]
+    assert names == [f"left arm, {take}", f"right hip, {take}"]
+    assert plain_limb("way") == "path" and plain_limb("whole") == "whole body"
+
+
+def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
+    """A shape of which one take moves two limbs, as the mapping names them."""
+    bones = np.array([[0.0, 0.0], [0.05, 0.3], [0.0, 0.6], [0.0, 0.9]])
+    shape = shape_from_stroke(limb(bones, np.array([0.08, 0.07, 0.06, 0.05])), id="limb")
+    project = Project().with_takes(replace(clip, id=take)).with_characters(shape)
+    for role, chain in (("left arm", (0, 1)), ("right leg 1 girdle", (1, 2))):
+        project = bind_chain(project, "limb", chain, take, (0, 1), layer_id=f"{take}: {role}")
+    return project.shape("limb"), project
+
+
+def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
+    assert places_in(1280, 720).timeline.height == TIMELINE
+    assert places_in(1280, 720, timeline_height=400.0).timeline.height == 400.0
+    low = places_in(1280, 720, timeline_height=5000.0)
+    assert low.timeline.height == pytest.approx(0.75 * 720) and low.viewport.height > 100
+    assert places_in(1280, 720, timeline_height=1.0).timeline.height == LEAST
+    preferences = Preferences(tmp_path)
+    preferences.timeline_height = 321.0
+    preferences.save()
+    assert Preferences(tmp_path).timeline_height == 321.0
+
+
+@pytest.fixture
+def workspace_playing(tmp_path) -> Workspace:
+    """A workspace of two seconds."""
+    workspace = Workspace.new(Editor(), tmp_path)
+    workspace.editor.edit("add", lambda _: limb_with_two_layers(library()[0], "wave")[1])
+    assert workspace.editor.length >= 2.0
+    return workspace

@@ -18,7 +18,7 @@ from enliven_viewer.studio.panels.examples import draw_examples, draw_performer,
 from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.stage import draw_perform, draw_rooms, draw_scan
 from enliven_viewer.studio.pictures import WindowPictures, edits_puppet
-from enliven_viewer.studio.places import Places, places_in
+from enliven_viewer.studio.places import TIMELINE, Places, places_in
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
 
@@ -42,7 +42,8 @@ def places_of(workspace: Workspace, *, bare: bool) -> Places:
         "curves": workspace.curves.on,
         "hinted": not bare and has_tool(room),
     }
-    return places_in(size.x, size.y, without=without, **how)
+    tall = workspace.preferences.timeline_height or TIMELINE
+    return places_in(size.x, size.y, without=without, timeline_height=tall, **how)
 
 
 def has_tool(room: str) -> bool:

@@ -13,6 +13,8 @@ SIDE = 288.0
 """Pixels, width of the side panel: two buttons of 126 side by side."""
 TIMELINE = 196.0
 """Pixels, height of the timeline: the transport, the ruler and five lanes."""
+TIMELINE_MOST = 0.75
+"""Share of the window's height that an artist can give the timeline."""
 LEAST = 118.0
 """Pixels, height of the timeline in a window with less room: the transport, the ruler, and a lane."""
 PICTURE = 270.0
@@ -30,7 +32,7 @@ PERFORMER = 0.36
 HINT = 32.0
 """Pixels, height of the strip under the picture with the tool's hint: two lines of small letters."""
 HINT_OVER = 480.0
-"""Pixels of the picture's width from which the hint stands over it: in one line or two, above the characters."""
+"""Pixels of the picture's width from which the hint stands over it, above the characters."""
 HOLDER = 48.0
 """Pixels, height of a line of large words about who holds what."""
 
@@ -68,6 +70,7 @@ def places_in(
     puppet: bool = False,
     curves: bool = False,
     hinted: bool = False,
+    timeline_height: float = TIMELINE,
     without: Collection[str] = (),
 ) -> Places:
     """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
@@ -77,13 +80,17 @@ def places_in(
     over the timeline, where that is shown. In a low window the timeline leaves the picture some height.
 
     Args:
+        timeline_height: pixels that the artist gave the timeline.
         hinted: whether the tool has a hint; under a narrow picture it has a strip of its own.
         without: "menu", "tools", "side", "timeline": what is not shown, and has no width or height.
     """
     menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
     right = SIDE * ("side" not in without)
     room = height - menu - PICTURE - CURVES * curves - STRIP * puppet - HINT * hinted
-    low = height - min(max(room, LEAST), TIMELINE) * ("timeline" not in without)
+    usual = min(max(room, LEAST), TIMELINE)
+    if timeline_height != TIMELINE:  # chosen by the artist, so the picture may be lower
+        usual = max(min(timeline_height, TIMELINE_MOST * height - CURVES * curves), LEAST)
+    low = height - usual * ("timeline" not in without)
     timeline, above = Area(0.0, low, width, height - low), None
     if curves and timeline.height:
         low -= CURVES

@@ -30,6 +30,7 @@ class _Kept(msgspec.Struct):
     less_motion: bool = False
     toured: bool = False
     performer: bool = True
+    timeline_height: float = 0.0
 
 
 class Preferences:
@@ -45,6 +46,7 @@ class Preferences:
         less_motion: the view turns at once, without gliding.
         toured: whether the tour was finished or put away.
         performer: performers are seen in a corner of the picture as their camera sees them.
+        timeline_height: pixels that the timeline was given; 0 for the usual height.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -53,6 +55,7 @@ class Preferences:
         self.keys, self.recent = dict(kept.keys), list(kept.recent)
         self.text_size, self.toured = kept.text_size, kept.toured
         self.less_motion, self.performer = kept.less_motion, kept.performer
+        self.timeline_height = kept.timeline_height
 
     def save(self) -> None:
         """Write the file; where it cannot be written, the choices hold until the program ends."""

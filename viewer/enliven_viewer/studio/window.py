@@ -35,8 +35,9 @@ from enliven_viewer.studio.places import Area, Places
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
-_LONGEST_STEP = 0.1
-"""Seconds: after a longer picture the playhead goes on from where it was."""
+_LONGEST_STEP = 2.0
+"""Seconds: the playhead follows the clock over slower pictures too; after a longer pause, such as that of a
+suspended computer, it goes on from where it was."""
 _SAMPLES = 0
 """A pixel, of the window's own buffer; 8 where nothing is said. Panels smooth their edges themselves and the
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
@@ -48,6 +49,11 @@ _USUAL = WindowStart()
 """With panels, in a window, which asks before it throws work away."""
 _MINIMISED_PAUSE = 0.05
 """Seconds of sleep a picture while the window is minimised and nothing of it is seen."""
+
+
+def elapsed_since(last: float, now: float) -> float:
+    """Returns the seconds by which time goes on between two pictures at moments of the clock."""
+    return min(now - last, _LONGEST_STEP)
 
 
 class StudioWindow:
@@ -200,7 +206,7 @@ class StudioWindow:
     def _picture(self) -> None:
         """Let time go on, and draw the 3-D picture in the middle of the window."""
         now = time.monotonic()
-        elapsed = min(now - self._last, _LONGEST_STEP) if self.step is None else self.step
+        elapsed = elapsed_since(self._last, now) if self.step is None else self.step
         self._last = now
         workspace, area = self.workspace, self.places.viewport
         editor = workspace.editor

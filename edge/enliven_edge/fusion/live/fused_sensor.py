@@ -16,7 +16,7 @@ from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
 from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.sensors import Sensor
+from enliven_edge.sensors import Sensor, is_device
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
@@ -58,6 +58,9 @@ class FusedSensors(Sensor):
         once: bool = False,
     ) -> None:
         health = health or {name: HealthMonitor(name=name) for name in sensors}
+        self._devices = {name for name, sensor in sensors.items() if is_device(sensor)}
+        for name, monitor in health.items():
+            monitor.follow_device(name in self._devices)
         _known(sensors, space)
         self.name = " + ".join(sensors)
         self._once = once
@@ -88,6 +91,8 @@ class FusedSensors(Sensor):
         for warning in self._last.values():
             if warning.state in _SEVERITY:
                 kind, gravity, mend = _SEVERITY[warning.state]
+                if warning.sensor not in self._devices and warning.state is SensorState.SILENT:
+                    mend = _SEVERITY[SensorState.LOST][2]
                 health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
         return worst_first(health_states)
 

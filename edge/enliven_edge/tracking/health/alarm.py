@@ -18,6 +18,7 @@ class MessageTemplate:
         severity: how grave it is.
         what, mend: what is wrong and what to do, one sentence each, with the facts in braces.
         raise_after, clear_after: seconds of trouble until it is reported, and without until it is over.
+        mend_made: what to do if the sensor is a recording or made up, and has no cable; empty: the same.
     """
 
     severity: Severity
@@ -25,6 +26,7 @@ class MessageTemplate:
     mend: str
     raise_after: float = 0.5
     clear_after: float = 1.0
+    mend_made: str = ""
 
 
 def _read() -> dict[HealthKind, MessageTemplate]:
@@ -92,10 +94,14 @@ class Alarms:
 
     Args:
         sensor: the name of the sensor at the beginning of a sentence.
+
+    Attributes:
+        is_device: whether the sensor is a device; a recording and a made-up performer have no cable.
     """
 
     def __init__(self, sensor: str) -> None:
         self._sensor = sensor
+        self.is_device = True
         self._held: dict[Key, tuple[Alarm, dict[str, object]]] = {}
         self._logged: set[Key] = set()
 
@@ -156,5 +162,6 @@ class Alarms:
         alarm, facts = self._held[key]
         message = HEALTH_MESSAGES[kind]
         words = {**facts, "performer": f"Performer {performer}", "sensor": self._sensor}
-        what, mend = message.what.format(**words), message.mend.format(**words)
+        mend = message.mend if self.is_device else message.mend_made or message.mend
+        what, mend = message.what.format(**words), mend.format(**words)
         return HealthState(kind, message.severity, alarm.since_ns, what, mend, performer)

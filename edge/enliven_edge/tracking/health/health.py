@@ -123,6 +123,10 @@ class HealthMonitor:
         self._late_ns: int | None = None
         self._moved_ns: int | None = None
 
+    def follow_device(self, is_device: bool) -> None:
+        """Sets whether the sensor is a device: only then its cable, power and lens are worth a word."""
+        self._alarms.is_device = is_device
+
     @property
     def late(self) -> int:
         """The number of frames that came out of order so far."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import struct
 import zipfile
 import zlib
@@ -22,6 +23,7 @@ from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
 from enliven.errors import InputError, plain_reason
+from enliven.file_kinds import kind_of
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.lost_motion import with_lost_motion
@@ -91,14 +93,15 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         most: bytes that it may unpack to; None: as many as a file may.
     """
     if not data.startswith(b"PK"):
-        raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
+        raise _foreign(data, where)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             _check_sizes(archive, len(data), where, most)
-            header = _header(archive, where)
+            header = _header(archive, where, data)
             arrays, damaged = _arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
-        what = "it is cut short or damaged"
+        logging.getLogger(__name__).debug("project", exc_info=error)
+        what = "it is cut short or damaged: its archive cannot be unpacked"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
         project, lost = with_lost_motion(header["project"], arrays)
@@ -109,7 +112,8 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         mend = error.mend or "Take an earlier copy."
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
-        what = f"it is damaged: {plain_reason(error)}"
+        logging.getLogger(__name__).debug("project", exc_info=error)
+        what = "it is damaged: its parts do not fit together"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     assert isinstance(made, Project)
     return made
@@ -140,14 +144,23 @@ def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
         return file.read(entry.file_size + 1)
 
 
-def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
+def _foreign(data: bytes, where: str) -> InputError:
+    """Returns the error about a file that is something else, with what it is."""
+    kind, ending = kind_of(data)
+    mend = "Choose a project that was saved by enliven."
+    if ending:
+        mend = f"Give it a name ending in {ending} to open it."
+    return InputError(f"it is no enliven project but {kind}", where=where, mend=mend)
+
+
+def _header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
     """Returns the content of project.json, upgraded to the newest version."""
     try:
         header = json.loads(_unpacked_entry(archive, _HEADER))
     except (KeyError, ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
-        raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
+        raise _foreign(data, where)
     version, project = header.get("version"), header.get("project")
     if not isinstance(version, int) or not isinstance(project, dict) or version < 1:
         raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")

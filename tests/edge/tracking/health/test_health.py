@@ -15,7 +15,7 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven_edge.tracking.frame.frame_check import FrameTiming
 from enliven_edge.tracking.frame.reduction import survey
-from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES, Alarm
+from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES, Alarm, Alarms
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
 
 STEP = 33_333_333
@@ -273,3 +273,20 @@ def test_frames_of_sensors_that_track_people_themselves_are_judged_by_their_time
 def test_a_sensor_may_promise_less():
     monitor = HealthMonitor(HealthSettings(), fps=5.0)
     assert watched(monitor, [frame(i) for i in range(0, 300, 6)])[-1] == set()
+
+
+@pytest.mark.parametrize("kind", HealthKind)
+def test_a_sensor_without_a_device_is_told_of_no_cable_power_or_lens(kind: HealthKind) -> None:
+    alarms = Alarms("The sensor")
+    numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
+    facts: dict[str, object] = dict.fromkeys(numbers, 1.0)
+    facts |= dict.fromkeys(("names", "why", "mend", "link", "side", "what"), "Check its cable")
+    words = {}
+    for is_device in (True, False):
+        alarms.is_device = is_device
+        alarms.note(kind, True, 0, **facts)
+        alarms.note(kind, True, 10**11, **facts)
+        words[is_device] = " ".join(state.mend for state in alarms.states)
+    assert words[True] and words[False]
+    for word in ("cable", "USB", "plug", "power", "lens"):
+        assert word.lower() not in words[False].lower(), words[False]

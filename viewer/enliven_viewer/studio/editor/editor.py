@@ -25,6 +25,8 @@ from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCh
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
+SHORTEST_RANGE_S = 0.1
+"""Seconds of the marked range at least: less is a slip of the hand."""
 _ROOM = 1.25
 """Size of the picture over that of all shapes when they are framed: room to drag their ends."""
 
@@ -197,10 +199,29 @@ class Editor:
         self.puppets.advance()
         self.beside.poll()
         if self.playing and self.draft is None:
-            self.time += seconds * self.speed
-            if self.time > self.length:
-                self.time = self.time % self.length if self.loop else self.length
-                self.playing = self.playing and self.loop
+            self._play_on(seconds * self.speed)
+
+    def _play_on(self, seconds: float) -> None:
+        """Let the playhead go on; in the marked range it begins again at the range's in point.
+
+        A playhead beyond the out point plays on to the end, so that the rest can be heard without unmarking.
+        """
+        first, last = 0.0, self.length
+        if self.marked is not None and self.growing <= 0.0 and self.time <= min(self.marked[1], self.length):
+            first, last = self.marked[0], min(self.marked[1], self.length)
+        self.time += seconds
+        if self.time > last:
+            wraps = self.loop and last > first
+            self.time = first + (self.time - first) % (last - first) if wraps else last
+            self.playing = self.playing and self.loop
+
+    def mark(self, end: int) -> None:
+        """Make the playhead the in point (0) or the out point (1) of the marked range."""
+        first, last = self.marked or (0.0, self.length)
+        marked = (self.time, last) if end == 0 else (first, self.time)
+        if marked[1] - marked[0] <= SHORTEST_RANGE_S:  # the other end goes to the end of the project
+            marked = (self.time, self.length) if end == 0 else (0.0, self.time)
+        self.marked = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None
 
     def scrub(self, time: float) -> None:
         """Show a time, and stay there."""

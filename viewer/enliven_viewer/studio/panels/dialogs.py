@@ -14,10 +14,16 @@ from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
 from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
 from enliven_viewer.studio.panels.style import quiet, tinted
-from enliven_viewer.studio.workspace import FileBrowser, Workspace
+from enliven_viewer.studio.workspace import ORDERS, FileBrowser, Workspace, places
 from enliven_viewer.theme import WAIT
 
 _FOLDER = "\uf07b"
+_SIZE = (720.0, 480.0)
+"""Pixels of a dialogue about files: places at the left, files in the middle."""
+_ROOMY = 480.0
+"""Pixels of a dialogue that has room for places at the left."""
+_PLACES, _ORDER, _CANCEL = 150.0, 120.0, 84.0
+"""Pixels of the places, of the choice of order, and beside the name of a new folder."""
 _TITLES = {
     "open": "Open",
     "save as": "Save the project",
@@ -42,22 +48,23 @@ def _files(workspace: Workspace) -> None:
     browser = workspace.browser
     if browser is None:
         return
-    with modal(_TITLES[workspace.asking], 560, 440) as shown:
+    with modal(_TITLES[workspace.asking], *_SIZE) as shown:
         if shown:
             _browse(workspace, browser)
 
 
 def _browse(workspace: Workspace, browser: FileBrowser) -> None:
-    if imgui.button("Up"):
-        browser.enter(browser.folder.parent)
-    imgui.same_line()
-    imgui.text_unformatted(str(browser.folder))
+    _head(workspace, browser)
     rows = 3 * imgui.get_frame_height_with_spacing()
+    if imgui.get_content_region_avail().x > _ROOMY:
+        _places(workspace, browser, rows)
+        imgui.same_line()
     imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
     done = False
     for folder in browser.folders():
-        if imgui.selectable(f"{_FOLDER}  {folder.name}", False)[0]:
+        if imgui.selectable(f"{_FOLDER}  {folder.name}##folder", False)[0]:
             browser.enter(folder)
+        workspace.remember(f"folder {folder.name}")
     for file in browser.files():
         flags = imgui.SelectableFlags_.allow_double_click
         if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
@@ -67,7 +74,7 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
-    if imgui.is_window_appearing() or browser.again:
+    if (imgui.is_window_appearing() or browser.again) and browser.new is None:
         browser.again = False
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
@@ -78,6 +85,69 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
         imgui.text_unformatted(browser.said)
     if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
+
+
+def _head(workspace: Workspace, browser: FileBrowser) -> None:
+    """The folder, the order of its files, and a new folder."""
+    if imgui.button("Up"):
+        browser.enter(browser.folder.parent)
+    workspace.remember("folder up")
+    imgui.same_line()
+    imgui.set_next_item_width(_ORDER)
+    opened = imgui.begin_combo("##order", ORDERS[browser.order])
+    workspace.remember("order")
+    if opened:
+        for order, words in ORDERS.items():
+            if imgui.selectable(words, order == browser.order)[0]:
+                browser.order = order
+            workspace.remember(f"order {order}")
+        imgui.end_combo()
+    imgui.same_line()
+    if browser.new is None:
+        if imgui.button("New folder"):
+            browser.new = ""
+        workspace.remember("new folder")
+        imgui.same_line()
+        imgui.text_unformatted(_shortened(str(browser.folder), imgui.get_content_region_avail().x))
+        return
+    imgui.set_keyboard_focus_here()
+    imgui.set_next_item_width(-_CANCEL)
+    made, browser.new = imgui.input_text_with_hint(
+        "##new folder",
+        "Name of the new folder, then Enter",
+        browser.new,
+        imgui.InputTextFlags_.enter_returns_true,
+    )
+    workspace.remember("new folder name")
+    imgui.same_line()
+    if imgui.button("Not now"):
+        browser.new = None
+    elif made:
+        try:
+            browser.make_folder()
+            browser.said = ""
+        except EnlivenError as error:
+            browser.said = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
+
+
+def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
+    """The user's own folders, what is plugged in, and folders of recent files."""
+    imgui.begin_child("##places", ImVec2(_PLACES, -rows), imgui.ChildFlags_.frame_style)
+    for number, (name, folder) in enumerate(places(workspace.preferences.recent, Path.cwd())):
+        if imgui.selectable(f"{name}##place {number}", folder == browser.folder)[0]:
+            browser.enter(folder)
+        workspace.remember(f"place {name}")
+        imgui.set_item_tooltip(str(folder))
+    imgui.end_child()
+
+
+def _shortened(text: str, room: float) -> str:
+    """Returns a path without its begin, as far as there is room."""
+    if imgui.calc_text_size(text).x <= room:
+        return text
+    while len(text) > 1 and imgui.calc_text_size(f"\u2026{text}").x > room:
+        text = text[1:]
+    return f"\u2026{text}"
 
 
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:

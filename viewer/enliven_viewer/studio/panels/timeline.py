@@ -6,12 +6,13 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.stage import draw_growing
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
-from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.places import LEAST, Area
 from enliven_viewer.studio.timeline import LABELS, RULER
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
@@ -25,6 +26,10 @@ _CLICKED = (
     *("pose", "suggested", "held", "found"),
 )
 """Handles over which the pointer is a hand."""
+_GRIP = 7.0
+"""Pixels of the upper edge that are dragged to make the timeline higher."""
+_ROOMY = 760.0
+"""Pixels of a window that has room for the in and out points among the buttons."""
 _WHEEL = 40.0
 """Pixels that the timeline moves for a notch of the wheel with Shift."""
 _PAINTER = LanePainter()
@@ -35,6 +40,7 @@ _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 def draw_timeline(workspace: Workspace, area: Area) -> None:
     """Draw the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
+        _grip(workspace, area)
         _transport(workspace)
         origin = imgui.get_cursor_screen_pos()
         size = imgui.get_content_region_avail()
@@ -53,6 +59,27 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
         draw.pop_clip_rect()
 
 
+def _grip(workspace: Workspace, area: Area) -> None:
+    """The upper edge: dragged, it gives the timeline more or less of the window; two clicks take it back."""
+    preferences, place = workspace.preferences, imgui.get_cursor_pos()
+    imgui.set_cursor_pos(ImVec2(0, 0))
+    imgui.invisible_button("##height", ImVec2(area.width, _GRIP))
+    workspace.remember("timeline height")
+    held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
+    if hovered or held:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
+        draw, top = imgui.get_window_draw_list(), area.y + 1
+        draw.add_line(ImVec2(area.x, top), ImVec2(area.x + area.width, top), packed(ACCENT, 0.8), 2.0)
+    if hovered and imgui.is_mouse_double_clicked(0):
+        preferences.timeline_height = 0.0
+        preferences.save()
+    elif held and imgui.get_io().mouse_delta.y:
+        preferences.timeline_height = max(imgui.get_io().display_size.y - imgui.get_mouse_pos().y, LEAST)
+    if imgui.is_item_deactivated():
+        preferences.save()
+    imgui.set_cursor_pos(place)
+
+
 def _transport(workspace: Workspace) -> None:
     editor = workspace.editor
     if imgui.button(_START + "##start", ImVec2(34, 0)):
@@ -69,7 +96,8 @@ def _transport(workspace: Workspace) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    told("Begin again at the end")
+    told("Begin again at the end, or at the out point")
+    _points(workspace)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
     imgui.text(f"{time_text(editor.time)}  /  {time_text(editor.length)}")
@@ -81,6 +109,20 @@ def _transport(workspace: Workspace) -> None:
     told("Drag: how fast it plays here; nothing is changed by it")
     _tracking(workspace)
     _buttons(workspace)
+
+
+def _points(workspace: Workspace) -> None:
+    """Buttons for the in and the out point of the loop; a narrow window has them in the menu alone."""
+    if imgui.get_window_width() < _ROOMY:
+        return
+    chosen = workspace.editor.marked is not None
+    for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
+        imgui.same_line()
+        with tinted(ACCENT if chosen else QUIET, imgui.Col_.text):
+            if imgui.button(f"{label}##{action}", ImVec2(26, 0)):
+                workspace.actions.do(action)
+        workspace.remember(action)
+        action_tip(workspace, action)
 
 
 def _tracking(workspace: Workspace) -> None:

@@ -58,18 +58,19 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draw the span in which recordings begin and end: a band on the ruler with its ends, and the lanes."""
+    """Draw the marked range on the ruler and the lanes; red in the workspace where recordings fill it."""
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return
+    tint = BAD if workspace.perform.room == "Perform" else ACCENT
     low, high = (origin.x + max(layout.x(end), LABELS - 1) for end in layout.marked)
     top, bottom = origin.y + RULER - SPAN, origin.y + RULER
-    draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(BAD, 0.07))
-    draw.add_rect_filled(ImVec2(low, top), ImVec2(high, bottom), packed(BAD, 0.75), 2.0)
+    draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(tint, 0.07))
+    draw.add_rect_filled(ImVec2(low, top), ImVec2(high, bottom), packed(tint, 0.75), 2.0)
     for at, way in ((low, 1.0), (high, -1.0)):
-        draw.add_line(ImVec2(at, origin.y + 2), ImVec2(at, origin.y + size.y), packed(BAD, 0.9), 1.5)
+        draw.add_line(ImVec2(at, origin.y + 2), ImVec2(at, origin.y + size.y), packed(tint, 0.9), 1.5)
         grip = (ImVec2(at, origin.y + 2), ImVec2(at + 7 * way, origin.y + 2), ImVec2(at, origin.y + 10))
-        draw.add_triangle_filled(*grip, packed(BAD))
+        draw.add_triangle_filled(*grip, packed(tint))
 
 
 def _named(workspace: Workspace) -> None:

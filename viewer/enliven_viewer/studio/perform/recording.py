@@ -159,9 +159,7 @@ class StageRecording:
 
     def mark(self, end: int) -> None:
         """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
-        first, last = self.span or (0.0, self.editor.length)
-        span = (self.editor.time, last) if end == 0 else (first, self.editor.time)
-        self.span = span if span[1] - span[0] > _SHORTEST else None
+        self.editor.mark(end)
 
     def stop(self, until_ns: int | None = None) -> None:
         """End the count-in, or the recording: it becomes takes and layers of the project, as one edit.

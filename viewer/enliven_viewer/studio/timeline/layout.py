@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Protocol
 
 from enliven.document import Marker, Playing, Project, RigBase, Segment
+from enliven_viewer.studio.timeline.lane_names import lane_name
 
 LABELS = 190.0
 """Pixels, width of the labels: about 25 letters."""
@@ -94,10 +95,10 @@ class Lane:
 
     @property
     def label(self) -> str:
-        """The layer's id or else the character's, or the take's and how many layers play it."""
+        """The limb that moves and what it plays, or the take and how many layers play it."""
         if len(self.layers) > 1:
             return f"{self.layer.take}  ({len(self.layers)} bones)"
-        return str(getattr(self.layer, "id", self.character.id))
+        return lane_name(self.character, self.layer)
 
 
 class Details(Protocol):

@@ -1,4 +1,4 @@
 from .files import SAMPLES as SAMPLES
-from .file_browser import FileBrowser as FileBrowser
+from .file_browser import ORDERS as ORDERS, FileBrowser as FileBrowser, places as places
 from .project_comparison import Difference as Difference
 from .workspace import Workspace as Workspace

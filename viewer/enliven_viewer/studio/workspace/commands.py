@@ -48,6 +48,14 @@ class Commands:
         """Start or stop playing."""
         self.editor.playing = not self.editor.playing
 
+    def unmark(self) -> None:
+        """Take the in and out points away."""
+        self.editor.marked = None
+
+    def lacks_marked(self) -> str:
+        """Why no points can be taken away, and what to do about it."""
+        return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
+
     def step(self, count: int) -> None:
         """Move the playhead by some frames."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)

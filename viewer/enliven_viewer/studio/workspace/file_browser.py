@@ -2,10 +2,71 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
+
+Order = Literal["name", "newest", "largest"]
+"""How the files of a folder are sorted."""
+ORDERS: dict[Order, str] = {"name": "by name", "newest": "newest first", "largest": "largest first"}
+"""Every order, with its words in the dialogue."""
+_FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
+"""Folders in the user's own that desktops make; those that are there are offered."""
+_MEDIA = ("/media", "/run/media", "/Volumes", "/mnt")
+"""Where systems show sticks and cards."""
+_MOST_PLACES = 14
+"""Places that are offered: more do not fit beside the list."""
+
+
+def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
+    """Returns the folders that a dialogue offers, each with its name; recent folders come last.
+
+    Args:
+        recent: paths of files that were opened or saved last, the newest first.
+        working: the folder in which the program was started.
+    """
+    home = Path.home()
+    found = [("Home", home), *((name, home / name) for name in _FOLDERS_HERE)]
+    if working is not None and working != home:
+        found.append((working.name or str(working), working))
+    found += _sticks()
+    found.append(("Computer", Path(home.anchor)))
+    for name in recent:
+        folder = Path(name).parent
+        found.append((folder.name or str(folder), folder))
+    kept: dict[Path, str] = {}
+    for name, folder in found:
+        if folder not in kept and _is_folder(folder):
+            kept[folder] = name
+    return [(name, folder) for folder, name in list(kept.items())[:_MOST_PLACES]]
+
+
+def _sticks() -> list[tuple[str, Path]]:
+    """Returns what is plugged in, by its name."""
+    found = []
+    for root in map(Path, _MEDIA):
+        for folder in _entries(root):
+            inner = [one for one in _entries(folder) if one.is_mount()] if not folder.is_mount() else []
+            found += [(one.name, one) for one in (inner or [folder]) if one.is_mount()]
+    return found
+
+
+def _entries(folder: Path) -> list[Path]:
+    """Returns what is in a folder; nothing if it cannot be read."""
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 @dataclass
@@ -21,6 +82,8 @@ class FileBrowser:
         problem: why the folder cannot be listed, or empty.
         said: what is wrong with what was chosen, or empty.
         again: a name is to be typed, or Enter to be pressed, once more.
+        order: how files are sorted.
+        new: the name of a folder that is to be made, while it is typed; None otherwise.
     """
 
     folder: Path
@@ -31,6 +94,8 @@ class FileBrowser:
     problem: str = field(default="", init=False)
     said: str = field(default="", init=False)
     again: bool = field(default=False, init=False)
+    order: Order = field(default="name", init=False)
+    new: str | None = field(default=None, init=False)
     _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:
@@ -38,8 +103,32 @@ class FileBrowser:
         return [path for path in self._listed() if path.is_dir()]
 
     def files(self) -> list[Path]:
-        """Files that can be chosen."""
-        return [path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings]
+        """Files that can be chosen, in the order that was chosen."""
+        found = [path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings]
+        if self.order == "newest":
+            return sorted(found, key=lambda path: -_status(path)[1])
+        return sorted(found, key=lambda path: -_status(path)[0]) if self.order == "largest" else found
+
+    def make_folder(self) -> None:
+        """Make the folder that was named, and list it.
+
+        Raises:
+            InputError: for a name that no folder can have, or that is there already.
+            ResourceError: where it cannot be made.
+        """
+        name = (self.new or "").strip()
+        if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
+            raise InputError("no folder can have that name", where="file", mend="Use letters and digits.")
+        made = self.folder / name
+        try:
+            made.mkdir()
+        except FileExistsError:
+            raise InputError(f"{name} is there already", where="file", mend="Give another name.") from None
+        except OSError as error:
+            what = f"the folder cannot be made ({error.strerror})"
+            raise ResourceError(what, where=str(made), mend="Choose another place.") from None
+        self.new = None
+        self.enter(made)
 
     def enter(self, folder: Path) -> None:
         """List another folder."""
@@ -54,6 +143,14 @@ class FileBrowser:
         name = self.name.strip()
         if not name:
             raise InputError("no file is chosen", where="file", mend="Click one, or type a name.")
+        try:
+            return self._path_of(name)
+        except (OSError, RuntimeError, ValueError):  # too long, or of a user who is not known
+            raise InputError(
+                "no file can have that name", where="file", mend="Give a shorter name."
+            ) from None
+
+    def _path_of(self, name: str) -> Path:
         path = Path(name).expanduser()
         path = path if path.is_absolute() else self.folder / path
         if self.saving and path.suffix.lower() not in self.endings:
@@ -76,3 +173,12 @@ class FileBrowser:
             self.problem = f"The folder cannot be read ({error.strerror})."
             return []
         return sorted(found, key=lambda path: path.name.lower())
+
+
+def _status(path: Path) -> tuple[int, float]:
+    """Returns bytes and the time of the last change; zeros for a file that is gone meanwhile."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return 0, 0.0
+    return status.st_size, status.st_mtime

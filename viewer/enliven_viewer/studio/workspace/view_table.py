@@ -21,6 +21,27 @@ def playing_actions(c: Commands) -> Iterator[Action]:
     yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
     yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
+    about = "The loop begins here; recordings too."
+    yield Action(
+        "view.in_point",
+        "View",
+        "In point here",
+        ("alt+i",),
+        lambda: editor.mark(0),
+        about=about,
+        apart=True,
+    )
+    about = "The loop goes back to the in point from here; recordings end here."
+    yield Action("view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.mark(1), about=about)
+    yield Action(
+        "view.whole_loop",
+        "View",
+        "Loop the whole project",
+        ("alt+l",),
+        c.unmark,
+        c.lacks_marked,
+        about="Takes the in and out points away.",
+    )
     yield Action("view.bones", "View", "Bones", ("b",), c.bones, on=lambda: editor.show_bones, apart=True)
     yield Action(
         "view.outline",

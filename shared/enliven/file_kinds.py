@@ -1,0 +1,92 @@
+"""Names what a file is by its first bytes, for errors about files with a wrong ending."""
+
+from __future__ import annotations
+
+import codecs
+import zipfile
+from io import BytesIO
+
+_KINDS: tuple[tuple[int, bytes, str, str], ...] = (
+    (0, b"\x89PNG\r\n\x1a\n", "a PNG picture", ""),
+    (0, b"\xff\xd8\xff", "a JPEG picture", ""),
+    (0, b"GIF8", "a GIF picture", ""),
+    (0, b"BM", "a BMP picture", ""),
+    (0, b"%PDF", "a PDF document", ""),
+    (0, b"glTF", "a glTF model", ".glb"),
+    (0, b"ply\n", "a PLY mesh", ".ply"),
+    (0, b"ply\r", "a PLY mesh", ".ply"),
+    (0, b"Kaydara FBX", "an FBX model", ""),
+    (0, b"BLENDER", "a Blender scene", ""),
+    (0, b"\x89MCAP", "a recording", ".mcap"),
+    (0, b"HIERARCHY", "a motion capture", ".bvh"),
+    (4, b"ftyp", "a film", ""),
+    (0, b"RIFF", "a sound or film", ""),
+    (0, b"\x1aE\xdf\xa3", "a film", ""),
+    (0, b"fLaC", "a sound", ""),
+    (0, b"OggS", "a sound", ""),
+    (0, b"ID3", "a sound", ""),
+    (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive", ""),
+    (0, b"\x1f\x8b", "a gzip archive", ""),
+    (0, b"Rar!", "a RAR archive", ""),
+    (0, b"\x7fELF", "a program", ""),
+    (0, b"MZ", "a program", ""),
+    (0, b"SQLite format 3", "a database", ""),
+)
+"""Where a kind of file has its mark, the mark, its name, and the ending by which enliven opens it."""
+_INSIDE = {
+    "[Content_Types].xml": "an Office document",
+    "mimetype": "an OpenDocument file or e-book",
+    "META-INF/MANIFEST.MF": "a Java program",
+    "AndroidManifest.xml": "an Android app",
+}
+"""Entries by which a ZIP archive is known to be something else."""
+_SAMPLE = 4096
+"""Bytes that are looked at to tell text from other data."""
+_NAMED = 40
+"""Letters of an entry's name that are shown."""
+
+
+def kind_of(data: bytes) -> tuple[str, str]:
+    """Returns what the bytes of a file are, such as "a PNG picture", and the ending enliven opens it by.
+
+    The ending is empty for files that enliven does not open.
+    """
+    if not data:
+        return "an empty file", ""
+    for at, mark, name, ending in _KINDS:
+        if data[at : at + len(mark)] == mark:
+            return name, ending
+    if data.startswith(b"PK"):
+        return _archive(data), ""
+    if not any(data[:_SAMPLE]):
+        return "a file of zeros", ""
+    return _text(data)
+
+
+def _archive(data: bytes) -> str:
+    """Returns what a ZIP archive holds."""
+    try:
+        with zipfile.ZipFile(BytesIO(data)) as archive:
+            names = archive.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return "a ZIP archive that is cut short or damaged"
+    for name, kind in _INSIDE.items():
+        if name in names:
+            return kind
+    if not names:
+        return "an empty ZIP archive"
+    shown = "".join(letter if letter.isprintable() else "?" for letter in names[0][:_NAMED])
+    return f"a ZIP archive with {len(names)} file{'s' * (len(names) != 1)}, such as {shown}"
+
+
+def _text(data: bytes) -> tuple[str, str]:
+    """Returns the kind of a text, or that the data are of no known kind."""
+    sample = data[:_SAMPLE].removeprefix(codecs.BOM_UTF8)
+    if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > len(sample) // 20:
+        return "data of no known kind", ""
+    begin = sample.lstrip()
+    if begin.startswith((b"{", b"[")):
+        return ("a glTF model", ".gltf") if b'"asset"' in data[:65536] else ("JSON text", "")
+    if begin.startswith(b"<"):
+        return "a web page or XML text", ""
+    return "text", ""

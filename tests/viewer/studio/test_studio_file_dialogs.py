@@ -1,0 +1,126 @@
+"""The dialogue about files: places, recent folders, orders, new folders; and errors about foreign projects."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from enliven.errors import InputError
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.file_browser import FileBrowser, places
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+
+def test_places_are_the_users_own_and_recent_folders_each_once(tmp_path: Path, monkeypatch) -> None:
+    home, work, card = tmp_path / "home", tmp_path / "work", tmp_path / "card"
+    for folder in (home / "Downloads", work, card):
+        folder.mkdir(parents=True)
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.setenv("USERPROFILE", str(home))
+    recent = [
+        str(card / "a.enliven"),
+        str(card / "b.glb"),
+        str(tmp_path / "gone" / "c.glb"),
+        str(home / "d.glb"),
+    ]
+    found = places(recent, work)
+    folders = [folder for _, folder in found]
+    assert folders[0] == home and home / "Downloads" in folders and work in folders
+    assert folders.count(card) == 1 and folders.count(home) == 1
+    assert tmp_path / "gone" not in folders and ("Home", home) in found
+    assert Path(home.anchor) in folders
+
+
+def test_files_are_sorted_by_name_time_or_size(tmp_path: Path) -> None:
+    for number, (name, size) in enumerate((("b.glb", 10), ("a.glb", 30), ("c.glb", 20))):
+        path = tmp_path / name
+        path.write_bytes(bytes(size))
+        os.utime(path, (1e9 + number, 1e9 + number))
+    browser, found = FileBrowser(tmp_path, (".glb",)), {}
+    for order in ("name", "newest", "largest"):
+        browser.order = order
+        found[order] = "".join(path.stem for path in browser.files())
+    assert found == {"name": "abc", "newest": "cab", "largest": "acb"}
+
+
+def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
+    browser = FileBrowser(tmp_path, (".enliven",), "work", saving=True)
+    browser.new = " dances "
+    browser.make_folder()
+    assert browser.folder == (tmp_path / "dances").resolve() and browser.new is None
+    assert browser.name == "work" and browser.chosen() == browser.folder / "work.enliven"
+    for name, words in (
+        ("", "no folder"),
+        ("..", "no folder"),
+        ("a/b", "no folder"),
+        ("x" * 300, "cannot be made"),
+    ):
+        browser.new = name
+        with pytest.raises(Exception, match=words):
+            browser.make_folder()
+    (browser.folder / "twice").mkdir()
+    browser.new = "twice"
+    with pytest.raises(InputError, match="already"):
+        browser.make_folder()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "~nobody-of-that-name/a.glb", "a\0b"])
+@pytest.mark.parametrize("saving", [False, True])
+def test_a_name_that_no_file_can_have_is_refused(tmp_path: Path, name: str, saving: bool) -> None:
+    browser = FileBrowser(tmp_path, (".glb",), saving=saving)
+    browser.name = name
+    with pytest.raises(InputError, match="no file can have that name|no such file"):
+        browser.chosen()
+
+
+def picture() -> bytes:
+    out = io.BytesIO()
+    Image.new("RGB", (4, 4)).save(out, "PNG")
+    return out.getvalue()
+
+
+def archive(**entries: str) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as packed:
+        for name, text in entries.items():
+            packed.writestr(name.replace("__", "/"), text)
+    return out.getvalue()
+
+
+FOREIGN = {
+    "a PNG picture": picture(),
+    "an empty file": b"",
+    "JSON text": b'{"scene": [1, 2,',
+    "a glTF model": b"glTF\x02\0\0\0",
+    "a web page or XML text": b"<!doctype html><p>moved",
+    "text": b"hello, this is a note",
+    "a ZIP archive with 2 files": archive(one="1", two="2"),
+    "an empty ZIP archive": archive(),
+    "a ZIP archive that is cut short": archive(one="1" * 500)[:80],
+    "a ZIP archive with 1 file, such as project.json": archive(**{"project.json": '{"name": "other", }'}),
+    "data of no known kind": bytes(range(256)) * 4,
+    "a file of zeros": bytes(500),
+}
+"""Files that are named as projects and are none, by what they are."""
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_a_foreign_project_says_what_it_is_without_a_parsers_words(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "work.enliven"
+    path.write_bytes(FOREIGN[kind])
+    workspace = Workspace.new(Editor(), tmp_path / "own")
+    before = workspace.editor.project
+    assert not workspace.attempt(lambda: workspace.open(path))
+    said = " ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    assert kind in said or "cut short or damaged" in said, said
+    assert "ending in .enliven" not in said
+    for word in ("Error", "Expecting", "delimiter", "column", "BadZip", "char 0", "line 1"):
+        assert word not in said, said
+    if kind == "a glTF model":
+        assert "ending in .glb" in said
+    assert workspace.editor.project is before

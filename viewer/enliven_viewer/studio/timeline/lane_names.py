@@ -1,0 +1,50 @@
+"""The names of lanes: the limb that moves first, then what it plays."""
+
+from __future__ import annotations
+
+import re
+
+from enliven.document import Playing, RigBase, Shape
+
+_PLAIN = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
+"""Words of the mapping, and those of an artist."""
+_LEGS = {"shoulder": "hip"}
+"""The word for a girdle that legs hang on."""
+
+
+def lane_name(character: RigBase, layer: Playing) -> str:
+    """Returns the name of a layer's lane, such as "left arm, wave": a narrow lane shows its begin."""
+    name = str(getattr(layer, "id", character.id))
+    take, _, limb = name.partition(": ")
+    if limb:
+        return f"{plain_limb(limb)}, {take}"
+    if not isinstance(character, Shape) or (name != layer.take and not name.startswith(f"{layer.take} ")):
+        return name
+    beside = sum(other.take == layer.take for other in character.playing)
+    limb = _driven(character, name) if beside > 1 else ""
+    return f"{limb}, {name}" if limb else name
+
+
+def plain_limb(role: str) -> str:
+    """Returns a limb's name in an artist's words: "left hip" for "left leg 1 girdle"."""
+    words = [word for word in role.split() if not re.fullmatch(r"1", word)]
+    plain = [_PLAIN.get(word, word) for word in words]
+    if "shoulder" in plain:
+        legs = any(word.startswith("leg") for word in plain)
+        joint = _LEGS["shoulder"] if legs else "shoulder"
+        sides = [word for word in plain if word in ("left", "right")]
+        numbers = [word for word in plain if word.isdecimal()]
+        return " ".join([*sides, joint, *numbers])
+    return " ".join(plain)
+
+
+def _driven(shape: Shape, layer_id: str) -> str:
+    """Returns the joint at the end of the bones that a layer drives; empty if it drives all or none."""
+    driven = [
+        joint
+        for joint, spans in enumerate(shape.spans)
+        if any(ref.layer == layer_id for span in spans for ref in span.refs)
+    ]
+    if not driven or len(driven) >= len(shape.skeleton) - 1:
+        return ""
+    return shape.skeleton.names[driven[-1]].removesuffix(" end")
