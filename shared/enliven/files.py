@@ -214,9 +214,7 @@ def replace_file(path: Path, mend: str = _ROOM) -> Iterator[Path]:
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
             before = _stat_regular(target)
             _remove_leftovers(target)
-            if not target.parent.is_dir():
-                what = "its folder does not exist"
-                raise ResourceError(what, where=str(path), mend=f"Make the folder {target.parent}.")
+            need_folder(target)
             part = _new_part(target, 0o666 if before is None else 0o600)
         yield part
         with _explained(path, mend):

@@ -14,7 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from enliven.camera import Intrinsics
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.person.body import Body
 from enliven.person.joints import J
@@ -31,7 +31,7 @@ app.command("record")(record)
 def run(*words) -> str:
     """What the command prints; its error is raised."""
     result = CliRunner().invoke(app, [str(word) for word in words])
-    if isinstance(result.exception, InputError):
+    if isinstance(result.exception, EnlivenError):
         raise result.exception
     assert result.exit_code == 0, result.output
     return result.output
@@ -90,12 +90,12 @@ def test_a_failed_import_leaves_nothing_behind_and_loses_nothing(folder, tmp_pat
         (["{folder}"], "is not named"),
         (["nowhere", "-o", "{out}"], "nowhere: there is no such file"),
         (["{folder}", "-o", "{out}", "--reader", "plane-depth"], "Did you mean plain-depth"),
-        (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "folder does not exist"),
+        (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "there is no folder"),
     ],
 )
 def test_import_says_what_is_wrong(folder, tmp_path, words, expected):
     words = [word.format(folder=folder, out=tmp_path / "out.mcap") for word in words]
-    with pytest.raises(InputError, match=expected):
+    with pytest.raises(EnlivenError, match=expected):
         run("import", *words)
     assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 
