@@ -81,14 +81,14 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
         beside: opens the material files that it names.
 
     Raises:
-        InputError: with the line that is wrong, or if there are no faces.
+        ValueError: with the line that is wrong, or if there are no faces.
     """
     text = text_bytes(data)
     try:
         # A joined line keeps its length, so that offsets still lead to lines of the file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
-        raise InputError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
+        raise ValueError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
 def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
@@ -202,7 +202,7 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     try:
         numbers = numbers_in(chunk.replace(b"/", b" "), np.int64)
     except WrongWord as error:
-        raise _WrongLine(int(offsets[error.line]), error.problem) from None
+        raise _WrongLine(int(offsets[error.line]), error.what) from None
     first = np.cumsum(parts) - parts
     corners = np.full((len(starts), 3), -1, np.int64)
     for column in range(3):
@@ -239,7 +239,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         try:
             numbers = numbers_in(chunk)
         except WrongWord as error:
-            raise _WrongLine(int(offsets[error.line]), error.problem) from None
+            raise _WrongLine(int(offsets[error.line]), error.what) from None
         first = np.cumsum(counts) - counts
         vertices.append(numbers[first[:, None] + np.arange(3)])
         has = counts >= 6

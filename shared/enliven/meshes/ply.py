@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
-from enliven.errors import InputError
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
@@ -53,7 +52,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     """Returns the mesh of a PLY file, and notes on what was unusual.
 
     Raises:
-        InputError: if it is no PLY, has a broken header, or is shorter than this states.
+        ValueError: if it is no PLY, has a broken header, or is shorter than this states.
     """
     kind, elements, body = _read_head(data)
     tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
@@ -63,7 +62,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
         notes.append(f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element")
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
-        raise InputError("its header has no vertices with x, y and z")
+        raise ValueError("its header has no vertices with x, y and z")
     vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     key = next((word for word in _CORNERS if word in face), "")
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
@@ -71,7 +70,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
         at = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), at, "right"))
-        raise InputError(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
+        raise ValueError(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _colours(vertex)), notes
 
@@ -83,12 +82,12 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
         data = text_bytes(data)
     end = _END.search(data, 0, _MAX_HEAD_BYTES)
     if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
-        raise InputError("it has no header of a PLY file")
+        raise ValueError("it has no header of a PLY file")
     kind, elements = "", list[_Element]()
     lines = text_bytes(data[: end.start()]).decode("utf-8", "replace").split("\n")
     count = sum(line.split()[:1] == ["property"] for line in lines)
     if count > _MAX_PROPERTIES:
-        raise InputError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
+        raise ValueError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
     for line in lines:
         match line.split():
             case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as kind, *_]:
@@ -100,16 +99,16 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["property", of, word] if elements and of in _TYPES:
                 elements[-1].properties.append((word, _TYPES[of], ""))
             case ["property" | "element" | "format", *_]:
-                raise InputError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
+                raise ValueError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
             case _:
                 pass  # "ply", comments and the object information of scanners
     if not kind:
-        raise InputError("its header does not state a format")
+        raise ValueError("its header does not state a format")
     return kind, elements, data[end.end() :]
 
 
-def _short(element: _Element) -> InputError:
-    return InputError(f"it ends early: its header states {element.count} rows of {element.name!r}")
+def _short(element: _Element) -> ValueError:
+    return ValueError(f"it ends early: its header states {element.count} rows of {element.name!r}")
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -171,10 +170,10 @@ def _sides(count: float) -> int:
     """Returns the length of a list.
 
     Raises:
-        InputError: if it is not a whole number, negative or larger than a polygon can be.
+        ValueError: if it is not a whole number, negative or larger than a polygon can be.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise InputError(f"a list of it has {count:g} entries")
+        raise ValueError(f"a list of it has {count:g} entries")
     return int(count)
 
 

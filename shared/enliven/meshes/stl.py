@@ -7,7 +7,6 @@ import re
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.errors import InputError
 from enliven.files import text_bytes
 from enliven.meshes.tokens import blocks, numbers_in
 
@@ -23,7 +22,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     """(3F, 3) corners and (F, 3) triangles of an STL file, and notes.
 
     Raises:
-        InputError: where the file is shorter than its header says, or is neither binary nor ASCII.
+        ValueError: where the file is shorter than its header says, or is neither binary nor ASCII.
     """
     said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     expected = _HEAD + said * _TRIANGLE.itemsize
@@ -32,9 +31,9 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     if text is not None:
         corners = _ascii(text)
     elif len(data) < _HEAD:
-        raise InputError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
+        raise ValueError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
     elif len(data) < expected or said == 0:
-        raise InputError(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
+        raise ValueError(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
     else:
         corners = np.frombuffer(data, _TRIANGLE, said, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
         if len(data) > expected:
@@ -55,9 +54,9 @@ def _ascii(text: bytes) -> Float:
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
-        raise InputError("it ends early: the last line is not endsolid")
+        raise ValueError("it ends early: the last line is not endsolid")
     if len(corners) % 3:
-        raise InputError(f"it has {len(corners)} corners, which are no whole triangles")
+        raise ValueError(f"it has {len(corners)} corners, which are no whole triangles")
     return corners
 
 

@@ -8,10 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.errors import InputError
 from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import WrongWord, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import lines_of, numbers_in, without_comments, word_starts
 
 _OFF = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
@@ -35,22 +34,22 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     coordinates are skipped.
 
     Raises:
-        InputError: where the file is not what its header says.
+        ValueError: where the file is not what its header says.
     """
     text = without_comments(text_bytes(data)) + b"\n"
     head = _OFF.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
-        raise InputError("the first word is not OFF")
+        raise ValueError("the first word is not OFF")
     if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
         problem = "it is binary" if head["binary"] else "its vertices have not three coordinates"
-        raise InputError(f"{problem}: write it as text, with three coordinates for each vertex")
+        raise ValueError(f"{problem}: write it as text, with three coordinates for each vertex")
     if head["vertices"] is None:
-        raise InputError("the counts of vertices and faces are missing")
+        raise ValueError("the counts of vertices and faces are missing")
     count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
     said = f"it says {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
-        raise InputError(said)
+        raise ValueError(said)
     body = text[head.end() :]
     problem = f"it ends early: {said}"
     for vertices, at in _off_vertices(body, count, kind):
@@ -60,7 +59,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
             notes = [f"ignored {rest} words after its last face"] if rest else []
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{said}, and {walked}"
-    raise InputError(problem)
+    raise ValueError(problem)
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
@@ -109,7 +108,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     """
     try:
         numbers = numbers_in(body, np.int64)
-    except WrongWord:
+    except ValueError:
         numbers = np.empty(0, np.int64)
     first = int(numbers[0]) if len(numbers) else 0
     rows = numbers[: count * (first + 1)]
@@ -155,29 +154,29 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their boundary.
 
     Raises:
-        InputError: where the file is not MEDIT, or ends early.
+        ValueError: where the file is not MEDIT, or ends early.
     """
     words = decode_text(data).split()
     if not words or words[0] != "MeshVersionFormatted":
-        raise InputError("the first word is not MeshVersionFormatted")
+        raise ValueError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
     for i, word in enumerate(words[:-1]):
         if word in _MEDIT_COLUMNS:
             columns = _MEDIT_COLUMNS[word]
             if int(words[i + 1]) < 0:
-                raise InputError(f"it says {words[i + 1]} {word}")
+                raise ValueError(f"it says {words[i + 1]} {word}")
             values = words[i + 2 : i + 2 + int(words[i + 1]) * columns]
             if len(values) < int(words[i + 1]) * columns:
-                raise InputError(f"it ends early, in {word}")
+                raise ValueError(f"it ends early, in {word}")
             tables[word] = np.array(values, np.float64).reshape(-1, columns)[:, :-1]
     if "Vertices" not in tables:
-        raise InputError("it has no Vertices")
+        raise ValueError("it has no Vertices")
     triangles = [tables[t].astype(np.int64) - 1 for t in ("Triangles",) if t in tables]
     if "Quadrilaterals" in tables:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
         vertices = tables["Vertices"]
         if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
-            raise InputError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+            raise ValueError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary(tables["Tetrahedra"].astype(np.int64) - 1)]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Int
-from enliven.errors import InputError
 
 BLOCK_BYTES = 1 << 20
 """Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
@@ -19,17 +18,17 @@ _SHOWN_BYTES = 40
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
-class WrongWord(InputError):
+class WrongWord(ValueError):
     """A word that is not what it should be.
 
     Attributes:
         line: its line in the text, from 0.
-        problem: what is wrong with it.
+        what: what is wrong with it.
     """
 
-    def __init__(self, line: int, problem: str) -> None:
-        super().__init__(f"line {line + 1}: {problem}")
-        self.line, self.problem = line, problem
+    def __init__(self, line: int, what: str) -> None:
+        super().__init__(f"line {line + 1}: {what}")
+        self.line, self.what = line, what
 
 
 def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
