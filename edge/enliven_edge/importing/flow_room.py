@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.person import PARENTS, Body, Joint
 from enliven_edge.importing.base import ImportOptions, head_of

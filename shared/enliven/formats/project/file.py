@@ -22,7 +22,7 @@ import numpy as np
 from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError
 from enliven.file_kinds import kind_of
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
