@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int, UInt8
+from enliven.arrays import AnyArray, Float, UInt8
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
@@ -59,7 +59,9 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     notes = list[str]()
     rest = tables.pop("", None)
     if rest is not None:
-        notes.append(f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element")
+        notes.append(
+            f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element"
+        )
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
         raise ValueError("its header has no vertices with x, y and z")
@@ -139,7 +141,8 @@ def _of_type(column: Float, of: str) -> AnyArray:
 
 
 def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, AnyArray], int]:
-    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts say."""
+    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts
+    say."""
     only = element.properties[0] if len(element.properties) == 1 else None
     first = int(numbers[at]) if at < len(numbers) and 0 <= numbers[at] <= _MAX_SIDES else 0
     block = numbers[at : at + element.count * (1 + first)]
@@ -223,7 +226,10 @@ def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[d
 
 def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
     """Returns the lists of an element with rows of several lengths, and the place after it."""
-    sizes = [(np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize) for _, of, count in element.properties]
+    sizes = [
+        (np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize)
+        for _, of, count in element.properties
+    ]
     endian: Literal["little", "big"] = "little" if order == "<" else "big"
     places: list[list[int]] = [[] for _ in sizes]
     counts: list[list[int]] = [[] for _ in sizes]
@@ -253,7 +259,8 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
 
 
 def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dtype, list[int]]:  # type: ignore[type-arg]
-    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain column)."""
+    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain
+    column)."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     many = list[int]()
     for k, (_, of, count) in enumerate(element.properties):
@@ -272,7 +279,8 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
 
 
 def _colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
-    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above 1."""
+    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above
+    1."""
     for prefix in ("", "diffuse_"):
         columns = [vertex.get(f"{prefix}{word}") for word in ("red", "green", "blue")]
         if all(column is not None for column in columns):

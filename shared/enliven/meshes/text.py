@@ -21,7 +21,8 @@ _OFF = re.compile(
 )
 """The header: the word may be missing, and so may the count of edges unless each count has its own line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
-"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture coordinates."""
+"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
+coordinates."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
 """Numbers in a line of each section of a Medit file: coordinates or vertices, and a reference number."""
@@ -104,7 +105,8 @@ def _line_ends(body: bytes, count: int) -> Int:
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
     """Returns corners, sizes and the number of words after the faces; a sentence if they do not fit.
 
-    Faces follow each other without colours, or a face's colour is what is left of the line of its last corner.
+    Faces follow each other without colours, or a face's colour is what is left of the line of its last
+    corner.
     """
     try:
         numbers = numbers_in(body, np.int64)
@@ -151,7 +153,8 @@ def _whole(word: bytes) -> int:
 
 
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their boundary.
+    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their
+    boundary.
 
     Raises:
         ValueError: where the file is not MEDIT, or ends early.

@@ -32,7 +32,8 @@ class WrongWord(ValueError):
 
 
 def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
-    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one anywhere."""
+    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one
+    anywhere."""
     at = 0
     while at < len(text):
         cut = len(text) if at + BLOCK_BYTES >= len(text) else text.rfind(end, at, at + BLOCK_BYTES)
