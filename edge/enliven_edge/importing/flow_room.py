@@ -89,8 +89,8 @@ class FlowRoomReader(SkeletonReader):
 def _frames(path: Path) -> list[list[_Skeleton]]:
     try:
         frames = _decoder.decode(read_file(path))
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise InputError(f"it is not this kind of JSON ({error})", where=str(path)) from None
+    except (msgspec.MsgspecError, RecursionError):
+        raise InputError("it is not this kind of JSON", where=str(path)) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:

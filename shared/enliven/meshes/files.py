@@ -15,6 +15,7 @@ from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
+from enliven.meshes.tokens import Damaged
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
@@ -53,10 +54,13 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
-        reason = str(error).strip().splitlines()
-        what = f"it cannot be read as {suffix[1:]}: {reason[0][:200] if reason else type(error).__name__}"
+        # Only words that are meant for users reach them.
+        told = isinstance(error, Damaged) or (suffix in GLTF_SUFFIXES and isinstance(error, ValueError))
+        reason = str(error).strip().partition("\n")[0][:200] if told else "it is damaged"
         raise InputError(
-            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
+            f"it cannot be read as {suffix[1:]}: {reason}",
+            where=str(path),
+            mend="Is it whole, and of the kind it says? " + known,
         ) from None
     try:
         mesh, notes = repair(mesh)

@@ -16,7 +16,15 @@ from enliven.errors import InputError
 from enliven.files import Beside, decode_text, text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import WrongWord, blocks, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import (
+    Damaged,
+    WrongWord,
+    blocks,
+    lines_of,
+    numbers_in,
+    without_comments,
+    word_starts,
+)
 
 _GREY = 200
 """sRGB of faces without a material in a file in which others have one."""
@@ -83,14 +91,14 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
         beside: opens the material files that it names.
 
     Raises:
-        ValueError: with the line that is wrong, or if there are no faces.
+        Damaged: with the line that is wrong, or if there are no faces.
     """
     text = text_bytes(data)
     try:
         # A joined line keeps its length, so that offsets still lead to lines of the file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
-        raise ValueError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
+        raise Damaged(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
 def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:

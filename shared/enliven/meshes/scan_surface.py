@@ -96,10 +96,8 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
         for a in at:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
-    except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
-        raise InputError(
-            f"its head and its points do not agree ({error})", where=where, mend="Copy it again."
-        ) from None
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError):
+        raise InputError("its head and its points do not agree", where=where, mend="Copy it again.") from None
     return np.stack([table[f"{a}"] for a in at], -1).astype(np.float64), viewpoint
 
 

@@ -18,7 +18,11 @@ _SHOWN_BYTES = 40
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
-class WrongWord(ValueError):
+class Damaged(ValueError):
+    """What is wrong with a file, in words for the user."""
+
+
+class WrongWord(Damaged):
     """A word that is not what it should be.
 
     Attributes:

@@ -44,7 +44,8 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
 
     Faces that share an edge with exactly one other face are made to agree with it; the larger area decides
     for a part that is open. A closed part faces outwards afterwards. A part inside another one keeps its
-    sense against that, so that a cavity stays one. A part with a single side (a Moebius strip) is left unchanged.
+    sense against that, so that a cavity stays one. A part with a single side (a Moebius strip) is left
+    unchanged.
     """
     if len(mesh.faces) == 0:
         return mesh, []

@@ -33,8 +33,8 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
             for number, data in database.execute(_MESSAGES.format(chosen)):
                 topic = str(topics[number])
                 yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
-    except (sqlite3.Error, OverflowError, TypeError, ValueError) as error:
-        what = f"the database is damaged, or no recording ({error})"
+    except (sqlite3.Error, OverflowError, TypeError, ValueError):
+        what = "the database is damaged, or no recording"
         raise InputError(what, where=str(path), mend="Copy it again.") from None
 
 
