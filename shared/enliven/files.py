@@ -118,8 +118,8 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
 def decode_text(data: bytes) -> str:
     """Decodes a text file of another program; every line ends in "\\n".
 
-    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8, else it
-    is in the computer's own 8-bit code page. No bytes are refused, so names keep all their letters apart.
+    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8, else
+    it is in the computer's own 8-bit code page. No bytes are refused, so names keep all their letters apart.
     """
     for mark, encoding in _BYTE_ORDER_MARKS:
         if data.startswith(mark):

@@ -16,6 +16,7 @@ from fuzz_law import Target
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import EnlivenError
 from enliven.example_sessions.session import read_session
+from enliven.files import decode_text
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.motion.expmap import read_expmap
@@ -26,6 +27,7 @@ from enliven.recording import Recording
 from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
+from enliven.takes import upright_capture
 from enliven.takes.possessed import read_possessed
 from enliven.wire import characters, convert, convert_characters, envelope, streams, topics
 from enliven.wire.envelope import Malformed
@@ -127,7 +129,7 @@ def _mesh(suffix: str) -> Callable[[bytes, Path], None]:
 
 
 def _bvh(data: bytes, folder: Path) -> None:
-    capture = parse_bvh(data.decode("utf-8", "replace"))
+    capture = upright_capture(parse_bvh(decode_text(data)))
     assert capture.positions.shape == (capture.frames, len(capture.names), 3)
 
 
@@ -175,10 +177,10 @@ def targets() -> list[Target]:
     controls = [msgspec.msgpack.encode(message) for message in seeds.requests()] + [character]
     wire = (Malformed, EnlivenError, ValueError)
     mesh_seeds = {
-        ".obj": (texts.OBJ, models.mesh(".obj")),
-        ".ply": (texts.PLY, models.mesh(".ply")),
+        ".obj": (texts.OBJ, texts.CONCAVE_OBJ, models.mesh(".obj")),
+        ".ply": (texts.PLY, texts.MIXED_PLY, models.mesh(".ply")),
         ".stl": (texts.STL, models.mesh(".stl")),
-        ".off": (texts.OFF, models.mesh(".off")),
+        ".off": (texts.OFF, texts.WRAPPED_OFF, models.mesh(".off")),
         ".mesh": (texts.MEDIT,),
         ".pcd": texts.PCDS,
         ".gltf": (models.gltf(),),
@@ -209,7 +211,7 @@ def targets() -> list[Target]:
         Target("gltf", 400, seeds.of_json(models.gltf()), _gltf(".gltf")),
         Target("glb", 300, models.glb_anew, _gltf(".glb")),
         Target("mesh glb", 150, models.glb_anew, _mesh(".glb")),
-        Target("bvh", 500, seeds.of_bytes(texts.BVH), _bvh),
+        Target("bvh", 500, seeds.of_bytes(texts.BVH, texts.WRAPPED_BVH), _bvh),
         Target("expmap", 50, seeds.of_bytes(texts.EXPMAP), lambda d, f: read_expmap(_file(f, "a.txt", d))),
         Target("orbbec bag", 250, seeds.of_bytes(models.orbbec_bag()), _bag("a.bag")),
         Target("realsense database", 250, seeds.of_bytes(models.realsense_database()), _bag("a.db3")),

@@ -20,6 +20,23 @@ g two
 f 2 3 4
 f 3 1 4 2
 """
+CONCAVE_OBJ = b"""v 0 0 0
+v 2 0 0
+v 2 2 0 \\
+0.5 0.5 0.5
+v 1 1 0
+v 0 2 0
+f 1 2 3 4 5
+f -5//1 -4//1 -3//1
+"""
+MIXED_PLY = (
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 5\n"
+    b"property float x\nproperty float y\nproperty float z\nelement face 2\nproperty uchar flags\n"
+    b"property list uchar int vertex_indices\nproperty list uchar float uv\nend_header\n"
+    + np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [1, 1, 0], [0, 2, 0]], "<f4").tobytes()
+    + b"\1\5" + np.arange(5, dtype="<i4").tobytes() + b"\1" + bytes(4)
+    + b"\0\3" + np.arange(3, dtype="<i4").tobytes() + b"\0"
+)  # fmt: skip
 PLY = b"""ply
 format ascii 1.0
 comment TextureFile seed.png
@@ -54,6 +71,7 @@ OFF = (
     b"COFF # colours\n4 2 0\n0 0 0 255 0 0 255\n1 0 0 1 1 1 1\n1 1 0 1 1 1 1\n0 1 0 1 1 1 1\n"
     b"4 0 1 2 3\n3 0 1 2\n"
 )
+WRAPPED_OFF = b"OFF\n4 4 6\n0 0 0 1 0 0\n0 1 0\n0 0 1\n3 0\n2 1 3\n0 1 3 3 1 2 3 3 0 3 2\n"
 _POINTS = [(x * 0.01, y * 0.01, 1 + 0.001 * x) for x in range(6) for y in range(6)]
 PCD = (
     b"# .PCD v.7\nVERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 36\nHEIGHT 1\n"
@@ -85,6 +103,11 @@ Frame Time: 0.0333333
 0 90 1 1 2 3 4 5 6
 0 90 2 1 2 3 4 5 6
 """
+WRAPPED_BVH = (
+    BVH.replace(b"hip\n{", b"hip { # root\n")
+    .replace(b"0 90 1 1 2 3", b"0 90 1\n1 2 3")
+    .replace(b"Frames:", b"FRAMES :")
+)
 EXPMAP = (b",".join([b"0.1"] * 117) + b"\n") * 3
 PLAN = b"""rest = "auto"
 travel = false

@@ -1,4 +1,5 @@
-"""Small files that failed once, by every entry point that reads them: meshes, motion captures, depth images."""
+"""Small files that failed once, by every entry point that reads them: meshes, motion captures, depth
+images."""
 
 from __future__ import annotations
 
@@ -80,7 +81,11 @@ def test_the_studio_adds_a_mesh(name: str) -> None:
 
 def test_index_zero_is_refused_with_its_line() -> None:
     lines = (FAULTS / "zeroidx.obj").read_text().splitlines()
-    number = next(n for n, line in enumerate(lines, 1) if line.startswith("f ") and " 0" in f" {line} ".replace(" 0 ", " 0"))
+    number = next(
+        n
+        for n, line in enumerate(lines, 1)
+        if line.startswith("f ") and " 0" in f" {line} ".replace(" 0 ", " 0")
+    )
     for read in (load_mesh, load_upright, lambda path: add_file(Editor(), path)):
         with pytest.raises(InputError, match=rf"line {number}: a face names vertex 0"):
             read(FAULTS / "zeroidx.obj")
@@ -91,7 +96,10 @@ def test_flipped_meshes_are_possessed_as_the_clean_one(tmp_path) -> None:
     made = []
     for name in ("latin1_comment.obj", "half_flipped.obj", "inside_out.obj"):
         path = tmp_path / f"{name}.enliven"
-        assert run(["possess", str(tmp_path / "bodies.mcap"), "--mesh", str(FAULTS / name), "-o", str(path)]) == 0
+        assert (
+            run(["possess", str(tmp_path / "bodies.mcap"), "--mesh", str(FAULTS / name), "-o", str(path)])
+            == 0
+        )
         project = read_project(path)
         (graph,) = project.graphs.values()
         made.append((graph.mesh, project.streams))
@@ -105,7 +113,7 @@ def test_flipped_meshes_are_possessed_as_the_clean_one(tmp_path) -> None:
 @pytest.mark.parametrize("name", ["latin1_comment.obj", "half_flipped.obj", "inside_out.obj"])
 def test_flipped_meshes_merge_to_one_shell(name: str) -> None:
     mesh, other = load_mesh(FAULTS / name).mesh, load_mesh(FAULTS / "latin1_comment.obj").mesh
-    one, two = solid_of(mesh), solid_of(replace(other, vertices=other.vertices + [0.05, 0.02, 0.0]))
+    one, two = solid_of(mesh), solid_of(replace(other, vertices=other.vertices + np.array([0.05, 0.02, 0.0])))
     assert isinstance(one, Solid) and isinstance(two, Solid), "neither has a face that is wound wrongly"
     assert len((one.manifold + two.manifold).decompose()) == 1
     assert one.manifold.volume() == pytest.approx(two.manifold.volume())
@@ -135,7 +143,7 @@ def test_a_capture_is_upright_by_every_road(name: str, tmp_path) -> None:
     assert run(["export", str(path), "-o", str(tmp_path / "out.bvh")]) == 0
     np.testing.assert_allclose(heights(read_take(tmp_path / "out.bvh")[0]), heights(clip), atol=0.01)
 
-    model = DATA / "gltf" / "khronos" / "CesiumMan.glb"
+    model = DATA / "gltf" / "khronos" / "RiggedFigure.glb"
     assert run(["retarget", str(path), str(model), "-o", str(tmp_path / "out.glb"), "--end", "0.2"]) == 0
     (moved,) = read_gltf(tmp_path / "out.glb").clips
     still = read_gltf(model).shape.skeleton.positions

@@ -21,7 +21,7 @@ _MOST_TEXT = 1 << 28
 
 
 def _ignore(sentence: str) -> None:
-    """Drops a note that nobody asked for."""
+    """Drops a note that is not wanted."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,6 @@ def text_of(path: Path) -> str:
         InputError: where it cannot be read.
     """
     return decode_text(read_file(path, _MOST_TEXT))
-
-
 
 
 def only_one(paths: Sequence[Path]) -> Path:

@@ -44,9 +44,8 @@ class OpenCvDepthReader(Reader):
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         depth = [path for path in paths if path.name.endswith(_SUFFIX)]
-        return (
-            any(is_depth_png(path) for path in depth)
-            and b"<opencv_storage>" in head_of(_camera_file(depth[0]))
+        return any(is_depth_png(path) for path in depth) and b"<opencv_storage>" in head_of(
+            _camera_file(depth[0])
         )
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:

@@ -1,4 +1,5 @@
-"""Sequences of depth images: images that cannot be used leave a gap in time, and values become millimetres."""
+"""Sequences of depth images: images that cannot be used leave a gap in time, and values become
+millimetres."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ MILLIMETRES = 1000.0
 TUM_UNITS = 5000.0
 """Values in a metre of the images of the TUM RGB-D benchmark."""
 _D405_UNITS = 10_000.0
-"""Values in a metre of a RealSense D405, whose depth unit is 0.1 mm from the factory."""
+"""Values in a metre of a RealSense D405; its depth unit is 0.1 mm from the factory."""
 _NO_DISTANCE = 65_535
 """Value that some cameras write where nothing was measured, 7-Scenes' among them; 65 m in millimetres."""
 _FAR_MM = 8000.0
@@ -65,13 +66,14 @@ class DepthUnit:
         if known.size and float(np.median(known)) > _FAR_MM:
             far = float(np.median(known)) / 1000
             self._note(
-                f"half of the first image is beyond {far:.1f} m, which is farther than depth cameras measure: "
+                f"half of the first image is beyond {far:.1f} m, farther than depth cameras measure: "
                 "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"
             )
 
 
 def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
-    """Returns the unit of an image without a stated one: a D405's by the device or the name of file or folder."""
+    """Returns the unit of an image without a stated one: a D405's by the device or the name of file or
+    folder."""
     names = (device, path.name, path.parent.name)
     if any(re.search(r"(?<![a-z0-9])d405(?![0-9])", name.lower()) for name in names):
         return DepthUnit(options, _D405_UNITS, "as a RealSense D405 writes them")
@@ -79,7 +81,8 @@ def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
 
 
 def depth_series(paths: Iterable[Path]) -> list[Path]:
-    """Returns the PNG files of the series that hold depth, in order; a series has equal names but for numbers.
+    """Returns the PNG files of the series that hold depth, in order; a series has equal names but for
+    numbers.
 
     Images of a series that hold no depth are among them, so that each later one keeps its place.
     """
@@ -91,9 +94,7 @@ def depth_series(paths: Iterable[Path]) -> list[Path]:
     return sorted((path for images in held for path in images), key=natural_order)
 
 
-def usable_images(
-    timed: Iterable[tuple[Path, int]], options: ImportOptions
-) -> Iterator[tuple[Path, int]]:
+def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
     """Yields the images that hold depth with their times; the others are reported by name and leave a gap.
 
     Raises:
@@ -109,9 +110,13 @@ def usable_images(
         if len(left_out) <= _MAX_NAMED:
             options.note(f"{path.name} is left out: {_problem(path)}; later images keep their time")
     if left_out and not used:
-        raise InputError(_problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG.")
+        raise InputError(
+            _problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG."
+        )
     if len(left_out) > _MAX_NAMED:
-        options.note(f"{len(left_out) - _MAX_NAMED} more images are left out, the last one {left_out[-1].name}")
+        options.note(
+            f"{len(left_out) - _MAX_NAMED} more images are left out, the last one {left_out[-1].name}"
+        )
 
 
 def _problem(path: Path) -> str:
@@ -121,7 +126,9 @@ def _problem(path: Path) -> str:
     kind = colour_kind(path)
     if kind is not None:
         return f"it is {kind}, not of one 16-bit channel"
-    return "it is not a PNG of one 16-bit channel" if head_of(path, 8) == PNG_MAGIC else "it is not a PNG image"
+    return (
+        "it is not a PNG of one 16-bit channel" if head_of(path, 8) == PNG_MAGIC else "it is not a PNG image"
+    )
 
 
 def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
@@ -129,6 +136,8 @@ def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
     return unit.millimetres(read_depth_png(path))
 
 
-def timed_images(images: Sequence[Path], options: ImportOptions, fps: float = 30.0) -> Iterator[tuple[Path, int]]:
+def timed_images(
+    images: Sequence[Path], options: ImportOptions, fps: float = 30.0
+) -> Iterator[tuple[Path, int]]:
     """Yields the usable images with evenly spaced times in nanoseconds, as :func:`usable_images`."""
     return usable_images(zip(images, options.times_ns(fps), strict=False), options)

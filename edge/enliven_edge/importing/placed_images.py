@@ -100,6 +100,7 @@ def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str
 _SUFFIX = ".depth.png"
 _CAMERA = "camera-intrinsics.txt"
 _SEVEN_SCENES_SIZE = (640, 480)
+"""Width and height in pixels of all images of the 7-Scenes data set."""
 _SEVEN_SCENES_LENS = (585.0, 585.0, 320.0, 240.0)
 """Focal lengths and centre in pixels that the 7-Scenes data set states for all its sequences."""
 _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))

@@ -102,7 +102,8 @@ def find_files(names: Sequence[str]) -> list[Path]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Returns the files directly in a folder, and those of its folder "depth" unless it has images of its own.
+    """Returns the files directly in a folder, and those of its folder "depth" unless it has images of its
+    own.
 
     Raises:
         InputError: if it is a scene of several sequences, as 7-Scenes has them.

@@ -46,7 +46,9 @@ class TumReader(Reader):
     note = "no camera in the files: 525 pixels unless --lens is given; times are the files' own"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
-        return any(_is_list(path) for path in paths) or any(_is_timed(path) and is_depth_png(path) for path in paths)
+        return any(_is_list(path) for path in paths) or any(
+            _is_timed(path) and is_depth_png(path) for path in paths
+        )
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         lists = [path for path in paths if _is_list(path)]
@@ -141,7 +143,9 @@ def _poses(path: Path, times: list[int]) -> dict[int, Float]:
         at = int(np.abs(known - time_ns).argmin())
         x, y, z, w = values[at, 3:]
         length = float(np.linalg.norm(values[at, 3:]))
-        if abs(int(known[at]) - time_ns) > _MAX_GAP_NS or not (np.isfinite(values[at]).all() and length > 0.5):
+        if abs(int(known[at]) - time_ns) > _MAX_GAP_NS or not (
+            np.isfinite(values[at]).all() and length > 0.5
+        ):
             return {}
         pose = np.eye(4)
         pose[:3, :3] = to_matrix(np.array([w, x, y, z]) / length)

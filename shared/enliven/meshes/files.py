@@ -15,9 +15,12 @@ from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
+from enliven.meshes.tokens import Damaged
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
+_REASON_LETTERS = 200
+"""Most letters of a reader's reason in a message."""
 _TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that hold vertices and faces only."""
 
@@ -92,7 +95,9 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
-        what = f"it cannot be read as {suffix[1:]}: {plain_reason(error)}"
+        # Only words that are meant for users reach them.
+        reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
+        what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
             what, where=str(path), mend="Is it whole, and of the kind it says? " + known
         ) from None

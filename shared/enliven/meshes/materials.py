@@ -93,7 +93,8 @@ class MeshMaterials:
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
     def turned(self, which: Bool) -> MeshMaterials:
-        """Returns the materials of the same faces with the corners of those in ``which`` (F,) in the other order."""
+        """Returns the materials of the same faces with the corners of those in ``which`` (F,) in the other
+        order."""
         uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
         tints = self.tints
         if tints is not None:

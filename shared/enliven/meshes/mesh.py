@@ -83,7 +83,8 @@ class Mesh:
         return replace(self, faces=self.faces[keep], materials=materials)
 
     def turned(self, which: Bool | None = None) -> Mesh:
-        """Returns the mesh with the corners of its faces (or of those in ``which`` (F,)) in the other order."""
+        """Returns the mesh with the corners of its faces (or of those in ``which`` (F,)) in the other
+        order."""
         if which is None:
             which = np.ones(len(self.faces), bool)
         materials = None if self.materials is None else self.materials.turned(which)

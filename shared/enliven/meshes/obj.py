@@ -1,7 +1,7 @@
 """Reader of Wavefront OBJ: polygons, vertex colours, and the diffuse colours of its materials.
 
-The file is searched in blocks, twice: first for faces, then for the vertices that these use. So a vertex that no
-face uses costs no memory.
+The file is searched in blocks, twice: first for faces, then for the vertices that these use. So a vertex
+that no face uses costs no memory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,15 @@ from enliven.errors import InputError
 from enliven.files import Beside, decode_text, text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import WrongWord, blocks, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import (
+    Damaged,
+    WrongWord,
+    blocks,
+    lines_of,
+    numbers_in,
+    without_comments,
+    word_starts,
+)
 
 _GREY = 200
 """sRGB of faces without a material in a file in which others have one."""
@@ -32,7 +40,8 @@ class _WrongLine(Exception):
 
 
 class _Lines(NamedTuple):
-    """The lines of a block: where each begins and how long it is, and the first two letters of its first word."""
+    """The lines of a block: where each begins and how long it is, and the first two letters of its first
+    word."""
 
     starts: Int
     lengths: Int
@@ -40,9 +49,10 @@ class _Lines(NamedTuple):
     letters: AnyArray
 
     def are(self, letter: str, second: str = " ") -> Bool:
-        """(L,) whether the first word of a line begins so; a blank as second letter is the end of the word."""
+        """(L,) whether the first word of a line begins so; a blank as second letter is the end of the
+        word."""
         wanted = _SPACES if second == " " else (ord(second),)
-        return (self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted)
+        return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted))
 
 
 @dataclass
@@ -81,14 +91,14 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
         beside: opens the material files that it names.
 
     Raises:
-        ValueError: with the line that is wrong, or if there are no faces.
+        Damaged: with the line that is wrong, or if there are no faces.
     """
     text = text_bytes(data)
     try:
         # A joined line keeps its length, so that offsets still lead to lines of the file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
-        raise ValueError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
+        raise Damaged(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
 def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
@@ -170,7 +180,8 @@ def _read_faces(text: bytes) -> _Faces:
 
 
 def _materials_of(block: bytes, lines: _Lines, faces: _Faces) -> Int:
-    """(L,) the material that holds at each line; names of materials and of their files are added to ``faces``."""
+    """(L,) the material that holds at each line; names of materials and of their files are added to
+    ``faces``."""
     changes, values = [0], [faces.current]
     for k in np.flatnonzero(lines.are("u", "s") | lines.are("m", "t")):
         line = block[lines.first[k] : lines.starts[k] + lines.lengths[k]]
@@ -218,7 +229,8 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
 
 
 def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Float, UInt8 | None]:
-    """Returns (U, 3) the used vertices, and (U, 3) their colours or None; blocks without used ones are skipped."""
+    """Returns (U, 3) the used vertices, and (U, 3) their colours or None; blocks without used ones are
+    skipped."""
     vertices, colours, count = list[Float](), list[Float](), 0
     for (offset, block), many in zip(blocks(text), in_block, strict=True):
         used = is_used[count : count + many]
@@ -250,8 +262,9 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
 
 
 def _bytes_of(colours: Float) -> UInt8 | None:
-    """(V, 3) sRGB bytes of colours in 0..1, or in 0..255 if one is above 1; grey if not finite, None if all."""
-    known = np.isfinite(colours).all(1)
+    """(V, 3) sRGB bytes of colours in 0..1, or in 0..255 if one is above 1; grey if not finite, None if
+    all."""
+    known: Bool = np.asarray(np.isfinite(colours).all(1))
     if not known.any():
         return None
     scale = 255.0 if colours[known].max() <= 1.0 else 1.0
@@ -260,7 +273,8 @@ def _bytes_of(colours: Float) -> UInt8 | None:
 
 
 def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | None:
-    """(M + 1, 3) the sRGB of each used material, grey for the last, which is none; None if none has a colour."""
+    """(M + 1, 3) the sRGB of each used material, grey for the last, which is none; None if none has a
+    colour."""
     known: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:
         try:
@@ -278,7 +292,8 @@ def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | No
 
 
 def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
-    """Returns the diffuse colours in 0..1 of the materials of an MTL file by name; other entries are skipped."""
+    """Returns the diffuse colours in 0..1 of the materials of an MTL file by name; other entries are
+    skipped."""
     colours: dict[str, tuple[float, float, float]] = {}
     name = ""
     for line in text.split("\n"):

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int, UInt8
+from enliven.arrays import AnyArray, Float, UInt8
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import numbers_in
+from enliven.meshes.tokens import Damaged, numbers_in
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -52,17 +52,19 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     """Returns the mesh of a PLY file, and notes on what was unusual.
 
     Raises:
-        ValueError: if it is no PLY, has a broken header, or is shorter than this states.
+        Damaged: if it is no PLY, has a broken header, or is shorter than this states.
     """
     kind, elements, body = _read_head(data)
     tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
     notes = list[str]()
     rest = tables.pop("", None)
     if rest is not None:
-        notes.append(f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element")
+        notes.append(
+            f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element"
+        )
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
-        raise ValueError("its header has no vertices with x, y and z")
+        raise Damaged("its header has no vertices with x, y and z")
     vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     key = next((word for word in _CORNERS if word in face), "")
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
@@ -70,7 +72,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
         at = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), at, "right"))
-        raise ValueError(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
+        raise Damaged(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _colours(vertex)), notes
 
@@ -82,12 +84,12 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
         data = text_bytes(data)
     end = _END.search(data, 0, _MAX_HEAD_BYTES)
     if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
-        raise ValueError("it has no header of a PLY file")
+        raise Damaged("it has no header of a PLY file")
     kind, elements = "", list[_Element]()
     lines = text_bytes(data[: end.start()]).decode("utf-8", "replace").split("\n")
     count = sum(line.split()[:1] == ["property"] for line in lines)
     if count > _MAX_PROPERTIES:
-        raise ValueError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
+        raise Damaged(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
     for line in lines:
         match line.split():
             case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as kind, *_]:
@@ -99,16 +101,16 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["property", of, word] if elements and of in _TYPES:
                 elements[-1].properties.append((word, _TYPES[of], ""))
             case ["property" | "element" | "format", *_]:
-                raise ValueError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
+                raise Damaged(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
             case _:
                 pass  # "ply", comments and the object information of scanners
     if not kind:
-        raise ValueError("its header does not state a format")
+        raise Damaged("its header does not state a format")
     return kind, elements, data[end.end() :]
 
 
-def _short(element: _Element) -> ValueError:
-    return ValueError(f"it ends early: its header states {element.count} rows of {element.name!r}")
+def _short(element: _Element) -> Damaged:
+    return Damaged(f"it ends early: its header states {element.count} rows of {element.name!r}")
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -139,7 +141,8 @@ def _of_type(column: Float, of: str) -> AnyArray:
 
 
 def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, AnyArray], int]:
-    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts say."""
+    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts
+    say."""
     only = element.properties[0] if len(element.properties) == 1 else None
     first = int(numbers[at]) if at < len(numbers) and 0 <= numbers[at] <= _MAX_SIDES else 0
     block = numbers[at : at + element.count * (1 + first)]
@@ -170,10 +173,10 @@ def _sides(count: float) -> int:
     """Returns the length of a list.
 
     Raises:
-        ValueError: if it is not a whole number, negative or larger than a polygon can be.
+        Damaged: if it is not a whole number, negative or larger than a polygon can be.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise ValueError(f"a list of it has {count:g} entries")
+        raise Damaged(f"a list of it has {count:g} entries")
     return int(count)
 
 
@@ -223,7 +226,10 @@ def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[d
 
 def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
     """Returns the lists of an element with rows of several lengths, and the place after it."""
-    sizes = [(np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize) for _, of, count in element.properties]
+    sizes = [
+        (np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize)
+        for _, of, count in element.properties
+    ]
     endian: Literal["little", "big"] = "little" if order == "<" else "big"
     places: list[list[int]] = [[] for _ in sizes]
     counts: list[list[int]] = [[] for _ in sizes]
@@ -253,7 +259,8 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
 
 
 def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dtype, list[int]]:  # type: ignore[type-arg]
-    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain column)."""
+    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain
+    column)."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     many = list[int]()
     for k, (_, of, count) in enumerate(element.properties):
@@ -272,7 +279,8 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
 
 
 def _colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
-    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above 1."""
+    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above
+    1."""
     for prefix in ("", "diffuse_"):
         columns = [vertex.get(f"{prefix}{word}") for word in ("red", "green", "blue")]
         if all(column is not None for column in columns):

@@ -51,7 +51,8 @@ def _mean_normals(points: Float) -> Float:
 
 
 def _are_convex(points: Float) -> Bool:
-    """(P,) whether polygons (P, N, 3) turn one way at every corner and once around, seen along their normal."""
+    """(P,) whether polygons (P, N, 3) turn one way at every corner and once around, seen along their
+    normal."""
     normals = _mean_normals(points)
     edges = np.roll(points, -1, 1) - points
     following = np.roll(edges, -1, 1)

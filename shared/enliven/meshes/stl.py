@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
-from enliven.meshes.tokens import blocks, numbers_in
+from enliven.meshes.tokens import Damaged, blocks, numbers_in
 
 _HEAD = 84
 """Bytes before the first triangle of a binary file: 80 of anything and the count, uint32."""
@@ -22,7 +22,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     """(3F, 3) corners and (F, 3) triangles of an STL file, and notes.
 
     Raises:
-        ValueError: where the file is shorter than its header says, or is neither binary nor ASCII.
+        Damaged: where the file is shorter than its header says, or is neither binary nor ASCII.
     """
     said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     expected = _HEAD + said * _TRIANGLE.itemsize
@@ -31,9 +31,9 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     if text is not None:
         corners = _ascii(text)
     elif len(data) < _HEAD:
-        raise ValueError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
+        raise Damaged(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
     elif len(data) < expected or said == 0:
-        raise ValueError(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
+        raise Damaged(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
     else:
         corners = np.frombuffer(data, _TRIANGLE, said, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
         if len(data) > expected:
@@ -54,9 +54,9 @@ def _ascii(text: bytes) -> Float:
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
-        raise ValueError("it ends early: the last line is not endsolid")
+        raise Damaged("it ends early: the last line is not endsolid")
     if len(corners) % 3:
-        raise ValueError(f"it has {len(corners)} corners, which are no whole triangles")
+        raise Damaged(f"it has {len(corners)} corners, which are no whole triangles")
     return corners
 
 

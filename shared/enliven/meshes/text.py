@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import Damaged, lines_of, numbers_in, without_comments, word_starts
 
 _OFF = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
@@ -21,7 +21,8 @@ _OFF = re.compile(
 )
 """The header: the word may be missing, and so may the count of edges unless each count has its own line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
-"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture coordinates."""
+"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
+coordinates."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
 """Numbers in a line of each section of a Medit file: coordinates or vertices, and a reference number."""
@@ -34,22 +35,22 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     coordinates are skipped.
 
     Raises:
-        ValueError: where the file is not what its header says.
+        Damaged: where the file is not what its header says.
     """
     text = without_comments(text_bytes(data)) + b"\n"
     head = _OFF.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
-        raise ValueError("the first word is not OFF")
+        raise Damaged("the first word is not OFF")
     if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
         problem = "it is binary" if head["binary"] else "its vertices have not three coordinates"
-        raise ValueError(f"{problem}: write it as text, with three coordinates for each vertex")
+        raise Damaged(f"{problem}: write it as text, with three coordinates for each vertex")
     if head["vertices"] is None:
-        raise ValueError("the counts of vertices and faces are missing")
+        raise Damaged("the counts of vertices and faces are missing")
     count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
     said = f"it says {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
-        raise ValueError(said)
+        raise Damaged(said)
     body = text[head.end() :]
     problem = f"it ends early: {said}"
     for vertices, at in _off_vertices(body, count, kind):
@@ -59,7 +60,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
             notes = [f"ignored {rest} words after its last face"] if rest else []
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{said}, and {walked}"
-    raise ValueError(problem)
+    raise Damaged(problem)
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
@@ -104,7 +105,8 @@ def _line_ends(body: bytes, count: int) -> Int:
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
     """Returns corners, sizes and the number of words after the faces; a sentence if they do not fit.
 
-    Faces follow each other without colours, or a face's colour is what is left of the line of its last corner.
+    Faces follow each other without colours, or a face's colour is what is left of the line of its last
+    corner.
     """
     try:
         numbers = numbers_in(body, np.int64)
@@ -151,32 +153,33 @@ def _whole(word: bytes) -> int:
 
 
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their boundary.
+    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their
+    boundary.
 
     Raises:
-        ValueError: where the file is not MEDIT, or ends early.
+        Damaged: where the file is not MEDIT, or ends early.
     """
-    words = decode_text(data).split()
+    words = decode_text(without_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
-        raise ValueError("the first word is not MeshVersionFormatted")
+        raise Damaged("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
     for i, word in enumerate(words[:-1]):
         if word in _MEDIT_COLUMNS:
             columns = _MEDIT_COLUMNS[word]
             if int(words[i + 1]) < 0:
-                raise ValueError(f"it says {words[i + 1]} {word}")
+                raise Damaged(f"it says {words[i + 1]} {word}")
             values = words[i + 2 : i + 2 + int(words[i + 1]) * columns]
             if len(values) < int(words[i + 1]) * columns:
-                raise ValueError(f"it ends early, in {word}")
+                raise Damaged(f"it ends early, in {word}")
             tables[word] = np.array(values, np.float64).reshape(-1, columns)[:, :-1]
     if "Vertices" not in tables:
-        raise ValueError("it has no Vertices")
+        raise Damaged("it has no Vertices")
     triangles = [tables[t].astype(np.int64) - 1 for t in ("Triangles",) if t in tables]
     if "Quadrilaterals" in tables:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
         vertices = tables["Vertices"]
         if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
-            raise ValueError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+            raise Damaged(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary(tables["Tetrahedra"].astype(np.int64) - 1)]

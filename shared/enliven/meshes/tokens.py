@@ -18,7 +18,11 @@ _SHOWN_BYTES = 40
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
-class WrongWord(ValueError):
+class Damaged(ValueError):
+    """What is wrong with a file, in words for the user."""
+
+
+class WrongWord(Damaged):
     """A word that is not what it should be.
 
     Attributes:
@@ -32,7 +36,8 @@ class WrongWord(ValueError):
 
 
 def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
-    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one anywhere."""
+    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one
+    anywhere."""
     at = 0
     while at < len(text):
         cut = len(text) if at + BLOCK_BYTES >= len(text) else text.rfind(end, at, at + BLOCK_BYTES)

@@ -12,13 +12,13 @@ from enliven.meshes.kernels import face_areas
 from enliven.meshes.mesh import Mesh, weld
 
 _MIN_VOLUME_RATIO = 1e-6
-"""Least volume over area to the power 1.5 for which a shell has an inside: a sphere has 0.094, two sheets back to
-back none."""
+"""Least volume over area to the power 1.5 for which a shell has an inside: a sphere has 0.094, two sheets
+back to back none."""
 
 
 _MAX_NESTED_PARTS = 2048
-"""Most closed parts for which it is tested which lies inside which; this takes quadratic time. A model of more
-parts is a heap of things, and cavities are rare in these."""
+"""Most closed parts for which it is tested which lies inside which; this takes quadratic time. A model of
+more parts is a heap of things, and cavities are rare in these."""
 _MAX_AROUND = 32
 """Most parts around one part that are tested, the largest first."""
 
@@ -42,9 +42,10 @@ class _Edges(NamedTuple):
 def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Returns the mesh with consistent winding, and a sentence for each kind of repair.
 
-    Faces that share an edge with exactly one other face are made to agree with it; the larger area decides for a
-    part that is open. A closed part faces outwards afterwards. A part inside another one keeps its sense against
-    that, so that a cavity stays one. A part with a single side (a Moebius strip) is left unchanged.
+    Faces that share an edge with exactly one other face are made to agree with it; the larger area decides
+    for a part that is open. A closed part faces outwards afterwards. A part inside another one keeps its
+    sense against that, so that a cavity stays one. A part with a single side (a Moebius strip) is left
+    unchanged.
     """
     if len(mesh.faces) == 0:
         return mesh, []
@@ -91,10 +92,11 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _parted(count, ones, twos, agree):  # type: ignore[no-untyped-def]
-    """For each of ``count`` faces its root in a forest and whether it runs against that; and the twisted roots.
+    """For each of ``count`` faces its root in a forest and whether it runs against that; and the twisted
+    roots.
 
-    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree keeps for each face whether its winding differs
-    from its parent's.
+    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree keeps for each face whether its winding
+    differs from its parent's.
     """
     parent, against = np.arange(count), np.zeros(count, np.bool_)
     twisted = np.zeros(count, np.bool_)
@@ -129,7 +131,8 @@ def _parted(count, ones, twos, agree):  # type: ignore[no-untyped-def]
 
 
 def _consistent(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """(F,) the part of each face, (F,) whether it runs against the first face there, (P,) parts with one side."""
+    """(F,) the part of each face, (F,) whether it runs against the first face there, (P,) parts with one
+    side."""
     root, against, twisted = _parted(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]
@@ -148,7 +151,7 @@ def _volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -
     """(P,) the signed volume of each part, positive if it faces outwards; meaningless if it is open."""
     corners = vertices[faces] - vertices.mean(0)
     volume = np.einsum("fa,fa->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
-    return np.bincount(part, np.where(flip, -volume, volume), count)
+    return np.asarray(np.bincount(part, np.where(flip, -volume, volume), count), np.float64)
 
 
 def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward: Bool) -> Bool:

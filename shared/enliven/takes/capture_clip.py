@@ -34,14 +34,15 @@ def clip_of_capture(
 ) -> Clip:
     """Returns the motion of a file as a clip in metres.
 
-    A capture with another axis up is turned upright. What a file moves a joint by against its parent is the clip's offsets, where it can be seen. A joint above
-    all others that only carries the one that moves (a point on the floor) is left out.
+    A capture with another axis up is turned upright. What a file moves a joint by against its parent is the
+    clip's offsets, where it can be seen. A joint above all others that only carries the one that moves (a
+    point on the floor) is left out.
 
     Args:
         rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
             that pose stands as tall as the frames do, else "first".
-        unit: a name of ``UNITS``, metres a unit, or None to guess it by the legs of a person, else by the height of
-            the root over the lowest joint.
+        unit: a name of ``UNITS``, metres a unit, or None to guess it by the legs of a person, else by the
+            height of the root over the lowest joint.
 
     Raises:
         InputError: for a tree with two roots, a frame or a unit that is not there.

@@ -31,8 +31,8 @@ _MIN_ALIGNMENT = 0.8
 _MIN_REST_HEIGHT = 0.8
 """Least height of a rest pose, as a ratio of that in the frames, for it to count as standing."""
 _FLOOR_TOLERANCE = 0.05
-"""Distance of the lowest joint from zero, as a ratio of the body's length, within which a file has its floor at
-zero along an axis: markers are some centimetres above it."""
+"""Distance of the lowest joint from zero, as a ratio of the body's length, within which a file has its floor
+at zero along an axis: markers are some centimetres above it."""
 _FEET = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
 """What the lowest joint of a leg is called in captures of animals too."""
 
@@ -56,8 +56,8 @@ def read_capture(path: Path) -> Capture:
 def upright_capture(capture: Capture) -> Capture:
     """Returns the capture with +Y up; the same object if it already is.
 
-    Joints' own frames are turned too, so that the result is what the same motion written with +Y up would be, and
-    zero rotations give the same pose.
+    Joints' own frames are turned too, so that the result is what the same motion written with +Y up would
+    be, and zero rotations give the same pose.
     """
     up = _up_axis(capture)
     if up == "+Y":
@@ -75,7 +75,8 @@ def leg_length(capture: Capture, roles: Roles) -> float:
 
 
 def metres_of_legs(capture: Capture) -> float | None:
-    """Returns the metres in a unit of the file, by the length of a person's legs; None if it has none by name."""
+    """Returns the metres in a unit of the file, by the length of a person's legs; None if it has none by
+    name."""
     roles = _roles(capture)
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
 
@@ -90,9 +91,9 @@ def _roles(capture: Capture) -> Roles | None:
 def _up_axis(capture: Capture) -> str:
     """Returns the axis of a file that points up, such as "+Z".
 
-    It is the axis along which the head is above the ankles, or the legs of an animal stand. Who crawls or lies
-    the whole time is recognised by a rest pose that stands along another axis, if the floor is at zero only
-    along that one.
+    It is the axis along which the head is above the ankles, or the legs of an animal stand. Who crawls or
+    lies the whole time is recognised by a rest pose that stands along another axis, if the floor is at zero
+    only along that one.
     """
     roles = _roles(capture)
     moving = np.median(_ups(capture, roles, capture.positions), axis=0)
@@ -110,15 +111,16 @@ def _up_axis(capture: Capture) -> str:
 
 
 def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
-    """(F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero if unknown."""
+    """(F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero if
+    unknown."""
     if roles is not None:
-        return positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1)
+        return np.asarray(positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1))
     parents = np.array(capture.parents)
     feet = [j for j, name in enumerate(capture.names) if _FEET.search(name) and not name.endswith(" end")]
     legs = [(parents[parents[j]], j) for j in feet if parents[j] >= 0 and parents[parents[j]] >= 0]
     if not legs:
         return np.zeros((len(positions), 3))
-    return np.mean([positions[:, top] - positions[:, foot] for top, foot in legs], axis=0)
+    return np.asarray(np.mean([positions[:, top] - positions[:, foot] for top, foot in legs], axis=0))
 
 
 def _nearest_axis(up: Float) -> tuple[str, bool]:
@@ -134,7 +136,9 @@ def _zero_pose(capture: Capture) -> Float:
     for j, parent in enumerate(capture.parents):
         if parent >= 0:
             apart = capture.positions[:, j] - capture.positions[:, parent]
-            at[j] = at[parent] + np.median(np.einsum("fji,fj->fi", capture.rotations[:, parent], apart), axis=0)
+            at[j] = at[parent] + np.median(
+                np.einsum("fji,fj->fi", capture.rotations[:, parent], apart), axis=0
+            )
     return at
 
 

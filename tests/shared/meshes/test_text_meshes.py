@@ -1,4 +1,5 @@
-"""Mesh files of other programs: polygons of every shape, encodings, line ends, layouts, tails, huge leftovers."""
+"""Mesh files of other programs: polygons of every shape, encodings, line ends, layouts, tails, huge
+leftovers."""
 
 import struct
 
@@ -64,14 +65,18 @@ def test_collinear_corners_are_all_used_so_that_neighbours_stay_joined() -> None
 
 
 def test_a_hole_that_a_bridge_opens_stays_open() -> None:
-    points = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [1, 1, 0], [1, 3, 0], [3, 3, 0], [3, 1, 0]], float)
+    points = np.array(
+        [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [1, 1, 0], [1, 3, 0], [3, 3, 0], [3, 1, 0]], float
+    )
     faces, _ = triangulate(points, np.array([0, 1, 2, 3, 0, 4, 5, 6, 7, 4]), np.array([10]))
     assert area(points, faces) == pytest.approx(12.0)
 
 
 def test_polygons_of_all_kinds_at_once_keep_their_places() -> None:
     """A triangle, an edge, a concave quad, a bent quad, no corners, a polygon without area."""
-    points = np.array([[0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0], [2, 2, 1], [1, 0, 0], [3, 0, 0]], float)
+    points = np.array(
+        [[0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0], [2, 2, 1], [1, 0, 0], [3, 0, 0]], float
+    )
     corners = np.array([0, 1, 3, 0, 1, 0, 1, 2, 3, 0, 1, 4, 3, 0, 5, 1, 6])
     faces, places = triangulate(points, corners, np.array([3, 2, 4, 4, 0, 4]))
     assert len(faces) == 1 + 2 + 2 + 2
@@ -88,9 +93,13 @@ def outline(kind: str) -> bytes:
         return ("v " + rows.replace("\n", "\nv ") + "\nf 1 2 3 4 5 6\n").encode()
     if kind == "off":
         return f"OFF\n6 1 0\n{rows}\n6 0 1 2 3 4 5\n".encode()
-    head = f"ply\nformat {{}} 1.0\nelement vertex 6\n{{}}element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    head = "ply\nformat {} 1.0\nelement vertex 6\n{}element face 1\nproperty list uchar int vertex_indices\nend_header\n"  # noqa: E501
     if kind == "ply":
-        return (head.format("ascii", "property float x\nproperty float y\nproperty float z\n") + rows + "\n6 0 1 2 3 4 5\n").encode()
+        return (
+            head.format("ascii", "property float x\nproperty float y\nproperty float z\n")
+            + rows
+            + "\n6 0 1 2 3 4 5\n"
+        ).encode()
     order, name = ("<", "little") if kind == "little ply" else (">", "big")
     numbers = np.column_stack([L, np.zeros(6)]).astype(order + "f4").tobytes()
     face = struct.pack(f"{order}B6i", 6, *range(6))
@@ -117,7 +126,9 @@ def test_a_concave_medit_quadrilateral(tmp_path) -> None:
 # Text
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-32", "cp1252", "latin-1"])
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-32", "cp1252", "latin-1"]
+)
 def test_text_keeps_its_letters(encoding) -> None:
     mark = b"\xfe\xff" if encoding == "utf-16-be" else b""
     data = mark + "Größe\r\nWürfel\rEnde\n".encode(encoding)
@@ -142,7 +153,9 @@ def test_the_code_page_of_the_computer_is_used(monkeypatch, name) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_materials_are_found_by_their_names_in_every_encoding(tmp_path, encoding, end) -> None:
-    (tmp_path / "Möbel.mtl").write_bytes(f"newmtl Grün{end}Kd 0 1 0{end}newmtl rot{end}Kd 1 0 0{end}".encode(encoding))
+    (tmp_path / "Möbel.mtl").write_bytes(
+        f"newmtl Grün{end}Kd 0 1 0{end}newmtl rot{end}Kd 1 0 0{end}".encode(encoding)
+    )
     lines = ["mtllib Möbel.mtl", *BOX[:8], "usemtl Grün", *BOX[8:13], "usemtl rot", BOX[13]]
     path = tmp_path / "a.obj"
     path.write_bytes(end.join(lines).encode(encoding))
@@ -153,13 +166,18 @@ def test_materials_are_found_by_their_names_in_every_encoding(tmp_path, encoding
 
 OBJ = "\n".join(BOX) + "\n"
 OBJ_LAYOUTS = {
-    "negative": OBJ[: OBJ.index("f")] + "f -8 -5 -6 -7\nf -4 -3 -2 -1\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
+    "negative": OBJ[: OBJ.index("f")]
+    + "f -8 -5 -6 -7\nf -4 -3 -2 -1\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
     "continued": OBJ.replace("f 1 4 3 2", "f 1 \\\n4 3 \\\n2").replace("v 1 0 0", "v 1 \\\n0 0"),
     "tabs and blanks": OBJ.replace(" ", " \t ").replace("\nf", "\n   f").replace("\nv", "\n\tv"),
     "comments": "# Gr\u00fc\u00dfe\n" + OBJ.replace("f 1 4 3 2", "f 1 4 3 2 # bottom"),
     "no line end": OBJ.rstrip(),
-    "corners with texture coordinates": OBJ.replace("f 1 4 3 2", "f 1/1 4/1 3/1 2/1").replace("v 0 0 0", "vt 0 0\nv 0 0 0"),
-    "corners with normals": OBJ.replace("f 1 4 3 2", "f 1//1 4//1 3//1 2//1").replace("v 0 0 0", "vn 0 0 1\nv 0 0 0"),
+    "corners with texture coordinates": OBJ.replace("f 1 4 3 2", "f 1/1 4/1 3/1 2/1").replace(
+        "v 0 0 0", "vt 0 0\nv 0 0 0"
+    ),
+    "corners with normals": OBJ.replace("f 1 4 3 2", "f 1//1 4//1 3//1 2//1").replace(
+        "v 0 0 0", "vn 0 0 1\nv 0 0 0"
+    ),
     "a slash without a number": OBJ.replace("f 1 4 3 2", "f 1/ 4/ 3/ 2/"),
     "faces before vertices": "\n".join(BOX[8:] + BOX[:8]),
     "lines and points": OBJ + "l 1 2\np 3\nf 1 2\n",
@@ -213,7 +231,7 @@ OFF_LAYOUTS = {
     "wrapped": "OFF\n4 4 6\n0 0 0 1 0 0\n0 1 0\n0 0 1\n3 0\n2 1 3\n0 1 3 3 1 2 3 3 0 3 2\n",
     "all in one line": ("OFF 4 4 6 " + TETRAHEDRON + FACES).replace("\n", " "),
     "each word on a line": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace(" ", "\n"),
-    "comments": "# made by hand\nOFF # the kind\n# counts\n4 4 6 # all\n" + TETRAHEDRON.replace("\n", " # v\n") + "\n# faces\n" + FACES,
+    "comments": "# made by hand\nOFF # the kind\n# counts\n4 4 6 # all\n" + TETRAHEDRON.replace("\n", " # v\n") + "\n# faces\n" + FACES,  # noqa: E501
     "no edges": "OFF\n4 4\n" + TETRAHEDRON + FACES,
     "no word": "4 4 6\n" + TETRAHEDRON + FACES,
     "lower case": "off\n4 4 6\n" + TETRAHEDRON + FACES,
@@ -224,12 +242,12 @@ OFF_LAYOUTS = {
     "three colours": "COFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 1 0 0\n") + FACES,
     "colours in a plain one": "OFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 255 0 0\n") + FACES,
     "normals": "NOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1\n") + FACES,
-    "normals and colours wrapped": ("CNOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1 9 9 9 9\n")).replace("1 9", "1\n9") + FACES,
+    "normals and colours wrapped": ("CNOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1 9 9 9 9\n")).replace("1 9", "1\n9") + FACES,  # noqa: E501
     "texture": "STOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " .5 .5\n") + FACES,
     "Windows": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace("\n", "\r\n"),
     "Macintosh": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace("\n", "\r"),
     "byte order mark": "\ufeffOFF\n4 4 6\n" + TETRAHEDRON + FACES,
-    "polygon and triangles": "OFF\n4 4 6\n" + TETRAHEDRON + FACES.replace("3 0 2 1\n", "3 0 2 1\n").replace("3 0 3 2", "3   0 3 2"),
+    "polygon and triangles": "OFF\n4 4 6\n" + TETRAHEDRON + FACES.replace("3 0 2 1\n", "3 0 2 1\n").replace("3 0 3 2", "3   0 3 2"),  # noqa: E501
     "words after it": "OFF\n4 4 6\n" + TETRAHEDRON + FACES + "made by hand\n",
 }  # fmt: skip
 
@@ -278,7 +296,19 @@ ASCII_STL = (
         (ASCII_STL.encode() + b"# made by hand\n" * 300, ""),
         (b"solid Gr\xf6\xdfe\n" + ASCII_STL.encode()[8:], ""),
     ],
-    ids=["binary", "tail", "long tail", "text", "blanks", "mark", "utf-16", "upper", "cr", "text tail", "latin 1"],
+    ids=[
+        "binary",
+        "tail",
+        "long tail",
+        "text",
+        "blanks",
+        "mark",
+        "utf-16",
+        "upper",
+        "cr",
+        "text tail",
+        "latin 1",
+    ],
 )
 def test_layouts_of_stl(tmp_path, data, note) -> None:
     path = tmp_path / "a.stl"
@@ -290,9 +320,9 @@ def test_layouts_of_stl(tmp_path, data, note) -> None:
 
 PLY_LAYOUTS = {
     "comments": lambda data: data.replace(b"format", b"comment Gr\xf6\xdfe\nobj_info by hand\nformat"),
-    "Windows": lambda data: data[: data.index(b"end_header")].replace(b"\n", b"\r\n") + data[data.index(b"end_header") :].replace(b"end_header\n", b"end_header\r\n"),
+    "Windows": lambda data: data[: data.index(b"end_header")].replace(b"\n", b"\r\n") + data[data.index(b"end_header") :].replace(b"end_header\n", b"end_header\r\n"),  # noqa: E501
     "byte order mark": lambda data: b"\xef\xbb\xbf" + data,
-    "other types": lambda data: data.replace(b"list uchar int", b"list uint8 int32").replace(b"float", b"float32"),
+    "other types": lambda data: data.replace(b"list uchar int", b"list uint8 int32").replace(b"float", b"float32"),  # noqa: E501
     "vertex_index": lambda data: data.replace(b"vertex_indices", b"vertex_index"),
     "tail": lambda data: data + b" 1 2 3",
 }  # fmt: skip
@@ -312,7 +342,7 @@ def test_a_ply_of_mixed_polygons_with_more_lists_and_columns(tmp_path) -> None:
     head = (
         "ply\nformat binary_little_endian 1.0\nelement vertex 6\nproperty double x\nproperty double y\n"
         "property double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"
-        "property uchar flags\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+        "property uchar flags\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"  # noqa: E501
     )
     rows = b"".join(struct.pack("<3d3B", x, y, 0, 9, 8, 7) for x, y in L)
     faces = struct.pack("<BB6iB2f", 1, 6, *range(6), 2, 0.5, 0.5) + struct.pack("<BB3iB", 1, 3, 3, 4, 5, 0)

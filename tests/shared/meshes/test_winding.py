@@ -1,4 +1,5 @@
-"""Winding: neighbours agree, closed parts face outwards, cavities stay cavities, one-sided strips stay unchanged."""
+"""Winding: neighbours agree, closed parts face outwards, cavities stay cavities, one-sided strips stay
+unchanged."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from enliven.meshes.winding import repair_winding
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])
 SIDES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],  # noqa: E501
      [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
 
@@ -73,12 +74,14 @@ def test_the_larger_side_of_an_open_surface_decides(share):
 def test_a_strip_with_one_side_is_left_unchanged():
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
-    across = np.stack([np.cos(angles) * np.cos(angles / 2), np.sin(angles) * np.cos(angles / 2), np.sin(angles / 2)], 1)
+    across = np.stack(
+        [np.cos(angles) * np.cos(angles / 2), np.sin(angles) * np.cos(angles / 2), np.sin(angles / 2)], 1
+    )
     vertices = np.concatenate([ring * 3 + across, ring * 3 - across])
     faces = []
     for k in range(12):
         a, b = k, (k + 1) % 12
-        c, d = (a + 12, b + 12) if k < 11 else (a + 12, b + 12)
+        c, d = a + 12, b + 12
         if k == 11:
             b, d = d, b
         faces += [[a, b, d], [a, d, c]]
@@ -103,7 +106,7 @@ def test_texture_coordinates_follow_turned_corners():
 def test_sides_shared_by_more_than_two_faces_do_not_spread_winding():
     """Two cubes that share an edge: four faces meet there, and each cube is a closed part."""
     vertices, faces = boxes((0, 1))
-    corner = vertices + [2, 2, 0]
+    corner = vertices + np.array([2.0, 2.0, 0.0])
     other = faces + 8
     shared = {8: 6, 9: 7}  # the second cube's edge at (-1, -1) is the first one's at (1, 1)
     other = np.vectorize(lambda v: shared.get(v, v))(other)

@@ -33,7 +33,19 @@ _WORD = re.compile(_BLANK + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
 """A word after blanks and comments. A colon inside of a word belongs to a name such as "mixamorig:Hips"."""
 _NAME = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
 _COMMENT = re.compile(r"(?:#|//)[^\n]*")
-_KEYWORDS = {"ROOT", "JOINT", "END", "ENDSITE", "END_SITE", "OFFSET", "CHANNELS", "MOTION", "HIERARCHY", "{", "}"}
+_KEYWORDS = {
+    "ROOT",
+    "JOINT",
+    "END",
+    "ENDSITE",
+    "END_SITE",
+    "OFFSET",
+    "CHANNELS",
+    "MOTION",
+    "HIERARCHY",
+    "{",
+    "}",
+}
 
 
 @dataclass
@@ -119,8 +131,8 @@ class _Words:
 def read_bvh(path: Path | str) -> Capture:
     """Reads a BVH file, in its own unit and axes.
 
-    Keywords may be in any case, and words may be wrapped over lines. A file with fewer or more frames than its
-    header states is read as far as it goes, with a note.
+    Keywords may be in any case, and words may be wrapped over lines. A file with fewer or more frames than
+    its header states is read as far as it goes, with a note.
 
     Raises:
         InputError: for a file that cannot be read or is no BVH, with the line that is wrong.
