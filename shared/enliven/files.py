@@ -199,8 +199,8 @@ def replace_file(path: Path, mend: str = _ROOM) -> Iterator[Path]:
     """Yields an empty file to write, which takes the place of ``path`` unless something is raised.
 
     The file that was there keeps its mode, its owner and its extended attributes; a symbolic link stays, and
-    the file that it names is replaced. The new file lies in the same folder under a name that nobody can
-    guess, and never opens one that exists.
+    the file that it names is replaced. The new file lies in the same folder under a name that cannot
+    be guessed, and never opens one that exists.
 
     Args:
         mend: what to do where it cannot be written.
@@ -262,7 +262,7 @@ def _stat_regular(path: Path) -> os.stat_result | None:
 
 
 def _new_part(target: Path, mode: int) -> Path:
-    """Makes an empty file beside another; its name is random, so that nobody can have planted it."""
+    """Makes an empty file beside another; its name is random, so it cannot have been planted."""
     while True:
         part = target.with_name(f".{target.name[:_PART_LETTERS]}.{secrets.token_hex(8)}{PART}")
         try:

@@ -18,7 +18,7 @@ class MatchRow:
         score: sum of cosines.
         lines: by branch of the source, (K, 3) metres, the joints that it would drive; none: (0, 3).
         limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty: not known.
-        body: the id of the performer whose limbs they are; -1: not known.
+        body: the id of the performer of these limbs; -1: not known.
     """
 
     name: str

@@ -192,7 +192,7 @@ class PackedMatch(Struct, array_like=True, frozen=True):
         sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
         points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
         limbs: (m,) uint8, the performer's limb of each branch; empty: not known, as from an older edge.
-        body: the id of the performer whose limbs they are; -1: not known.
+        body: the id of the performer of these limbs; -1: not known.
     """
 
     name: Name

@@ -10,7 +10,7 @@ from enliven_viewer.render import OrbitCamera
 _PATIENCE_S = 1.5
 """Seconds without the edge before the loop begins: a short gap of the network is not worth a cut."""
 _REPLAYED_S = 30.0
-"""Seconds of the performance that the loop shows: long enough that nobody waits for its end."""
+"""Seconds of the performance that the loop shows: long enough not to look like a loop."""
 _ORBIT = 0.05
 """Radians a second that the camera goes round meanwhile, once in two minutes: slow enough to be calm."""
 

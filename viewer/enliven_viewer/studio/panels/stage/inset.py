@@ -121,8 +121,8 @@ def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # 
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 
 
-def _figure(  # type: ignore[no-untyped-def]
-    draw,
+def _figure(
+    draw: imgui.ImDrawList,
     area: Area,
     body: SeenBody,
     tint: Colour,
