@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import PARTS, time_text
 from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.stage.cameras import draw_cameras
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
@@ -97,6 +98,8 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
             perform.disconnect()
         workspace.remember("leave")
         return
+    draw_cameras(workspace)
+    heading("A camera elsewhere")
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
