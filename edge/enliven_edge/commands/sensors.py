@@ -40,6 +40,9 @@ def sensors(
         str,
         typer.Option(help="How the terminal draws: auto, none, kitty, iterm, sixel, blocks or blocks256."),
     ] = "auto",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="List the cameras for another program, as JSON.")
+    ] = False,
 ) -> None:
     """List sensors and the cameras that are plugged in, or say and show what one of them sees.
 
@@ -53,6 +56,13 @@ def sensors(
     """
     # A pip line has an extra in brackets, which would be taken for a style.
     console = Console(markup=False)
+    if as_json:
+        import msgspec
+
+        from enliven_edge.sensors.found_cameras import found_cameras
+
+        typer.echo(msgspec.json.encode(found_cameras()).decode())
+        return
     if name is None:
         _list(console)
         return

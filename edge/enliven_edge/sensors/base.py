@@ -56,8 +56,9 @@ class Sensor(Closing, Protocol):
     ``name`` is the sensor's identity, as its frames carry it. A sensor with a fixed frame rate has it as
     ``fps``, frames a second. A sensor that reports its device's condition has ``condition()``, which returns
     a :class:`Condition`. A sensor that judges itself, as several in one do, has ``health_states``, a list of
-    :class:`enliven.health.HealthState`. A sensor without a device has ``made_up = True``. A class with a library that may crash or hang sets ``isolated =
-    True``: it runs in a process of its own (:mod:`enliven_edge.sensors.isolation`).
+    :class:`enliven.health.HealthState`. A sensor without a device has ``made_up = True``. A class with a
+    library that may crash or hang sets ``isolated = True``: it runs in a process of its own
+    (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str

@@ -63,17 +63,21 @@ def is_listening(host: str, port: int) -> bool:
         return False
 
 
-def start_process(arguments: Sequence[str], stderr: IO[str] | None = None) -> subprocess.Popen[bytes]:
+def start_process(
+    arguments: Sequence[str], stderr: IO[str] | None = None, stdout: IO[str] | None = None
+) -> subprocess.Popen[bytes]:
     """Starts the ``enliven`` program with arguments, as a child that knows its parent's process id.
 
     It is born deaf to Ctrl-C, which would end it in the middle of an import: this program ends it.
 
     Args:
         stderr: a file for its messages; None: where this program's own go.
+        stdout: a file for what it prints; None: where this program's own goes.
     """
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
     with _interrupts_held():
-        return subprocess.Popen([sys.executable, "-m", "enliven", *arguments], env=environment, stderr=stderr)
+        command = [sys.executable, "-m", "enliven", *arguments]
+        return subprocess.Popen(command, env=environment, stderr=stderr, stdout=stdout)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The dialogue about files: places, recent folders, orders, new folders; and errors about foreign projects."""
+"""The dialogue about files: places, recent folders, orders, new folders; and foreign projects."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
 def test_a_name_that_no_file_can_have_is_refused(tmp_path: Path, name: str, saving: bool) -> None:
     browser = FileBrowser(tmp_path, (".glb",), saving=saving)
     browser.name = name
-    with pytest.raises(InputError, match="no file can have that name|no such file"):
+    with pytest.raises(InputError, match=r"no file can have that name|no such file"):
         browser.chosen()
 
 

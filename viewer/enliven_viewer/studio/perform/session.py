@@ -15,6 +15,7 @@ from enliven_viewer.render import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
+from enliven_viewer.studio.perform.cameras import CameraSearch
 from enliven_viewer.studio.perform.close_up import CloseUp
 from enliven_viewer.studio.perform.guests import Guest, camera_of, together
 from enliven_viewer.studio.perform.holders import Holder
@@ -46,6 +47,7 @@ class PerformSession:
         sizes: how large characters stand on the stage.
         close_up: the view of the limb that is about to be held.
         address: what is typed into the field.
+        cameras: those of this machine.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -62,7 +64,7 @@ class PerformSession:
         )
         self.close_up = CloseUp(editor)
         self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
-        self.address = ""
+        self.address, self.cameras = "", CameraSearch()
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
         self._framed: tuple[str, ...] = ()
@@ -153,6 +155,7 @@ class PerformSession:
     def disconnect(self) -> None:
         """Let the edge go; what was recorded until now is kept."""
         self.recording.stop()
+        self.cameras.close()
         for guest in self.guests:
             guest.close()
         self.guests.clear()

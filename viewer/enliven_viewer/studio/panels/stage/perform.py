@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import PARTS, LiveStage, time_text
 from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.stage.cameras import draw_cameras
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
@@ -122,6 +123,8 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
+    draw_cameras(workspace)
+    heading("A camera elsewhere")
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(

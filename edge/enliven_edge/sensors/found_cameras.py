@@ -1,0 +1,124 @@
+"""Every camera that this machine shows: depth cameras on USB, camera ports, time of flight, webcams."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+
+from enliven.errors import ResourceError
+from enliven_edge.sensors.attached_cameras import Attached, attached
+from enliven_edge.sensors.drivers import listed_cameras
+
+VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
+"""Where Linux lists video devices, and the files by which they are opened."""
+_TOF = re.compile(r"arducam|pivariety", re.IGNORECASE)
+"""Names of the drivers of Arducam's time-of-flight camera."""
+_OWN = re.compile(r"realsense|orbbec|oak|luxonis|bcm2835|rpi|pisp|unicam|loopback codec", re.IGNORECASE)
+"""Names of video devices that belong to depth cameras and to the processors of camera ports."""
+_BY_SERIAL = {"realsense": "serial", "oak": "device"}
+"""The option of a driver that chooses among several cameras of one make."""
+_EXTRA = 'Type: pip install "enliven-edge[webcam]"; in a checkout: pip install "./edge[webcam]"'
+
+
+class FoundCamera(msgspec.Struct, frozen=True):
+    """One camera.
+
+    Attributes:
+        title: what people call it.
+        sensor: the driver's name in enliven; empty if there is none.
+        options: of the driver, by their names.
+        trouble, mend: what keeps it from being used, and what to do; empty if nothing does.
+        hint: what is worth knowing though it can be used, such as a slow link; or empty.
+        depth: whether it measures depth, so that a picture of it can be made.
+    """
+
+    title: str
+    sensor: str = ""
+    options: dict[str, str] = {}
+    trouble: str = ""
+    mend: str = ""
+    hint: str = ""
+    depth: bool = True
+
+
+def found_cameras() -> list[FoundCamera]:
+    """Returns every camera of this machine, depth cameras first."""
+    return [*_on_usb(attached()), *_at_ports(), *video_cameras()]
+
+
+def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
+    """Returns the depth cameras on USB; among several of one make each is chosen by its serial number."""
+    makes = Counter(camera.kind.sensor for camera in cameras)
+    found = []
+    for camera in cameras:
+        sensor, troubles = camera.kind.sensor, camera.troubles()
+        slow = [each for each in troubles if each[0] == "it is on USB 2"]
+        grave = [each for each in troubles if each not in slow]
+        options = {}
+        if makes[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
+            options[_BY_SERIAL[sensor]] = camera.title.rsplit(" ", 1)[1]
+        what, mend = grave[0] if grave else ("", "")
+        hint = f"{slow[0][0]}. {slow[0][1]}" if slow else ""
+        title = (
+            camera.title
+            if camera.kind.name.lower() in camera.title.lower()
+            else f"{camera.kind.name} {camera.title}"
+        )
+        found.append(FoundCamera(title, sensor, options, what, mend, hint))
+    return found
+
+
+def _at_ports() -> list[FoundCamera]:
+    """Returns the cameras that libcamera lists, or what keeps it from listing them."""
+    try:
+        return [
+            FoundCamera(f"{seen.model} at camera port {number}", "libcamera", {"left": str(number)})
+            for number, seen in enumerate(listed_cameras())
+        ]
+    except ResourceError as error:
+        return [FoundCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.mend)]
+
+
+def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamera]:
+    """Returns time-of-flight cameras and webcams, by the names of their drivers."""
+    found = []
+    for device in sorted(devices.glob("video*"), key=lambda path: int("0" + re.sub(r"\D", "", path.name))):
+        name, first = _told(device, "name"), _told(device, "index") in ("", "0")
+        node = nodes / device.name
+        if not first or not name or (_OWN.search(name) and not _TOF.search(name)):
+            continue
+        if _TOF.search(name):
+            found.append(
+                _checked(FoundCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera")
+            )
+            continue
+        webcam = FoundCamera(f"Webcam {name}", "webcam", {"device": str(node)}, depth=False)
+        found.append(_checked(webcam, node, "mediapipe"))
+    if not sys.platform.startswith("linux") and not found:
+        found.append(_checked(FoundCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
+    return found
+
+
+def _checked(camera: FoundCamera, node: Path | None, module: str) -> FoundCamera:
+    """Returns a camera with what keeps it from being used: the system's leave, or its library."""
+    if node is not None and not os.access(node, os.R_OK | os.W_OK):
+        mend = "Type: sudo usermod -aG video $USER, and log in again."
+        return msgspec.structs.replace(camera, trouble="your user may not open it", mend=mend)
+    if importlib.util.find_spec(module) is None:
+        mend = _EXTRA if module == "mediapipe" else f"Type: pip install {module}"
+        return msgspec.structs.replace(camera, trouble=f"{module} is not installed", mend=mend)
+    return camera
+
+
+def _told(device: Path, part: str) -> str:
+    """Returns what the system says of a device; empty if it says nothing."""
+    try:
+        return (device / part).read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""

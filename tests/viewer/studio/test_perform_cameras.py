@@ -1,0 +1,72 @@
+"""Cameras of this machine in the window: found by the edge's own program, looked through, started."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+
+import pytest
+from PIL import Image
+
+from enliven_viewer.studio.perform import Camera, CameraSearch
+
+PATIENCE_S = 120.0
+"""Seconds that the edge's program may take to start on a machine with ten times its work."""
+
+
+def until(done) -> None:  # type: ignore[no-untyped-def]
+    end = time.monotonic() + PATIENCE_S
+    while not done():
+        assert time.monotonic() < end, "the edge's program did not end"
+        time.sleep(0.05)
+
+
+def test_the_edge_lists_its_cameras_while_the_window_goes_on() -> None:
+    search = CameraSearch()
+    assert search.cameras is None
+    search.begin()
+    assert search.searching, "the window does not wait"
+    until(lambda: (search.poll(), search.cameras is not None)[1])
+    assert not search.problem and not search.searching
+    assert all(one.title for one in search.cameras or ())
+    search.close()
+
+
+def test_a_look_shows_what_a_camera_sees() -> None:
+    search, made_up = CameraSearch(), Camera("A made-up person", "synthetic", {"width": "160"})
+    search.look(made_up)
+    assert search.looking == made_up
+    until(lambda: (search.poll(), search.looking is None)[1])
+    assert search.picture is not None and search.picture.ndim == 3 and search.picture.std() > 5
+    assert search.looked == (made_up, "near is bright") and search.number == 1
+    search.look(Camera("None", "replay", {"path": "nothing.mcap"}))
+    until(lambda: (search.poll(), search.looking is None)[1])
+    assert search.picture is None and search.looked is not None and "nothing.mcap" in search.looked[1]
+    search.close()
+
+
+def test_a_camera_starts_by_its_words_unless_something_is_missing() -> None:
+    one = Camera("OAK-D S1", "oak", {"device": "S1"})
+    assert one.words == ("--sensor", "oak", "--set", "device=S1") and one.can_start
+    assert not Camera("Kinect", "", {}, "no driver ships for it", "Add one.").can_start
+    assert not Camera("OAK", "oak", {}, "depthai is not installed", "Type: pip install").can_start
+
+
+@pytest.mark.parametrize("answer", ["", "no JSON", json.dumps([{"name": 1}]), "[" * 5000])
+def test_an_answer_that_is_no_list_is_no_crash(answer: str) -> None:
+    search = CameraSearch()
+    search._take(answer, True)
+    assert search.cameras == () and "enliven doctor" in search.problem
+
+
+def test_a_picture_that_cannot_be_read_is_said(tmp_path) -> None:
+    search, path = CameraSearch(), tmp_path / "depth.png"
+    path.write_bytes(b"no picture")
+    search._see(Camera("a", "tof"), "", path, False)
+    assert search.picture is None and search.looked is not None and "could not be read" in search.looked[1]
+    out = io.BytesIO()
+    Image.new("RGB", (4, 3)).save(out, "PNG")
+    path.write_bytes(out.getvalue())
+    search._see(Camera("a", "tof"), "", path, False)
+    assert search.picture is not None and search.picture.shape == (3, 4, 3)

@@ -1,0 +1,163 @@
+"""The cameras of this machine, as the edge's own program finds them; and a look through one of them."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO
+
+import msgspec
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import UInt8
+from enliven.commands import start_process
+
+log = logging.getLogger(__name__)
+
+_SECONDS = "0.6"
+"""Seconds of depth in a look: some images, and the rate."""
+_MOST = 1 << 20
+"""Bytes of the edge's answer that are read: a thousand cameras."""
+_MISSING = "The edge is not installed here, so only cameras of other computers can be used."
+
+
+class Camera(msgspec.Struct, frozen=True):
+    """A camera as ``enliven sensors --json`` lists it.
+
+    Attributes:
+        title: what people call it.
+        sensor: the driver's name; empty if there is none.
+        options: of the driver.
+        trouble, mend: what keeps it from being used, and what to do; empty if nothing does.
+        hint: what is worth knowing though it can be used; or empty.
+        depth: whether it measures depth, so that a picture of it can be made.
+    """
+
+    title: str
+    sensor: str = ""
+    options: dict[str, str] = {}
+    trouble: str = ""
+    mend: str = ""
+    hint: str = ""
+    depth: bool = True
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words of ``enliven edge`` that start it."""
+        settings = (word for name, value in self.options.items() for word in ("--set", f"{name}={value}"))
+        return "--sensor", self.sensor, *settings
+
+    @property
+    def can_start(self) -> bool:
+        """Whether nothing keeps it from being used."""
+        return bool(self.sensor) and not self.trouble
+
+
+class CameraSearch:
+    """Looks for cameras in the background, and through one of them; the window never waits.
+
+    Attributes:
+        cameras: what was found last; None before the first search has ended.
+        problem: why nothing could be looked for, or empty.
+        looked: the camera that was looked through last, and what came of it in words.
+        picture: (H, W, 3) sRGB of its depth; None without one.
+        number: of pictures so far, so that a panel knows a new one.
+    """
+
+    def __init__(self) -> None:
+        self.cameras: tuple[Camera, ...] | None = None
+        self.problem = ""
+        self.looked: tuple[Camera, str] | None = None
+        self.picture: UInt8 | None = None
+        self.number = 0
+        self._search: tuple[subprocess.Popen[bytes], IO[str]] | None = None
+        self._look: tuple[subprocess.Popen[bytes], IO[str], Camera, Path] | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    @property
+    def searching(self) -> bool:
+        """Whether cameras are being looked for."""
+        return self._search is not None
+
+    @property
+    def looking(self) -> Camera | None:
+        """The camera that is being looked through; None without one."""
+        return None if self._look is None else self._look[2]
+
+    def begin(self) -> None:
+        """Look for cameras, if that is not being done already."""
+        if self._search is not None:
+            return
+        if find_spec("enliven_edge") is None:
+            self.cameras, self.problem = (), _MISSING
+            return
+        out = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the search ends
+        self._search = start_process(["sensors", "--json"], stdout=out), out
+
+    def look(self, camera: Camera) -> None:
+        """Make a picture of what a depth camera sees now."""
+        if self._look is not None or not camera.can_start:
+            return
+        self._folder = self._folder or tempfile.TemporaryDirectory(prefix="enliven-look-")
+        path = Path(self._folder.name) / "depth.png"
+        path.unlink(missing_ok=True)
+        told = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the look ends
+        _, sensor, *settings = camera.words
+        words = ["sensors", sensor, *settings, "-o", str(path), "--seconds", _SECONDS, "--picture", "none"]
+        self._look = start_process(words, stderr=told, stdout=told), told, camera, path
+
+    def poll(self) -> None:
+        """Take in what has ended; call once a frame."""
+        if self._search is not None and self._search[0].poll() is not None:
+            (process, out), self._search = self._search, None
+            self._take(_text(out), bool(process.returncode))
+        if self._look is not None and self._look[0].poll() is not None:
+            (process, told, camera, path), self._look = self._look, None
+            self._see(camera, _text(told), path, bool(process.returncode))
+
+    def close(self) -> None:
+        """End what is under way, and remove its files."""
+        for process in [one[0] for one in (self._search, self._look) if one is not None]:
+            process.kill()
+            process.wait()
+        self._search = self._look = None
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def _take(self, text: str, failed: bool) -> None:
+        """Read the list that the edge printed: its last line."""
+        try:
+            self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
+            self.problem = ""
+        except (msgspec.MsgspecError, IndexError, RecursionError):
+            log.debug("cameras: %r", text[-400:])
+            self.cameras = ()
+            self.problem = "The edge could not list its cameras. Type: enliven doctor" if failed else ""
+
+    def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
+        """Take the picture of a look, or what went wrong."""
+        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        if failed or not path.is_file():
+            why = (lines or ["it sent no frame"])[-1].removeprefix("enliven: ")
+            self.looked, self.picture = (camera, why), None
+            return
+        try:
+            with Image.open(path) as image:
+                self.picture = np.asarray(image.convert("RGB"), np.uint8)
+        except (OSError, ValueError):
+            self.looked, self.picture = (camera, "its picture could not be read"), None
+            return
+        self.number += 1
+        self.looked = (camera, "near is bright")
+
+
+def _text(file: IO[str]) -> str:
+    """Returns what a process wrote into a file, and closes it."""
+    file.seek(0)
+    with file:
+        return file.read(_MOST)
