@@ -39,8 +39,8 @@ test-devices:    ## the panel's firmware, all of the camera drivers' contract, t
 panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
 	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)
 
-audit: setup-dev ## known vulnerabilities and licences of everything that is installed
-	@.venv/bin/python scripts/audit.py
+audit: setup-dev ## vulnerabilities, licences and telemetry of all packages; without a network: make audit ARGS=--offline
+	@.venv/bin/python scripts/audit.py $(ARGS)
 
 lint: setup-dev  ## linters and types only
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/pyrefly check

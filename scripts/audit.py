@@ -1,14 +1,18 @@
-"""What is known against the packages that are pinned: their vulnerabilities, and their licences.
+"""Checks the installed packages: known vulnerabilities, licences, bundled libraries, and telemetry.
 
     make audit
+    make audit ARGS=--offline
 
 pip-audit and pip-licenses live in an environment of their own, out/audit. Vulnerabilities come from the
-package index; an index that has no such data is told apart from one that knows of none.
+package index. A release that could not be looked up has not passed: it is named, and the exit code is 1. With
+--offline nothing is looked up, and that is said.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
+import mmap
 import re
 import subprocess
 import sys
@@ -25,16 +29,50 @@ CHOSEN = {"hidapi": "BSD, of three that it offers"}
 """Packages whose copyleft licence is one of several, and which of them is taken here."""
 
 
+TELEMETRY_HOSTS = (
+    b"events.data.microsoft.com",
+    b"vortex.data.microsoft.com",
+    b"applicationinsights",
+    b"google-analytics.com",
+    b"googletagmanager.com",
+    b"app-measurement.com",
+    b"play.googleapis.com/log",
+    b"crashlytics",
+    b"sentry.io",
+    b"api.segment.io",
+    b"posthog.com",
+    b"mixpanel.com",
+    b"amplitude.com",
+    b"bugsnag.com",
+    b"scarf.sh",
+    b"datadoghq.com",
+    b"newrelic.com",
+)
+"""Hosts that well-known telemetry libraries report to, as they stand in binaries and in source text."""
+TELEMETRY_OFF = {("onnxruntime", "events.data.microsoft.com"): "off by enliven_edge.onnx_runtime"}
+"""The top folder of a package and a host that it names, and what keeps it from reporting."""
+
+
 def main() -> None:
-    bad = vulnerabilities() + licences()
+    """Prints what was checked and what is objected to, and ends with 1 if there is anything."""
+    parser = argparse.ArgumentParser(description="Check the installed packages.")
+    parser.add_argument(
+        "--offline", action="store_true", help="look up no vulnerabilities: there is no network here"
+    )
+    arguments = parser.parse_args()
+    bad = [] if arguments.offline else vulnerabilities()
+    if arguments.offline:
+        print(f"vulnerabilities: not checked, --offline was given ({len(pinned())} releases)")
+    bad += licences()
     for name in sorted(set(bundled(site_packages())) - documented()):
         bad.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
+    bad += telemetry(site_packages())
     print(*bad or ["audit: nothing to object to"], sep="\n")
     sys.exit(bool(bad))
 
 
 def tool(name: str) -> str:
-    """The path of one of the tools, installed first where it is not there."""
+    """Returns the path of one of the tools, which is installed first if it is missing."""
     scripts = TOOLS / ("Scripts" if sys.platform == "win32" else "bin")
     if not (scripts / name).exists():
         subprocess.run([sys.executable, "-m", "venv", TOOLS], check=True)
@@ -42,36 +80,98 @@ def tool(name: str) -> str:
     return str(scripts / name)
 
 
-def vulnerabilities() -> list[str]:
-    """A sentence for each known vulnerability of what constraints.txt pins."""
+def pinned() -> list[str]:
+    """Returns the requirements of constraints.txt without comments and markers."""
     lines = (HOUSE / "constraints.txt").read_text().splitlines()
-    # pip-audit takes one release of a package at a time, and none that a marker leaves out.
-    rounds: list[dict[str, str]] = []
-    for line in (line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")):
+    return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
+
+
+def rounds(lines: list[str]) -> list[list[str]]:
+    """Returns the requirements in groups: pip-audit takes one release of a package at a time."""
+    groups: list[dict[str, str]] = []
+    for line in lines:
         name = line.partition("==")[0]
-        free = next((one for one in rounds if name not in one), None)
+        free = next((group for group in groups if name not in group), None)
         if free is None:
-            rounds.append(free := {})
+            groups.append(free := {})
         free[name] = line
+    return [list(group.values()) for group in groups]
+
+
+def vulnerabilities() -> list[str]:
+    """Returns a sentence for each known vulnerability of a pinned release, and for each one not looked up."""
     found: list[dict] = []
-    for pins in rounds:
+    not_asked: list[str] = []
+    reason = "the package index has no such data"
+    for pins in rounds(pinned()):
         with tempfile.TemporaryDirectory() as folder:
-            (path := Path(folder) / "pins.txt").write_text("\n".join(pins.values()) + "\n")
-            command = [tool("pip-audit"), "-r", path, "--no-deps", "--disable-pip", "-f", "json"]
-            done = subprocess.run([*command, "--progress-spinner", "off"], capture_output=True, text=True)
-        try:
-            found += json.loads(done.stdout)["dependencies"]
-        except (json.JSONDecodeError, KeyError):
-            return [f"pip-audit failed: {done.stderr.strip().splitlines()[-1:]}"]
-    known = [one for one in found if "skip_reason" not in one]
-    print(f"vulnerabilities: {len(known)} of {len(found)} releases could be looked up")
-    if not known:
-        print("vulnerabilities: the package index here has no such data, so nothing is known of any")
+            (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
+            options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
+            try:
+                done = subprocess.run([tool("pip-audit"), *options], capture_output=True, text=True)
+                found += json.loads(done.stdout)["dependencies"]
+            except (subprocess.CalledProcessError, OSError) as error:
+                not_asked, reason = not_asked + pins, f"pip-audit cannot be installed or run ({error})"
+            except (json.JSONDecodeError, KeyError):
+                last = done.stderr.strip().splitlines()[-1:] or ["it said nothing"]
+                not_asked, reason = not_asked + pins, f"pip-audit failed: {last[0][:200]}"
+    known = [release for release in found if "skip_reason" not in release]
+    print(f"vulnerabilities: {len(known)} of {len(found) + len(not_asked)} releases could be looked up")
+    return [*flaws(known), *unchecked(found, not_asked, reason)]
+
+
+def flaws(known: list[dict]) -> list[str]:
+    """Returns a sentence for each vulnerability of the releases that were looked up."""
     return [
-        f"{one['name']} {one['version']}: {flaw['id']}, mended in {', '.join(flaw['fix_versions']) or 'none'}"
-        for one in known
-        for flaw in one["vulns"]
+        f"{release['name']} {release['version']}: {flaw['id']}, "
+        f"fixed in {', '.join(flaw['fix_versions']) or 'none'}"
+        for release in known
+        for flaw in release["vulns"]
     ]
+
+
+def unchecked(found: list[dict], not_asked: list[str], reason: str) -> list[str]:
+    """Returns a sentence that names the releases that were not looked up; none if there are none.
+
+    Args:
+        found: pip-audit's answers; a skipped release has a ``skip_reason``.
+        not_asked: requirements for which pip-audit gave no answer.
+        reason: why not, if the answers do not say.
+    """
+    skipped = [release for release in found if "skip_reason" in release]
+    names = sorted([release["name"] for release in skipped] + [pin.partition("==")[0] for pin in not_asked])
+    if not names:
+        return []
+    reasons = {release["skip_reason"] for release in skipped}
+    why = reason if not_asked or len(reasons) != 1 else str(reasons.pop())[:200]
+    return [
+        f"vulnerabilities of {len(names)} releases were not checked ({why}): {', '.join(names)}. "
+        "Ask an index with such data, as PyPI has, or leave the look-up out with --offline."
+    ]
+
+
+def telemetry(packages: Path) -> list[str]:
+    """Returns a sentence for each host of telemetry in an installed package that is not known to be off."""
+    named = sorted(set(telemetry_hosts(packages)))
+    for package, host in named:
+        if (package, host) in TELEMETRY_OFF:
+            print(f"telemetry: {package} names {host}: {TELEMETRY_OFF[package, host]}")
+    return [
+        f"{package} names {host}, a host of telemetry: turn it off, and state how in scripts/audit.py"
+        for package, host in named
+        if (package, host) not in TELEMETRY_OFF
+    ]
+
+
+def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
+    """Yields the top folder of a package and a host of telemetry, for each file that names one."""
+    for path in packages.rglob("*"):
+        if path.suffix == ".pyc" or not path.is_file() or not path.stat().st_size:
+            continue
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            for host in TELEMETRY_HOSTS:
+                if content.find(host) >= 0:
+                    yield path.relative_to(packages).parts[0], host.decode()
 
 
 def licences() -> list[str]:

@@ -17,6 +17,7 @@ import typer
 from enliven import __version__
 from enliven.commands import LazyCommands, has_display
 from enliven.errors import EnlivenError, place_of
+from enliven.files import file_fault, is_file_fault
 from enliven.logs import ignore_broken_stderr, start_logging
 from enliven.printable import escaped
 
@@ -74,9 +75,21 @@ def run(arguments: list[str]) -> int:
     except EnlivenError as error:
         _complain(str(error))
         return error.exit_code
+    except OSError as error:
+        return _system_failure(error)
     except Exception as error:
         return _other_failure(error)
     return code if isinstance(code, int) else 0
+
+
+def _system_failure(error: OSError) -> int:
+    """Returns the exit code of an error of the operating system: of a file or its device, or of enliven."""
+    if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
+        return _other_failure(error)
+    where = error.filename if isinstance(error.filename, str) else "a file"
+    fault = file_fault(error, where, "used")
+    _complain(str(fault))
+    return fault.exit_code
 
 
 def _other_failure(error: Exception) -> int:

@@ -15,6 +15,7 @@ import contextlib
 import difflib
 import errno
 import glob
+import io
 import locale
 import os
 import secrets
@@ -24,10 +25,10 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import InputError, ResourceError, plain_reason
+from enliven.errors import EnlivenError, InputError, ResourceError
 
 MOST_BYTES = 1 << 31
 """Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
@@ -64,9 +65,75 @@ _BYTE_ORDER_MARKS = (
 _USUAL_CODE_PAGE = "cp1252"
 """The 8-bit code page assumed on computers that work in UTF-8: most old files come from western Windows."""
 _ROOM = "Check the folder's permissions and the space on the disk."
+_FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
+_GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."
+_FULL = "Make room on the disk, or choose a folder on another one."
+_DEVICE_FAULTS = {
+    number: mend
+    for mend, names in (
+        (_FAILING, ("EIO", "EUCLEAN", "EBADMSG", "EILSEQ", "EMEDIUMTYPE", "ENOMEDIUM")),
+        (
+            _GONE,
+            ("ESTALE", "ENODEV", "ENXIO", "EREMOTEIO", "ETIMEDOUT", "EHOSTDOWN", "ENOTCONN", "ESHUTDOWN"),
+        ),
+        (_FULL, ("ENOSPC", "EDQUOT", "EFBIG")),
+        ("The disk can only be read: choose a folder on another one.", ("EROFS",)),
+        ("Close other programs, or raise the limit of open files (ulimit -n).", ("EMFILE", "ENFILE")),
+    )
+    for name in names
+    if (number := getattr(errno, name, None)) is not None
+}
+"""What to do about an error number that means a fault of a device or of this machine, and not of a file."""
+_DENIED = {errno.EACCES, errno.EPERM}
+"""Error numbers of a file that this user may not use."""
 NO_NAME = "no file can have that name"
 """What is wrong with a path that the system refuses without a reason of its own."""
 _TOGETHER = "Keep the files of the model in one folder."
+
+
+def file_fault(
+    error: OSError, path: Path | str, doing: Literal["read", "written", "listed", "used"] = "read"
+) -> EnlivenError:
+    """Returns the error of enliven for a failed operation on a file or folder, with its path and advice.
+
+    Args:
+        doing: the operation, as in "it cannot be read".
+
+    Returns:
+        ResourceError for a fault of the device or of this machine and for everything that cannot be written,
+        else InputError.
+    """
+    what = f"it cannot be {doing} ({error.strerror or error})"
+    mend = _DEVICE_FAULTS.get(error.errno or 0)
+    if mend is not None:
+        return ResourceError(what, where=str(path), mend=mend)
+    if doing == "written":
+        return ResourceError(what, where=str(path), mend=_ROOM)
+    mend = "Check its permissions." if error.errno in _DENIED else "Name a file that can be read."
+    return InputError(what, where=str(path), mend=mend)
+
+
+def is_file_fault(error: OSError) -> bool:
+    """Returns whether an error of the operating system is about a file, a folder or their device."""
+    number = error.errno or 0
+    is_device = number in _DEVICE_FAULTS and not isinstance(error, ConnectionError | TimeoutError)
+    return is_device or error.filename is not None or number in _DENIED
+
+
+class _ReportedFile(io.FileIO):
+    """A file opened for reading; a read that fails raises :func:`file_fault` with the file's path."""
+
+    def readinto(self, buffer: bytearray | memoryview) -> int | None:  # type: ignore[override]
+        try:
+            return super().readinto(buffer)
+        except OSError as error:
+            raise file_fault(error, str(self.name)) from None
+
+    def readall(self) -> bytes:
+        try:
+            return super().readall()
+        except OSError as error:
+            raise file_fault(error, str(self.name)) from None
 
 
 def own_folder() -> Path:
@@ -78,23 +145,27 @@ def own_folder() -> Path:
 def open_file(path: Path) -> BinaryIO:
     """Opens a regular file for reading.
 
+    Reads from it raise ResourceError or InputError with its path if the device fails: :func:`file_fault`.
+
     Raises:
         InputError: where there is none, it may not be read, or it is a folder, a pipe or a device.
+        ResourceError: where its device fails.
     """
     try:
         descriptor = os.open(path, _FLAGS)
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
-    except (OSError, ValueError) as error:
-        reason = plain_reason(error, NO_NAME)
+    except OSError as error:
+        raise file_fault(error, path) from None
+    except ValueError:
         mend = "Name a file that can be read."
-        raise InputError(f"it cannot be read ({reason})", where=str(path), mend=mend) from None
+        raise InputError(f"it cannot be read ({NO_NAME})", where=str(path), mend=mend) from None
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
         what = "it is a folder" if stat.S_ISDIR(kind) else "it is no regular file but a pipe or a device"
         raise InputError(what, where=str(path), mend="Name a file that can be read.")
-    return os.fdopen(descriptor, "rb")
+    return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
 def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
@@ -102,17 +173,14 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
 
     Raises:
         InputError: as :func:`open_file`, and for a file that is larger.
+        ResourceError: where its device fails.
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             what = f"it has {size} bytes, and no more than {most} are read"
             raise InputError(what, where=str(path), mend="Take a smaller one.")
-        try:
-            return file.read(size)
-        except OSError as error:
-            what = f"it cannot be read ({error.strerror or error})"
-            raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+        return file.read(size)
 
 
 def decode_text(data: bytes) -> str:
@@ -165,21 +233,27 @@ def need_folder(*paths: Path | None) -> None:
     """
     for path in paths:
         folder = Path() if path is None else path.parent
-        if not folder.is_dir():
-            there = [one.name for one in folder.parent.iterdir()] if folder.parent.is_dir() else []
+        try:
+            is_folder = folder.is_dir()
+        except OSError as error:
+            raise file_fault(error, folder, "used") from None
+        if not is_folder:
+            there: list[str] = []
+            with contextlib.suppress(OSError):
+                there = [one.name for one in folder.parent.iterdir()]
             near = difflib.get_close_matches(folder.name, there, n=1)
             guess = f"Did you mean {folder.with_name(near[0])}? " if near else ""
             what, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
             raise ResourceError(what, where=str(path), mend=mend)
 
 
-def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
+def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
     """Writes a file whole or not at all, text as UTF-8, and its folder where that is not there.
 
     A pipe or a device is written to; see :func:`replace_file` for what is kept of a file that was there.
 
     Args:
-        mend: what to do where it cannot be written.
+        mend: what to do where it cannot be written; empty: by the kind of failure.
 
     Raises:
         ResourceError: where it cannot be written; then what was there is untouched.
@@ -195,7 +269,7 @@ def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
 
 
 @contextlib.contextmanager
-def replace_file(path: Path, mend: str = _ROOM) -> Iterator[Path]:
+def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
     """Yields an empty file to write, which takes the place of ``path`` unless something is raised.
 
     The file that was there keeps its mode, its owner and its extended attributes; a symbolic link stays, and
@@ -203,7 +277,7 @@ def replace_file(path: Path, mend: str = _ROOM) -> Iterator[Path]:
     be guessed, and never opens one that exists.
 
     Args:
-        mend: what to do where it cannot be written.
+        mend: what to do where it cannot be written; empty: by the kind of failure.
 
     Raises:
         ResourceError: where it cannot be written; then what was there is untouched.
@@ -232,8 +306,8 @@ def _explained(path: Path, mend: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        what = f"it cannot be written ({error.strerror or error})"
-        raise ResourceError(what, where=str(path), mend=mend) from None
+        fault = file_fault(error, path, "written")
+        raise ResourceError(fault.what, where=fault.where, mend=mend or fault.mend) from None
 
 
 def _is_stream(path: Path) -> bool:

@@ -136,3 +136,51 @@ def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
 )
 def test_a_copyleft_package_is_objected_to(licence, objected) -> None:
     assert bool(audit.objections([{"Name": "some", "Version": "1", "License": licence}])) is objected
+
+
+def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
+    found = [
+        {"name": "known", "version": "1", "vulns": []},
+        {"name": "private", "version": "2", "skip_reason": "Dependency not found on PyPI"},
+    ]
+    (sentence,) = audit.unchecked(found, ["unasked==3"], "pip-audit failed: no network")
+    assert "2 releases were not checked" in sentence and "private, unasked" in sentence
+    assert "known" not in sentence and "no network" in sentence and "--offline" in sentence
+    assert audit.unchecked(found[:1], [], "") == []
+    flaw = {"id": "PYSEC-1", "fix_versions": ["2"]}
+    assert audit.flaws([found[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
+        "b 1: PYSEC-1, fixed in 2"
+    ]
+
+
+def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(audit, "tool", lambda name: "false")
+    (sentence,) = audit.vulnerabilities()
+    count = len(audit.pinned())
+    assert f"{count} releases were not checked (pip-audit failed" in sentence and "numpy" in sentence
+    assert f"0 of {count} releases" in capsys.readouterr().out
+
+
+def test_the_audit_without_a_network_says_what_it_leaves_out(monkeypatch, capsys) -> None:
+    for part in ("licences", "bundled", "telemetry"):
+        monkeypatch.setattr(audit, part, lambda *_: [])
+    monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])
+    for arguments, code in (([], 1), (["--offline"], 0)):
+        monkeypatch.setattr("sys.argv", ["audit.py", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            audit.main()
+        said = capsys.readouterr().out
+        assert ended.value.code == code and ("not checked, --offline" in said) == (code == 0)
+
+
+def test_a_host_of_telemetry_in_a_package_is_objected_to(tmp_path, capsys) -> None:
+    for package, content in (
+        ("chatty", b"\0https://o1.ingest.sentry.io/api\0"),
+        ("onnxruntime", b"\0https://mobile.events.data.microsoft.com/\0"),
+        ("quiet", b"https://example.org"),
+    ):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "library.so").write_bytes(b"\x7fELF" + content)
+    (sentence,) = audit.telemetry(tmp_path)
+    assert sentence.startswith("chatty names sentry.io")
+    assert "onnxruntime names events.data.microsoft.com: off by" in capsys.readouterr().out

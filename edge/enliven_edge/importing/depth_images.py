@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
@@ -100,7 +101,7 @@ class RawKinectReader(Reader):
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _raw_images(paths)
-        return bool(images) and _plausible(np.fromfile(images[0], "<u2"))
+        return bool(images) and _plausible(np.frombuffer(read_file(images[0]), "<u2"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = _raw_images(paths) or list(paths)
@@ -121,16 +122,14 @@ def _plausible(values: UInt16) -> bool:
 
 
 def _read(path: Path) -> UInt16:
-    try:
-        values = np.fromfile(path, "<u2")
-    except OSError as error:
-        raise InputError(f"it cannot be read ({error.strerror or error})", where=str(path)) from None
-    if values.size * 2 != _BYTES or path.stat().st_size != _BYTES:
+    data = read_file(path)
+    if len(data) != _BYTES:
         raise InputError(
-            f"it has {path.stat().st_size} bytes, a depth image of 640x480 has {_BYTES}",
+            f"it has {len(data)} bytes, a depth image of 640x480 has {_BYTES}",
             where=str(path),
             mend="Copy it again; it may have been cut off.",
         )
+    values = np.frombuffer(data, "<u2")
     return values.astype(np.uint16).reshape(KINECT1.height, KINECT1.width)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from PIL import Image, UnidentifiedImageError
 from enliven.arrays import UInt8, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven_edge.importing.base import head_of
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -104,7 +106,7 @@ def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
     Raises:
         InputError: where it states more pixels than any sensor has.
     """
-    image = Image.open(path, formats=formats)
+    image = Image.open(io.BytesIO(read_file(path)), formats=formats)
     if image.width * image.height > _MOST_PIXELS:
         image.close()
         what = f"it states {image.width} x {image.height} pixels"

@@ -11,6 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from enliven.errors import InputError
+from enliven.files import file_fault
 from enliven_edge.importing.base import Reader
 from enliven_edge.importing.images import colour_kind
 
@@ -83,13 +84,16 @@ def find_files(names: Sequence[str]) -> list[Path]:
     """Returns the files named by files, folders (those directly inside) and patterns, each once.
 
     Raises:
-        InputError: for a name that means no file.
+        InputError: for a name that means no file, or a folder that cannot be listed.
     """
     found: dict[Path, None] = {}
     for name in names:
         path = Path(name)
         if path.is_dir():
-            inside = _inside(path)
+            try:
+                inside = _inside(path)
+            except OSError as error:
+                raise file_fault(error, name, "listed") from None
         elif path.exists():
             inside = [path]
         else:

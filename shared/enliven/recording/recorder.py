@@ -13,7 +13,8 @@ from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from enliven import __version__
-from enliven.errors import InputError, ResourceError
+from enliven.errors import EnlivenError, InputError
+from enliven.files import file_fault
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.recording import schemas
 from enliven.recording.messages import pack_bodies, pack_depth
@@ -71,7 +72,7 @@ class Recorder:
         self._room = _FIRST_CHUNK_BYTES if self._live else _CHUNK_BYTES
         self._filled = 0
         self._unrepeated: list[Schema | Channel] = []
-        self._failure: ResourceError | None = None
+        self._failure: EnlivenError | None = None
         self._synced = time.monotonic()
         self._carry_out(self._writer.start, schemas.PROFILE, f"enliven {__version__}")
         self._carry_out(self._writer.add_metadata, "about", schemas.ABOUT)
@@ -167,7 +168,7 @@ class Recorder:
         try:
             step(*arguments)
         except OSError as error:
-            self._failure = _unwritable(self.path, error)
+            self._failure = file_fault(error, self.path, "written")
             self._file.close()
             raise self._failure from None
 
@@ -217,12 +218,4 @@ def _created(path: Path, overwrite: bool) -> WholeFile:
             "its folder does not exist", where=str(path), mend=f"Make the folder {path.parent}."
         ) from None
     except OSError as error:
-        raise _unwritable(path, error) from None
-
-
-def _unwritable(path: Path, error: OSError) -> ResourceError:
-    return ResourceError(
-        f"it cannot be written ({error.strerror or error})",
-        where=str(path),
-        mend="Check the space on the disk and the permissions of the folder.",
-    )
+        raise file_fault(error, path, "written") from None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-import mmap
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message
 
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.files import open_file
 from enliven.recording.chunks import ChunkRef, Damage, read_chunk
 from enliven.recording.container import Container, open_container
@@ -28,6 +28,10 @@ _FIXED_BYTES = 36
 """Bytes of a chunk's fields but for its compression and its data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
+_CHUNK_HEAD_BYTES = 64
+"""Bytes of a chunk before its data, at most: blocks overlap by that, so that no head is cut."""
+_BLOCK_BYTES = 1 << 20
+"""Bytes that are searched at once for chunks; an unreadable sector hides the heads of one such block."""
 _BETWEEN = {
     Opcode.MESSAGE_INDEX,
     Opcode.METADATA,
@@ -77,7 +81,7 @@ def recover(path: Path, output: Path) -> Recovery:
         InputError: where ``path`` is no recording of enliven, nothing in it is whole, or ``output`` exists.
         ResourceError: where ``output`` cannot be written; it is removed then.
     """
-    container = open_container(path)
+    container = _container_of(path)
     if container.profile not in (PROFILE, ""):
         raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
     found = Recovery(cut=not container.complete)
@@ -99,6 +103,14 @@ def recover(path: Path, output: Path) -> Recovery:
     if container.complete:
         found.lost = _stated(container) - found.kept
     return found
+
+
+def _container_of(path: Path) -> Container:
+    """Returns the container of a recording; an empty one if its index lies where the device fails."""
+    try:
+        return open_container(path)
+    except ResourceError:
+        return Container(path)
 
 
 def _copy(
@@ -144,17 +156,28 @@ def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
     begin."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
-    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+    for first, data in _blocks(file, size):
         for match in _CHUNK.finditer(data):
-            offset, name = match.start(), len(match[1])
+            at, name = match.start(), len(match[1])
             inside, start, end, content = (
-                int.from_bytes(data[offset + at : offset + at + 8], "little") for at in (1, 9, 17, 37 + name)
+                int.from_bytes(data[at + field : at + field + 8], "little") for field in (1, 9, 17, 37 + name)
             )
-            length = _HEAD_BYTES + inside
+            offset, length = first + at, _HEAD_BYTES + inside
             fits = inside == _FIXED_BYTES + name + content and offset + length <= size
             if fits and offset not in refs:
                 refs[offset] = ChunkRef(offset, length, start, end)
     return [refs[offset] for offset in sorted(refs)]
+
+
+def _blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+    """Yields the offset and the bytes of overlapping blocks; what a failing device does not give is left out.
+
+    The file is not mapped into memory: a failing device would end the process there.
+    """
+    for offset in range(0, size, _BLOCK_BYTES):
+        with contextlib.suppress(ResourceError):
+            file.seek(offset)
+            yield offset, file.read(_BLOCK_BYTES + _CHUNK_HEAD_BYTES)
 
 
 def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
@@ -166,7 +189,7 @@ def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, lis
             continue
         try:
             records = read_chunk(file, ref)
-        except Damage:
+        except (Damage, ResourceError):
             yield ref, None
             continue
         end = ref.offset + ref.length
@@ -178,7 +201,10 @@ def _only_small(file: BinaryIO, start: int, end: int) -> bool:
     at = start
     while at + _HEAD_BYTES <= end:
         file.seek(at)
-        head = file.read(_HEAD_BYTES)
+        try:
+            head = file.read(_HEAD_BYTES)
+        except ResourceError:
+            return False
         if head[0] not in _BETWEEN and head[0] != Opcode.HEADER:
             return False
         at += _HEAD_BYTES + int.from_bytes(head[1:], "little")

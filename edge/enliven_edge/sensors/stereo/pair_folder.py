@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError
+from enliven.files import read_file
 from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -53,7 +55,7 @@ def read_grey(path: Path) -> UInt8:
         InputError: where it is damaged or too large.
     """
     try:
-        with Image.open(path, formats=("PNG", "JPEG")) as image:
+        with Image.open(io.BytesIO(read_file(path)), formats=("PNG", "JPEG")) as image:
             if image.width * image.height > _MOST_PIXELS:
                 what = f"it states {image.width} x {image.height} pixels"
                 raise InputError(what, where=str(path), mend="Remove the pair.")
