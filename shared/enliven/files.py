@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
 
 MOST_BYTES = 1 << 31
 """Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
