@@ -30,6 +30,9 @@ _MIN_ALIGNMENT = 0.8
 """Least cosine between a rest pose, or an animal's legs, and an axis for it to state which way is up."""
 _MIN_REST_HEIGHT = 0.8
 """Least height of a rest pose, as a ratio of that in the frames, for it to count as standing."""
+_MIN_STEADINESS = 0.7
+"""Least mean cosine between the body and its median direction for the frames to overrule the rest pose: who
+turns somersaults has no direction."""
 _FLOOR_TOLERANCE = 0.05
 """Distance of the lowest joint from zero, as a ratio of the body's length, within which a file has its floor
 at zero along an axis: markers are some centimetres above it."""
@@ -96,18 +99,21 @@ def _up_axis(capture: Capture) -> str:
     only along that one.
     """
     roles = _roles(capture)
-    moving = np.median(_ups(capture, roles, capture.positions), axis=0)
+    ups = _ups(capture, roles, capture.positions)
+    moving = np.median(ups, axis=0)
     if not moving.any():
         return "+Y"
     axis, is_clear = _nearest_axis(moving)
+    is_steady = float(np.mean(unit(ups), axis=0) @ unit(moving)) > _MIN_STEADINESS
     if roles is None and not is_clear:
         return "+Y"
     still = _ups(capture, roles, _zero_pose(capture)[None])[0]
     resting, stands = _nearest_axis(still)
     stands = stands and np.linalg.norm(still) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
-    if stands and resting != axis and _has_floor(capture, resting) and not _has_floor(capture, axis):
-        return resting
-    return axis
+    if not stands or resting == axis:
+        return axis
+    is_lying = _has_floor(capture, resting) and not _has_floor(capture, axis)
+    return resting if is_lying or not is_steady else axis
 
 
 def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
