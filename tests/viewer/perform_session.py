@@ -122,7 +122,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     began = time.monotonic()
     until(lambda: np.ptp(perform.live.document.characters["arm"].vertices[:, 1]) > 1.1 * tall, "the edit")
     said["edit_s"] = time.monotonic() - began
-    ctx.item_click("**/Count in: three, two, one")
+    perform.recording.count_in = False
     record = lambda: click("record") if perform.recording.phase == "idle" else None  # noqa: E731
     until(lambda: perform.recording.recorder.seconds > 0.8, "a second of recording", record)
     said["growing"] = list(perform.recording.clip)
@@ -151,7 +151,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     perform.recording.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until, recording)
-    ctx.item_click("**/###stands arm")
+    click("stands arm")
     said["each"] = each_action(ctx, window, until)
     click("room Play")
     shot("play")
