@@ -4,7 +4,7 @@ Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing w
 gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
 "tracking.sealed." of films that were opened once, after all tuning (:mod:`tracking_kept`); there the floor is
 measured, too. "tracking.turns." is of turns and floor work to tune on, "tracking.turns_sealed." of those that
-were opened once; "tracking.floor." and "tracking.floor_sealed." are newer films of them, in which nobody sinks into
+were opened once; "tracking.floor." and "tracking.floor_sealed." are newer films, in which nobody sinks into
 the floor. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
 without depth, and belong to the fusion of sensors.
 """

@@ -20,8 +20,8 @@ SEALED = "sealed"
 SEALED_TURNS = "turns, sealed"
 """Turns and floor work that are kept shut: opened once, on November 27, 2026, after the work on them."""
 SEALED_FLOOR = "turns and floor work, sealed"
-"""The same kinds by other seeds, builds and yaws, with people who sit on the floor and not in it: opened once, on
-November 28, 2026."""
+"""The same kinds by other seeds, builds and yaws, with people who sit on the floor and not in it: opened
+once, on November 28, 2026."""
 _CLOSE: tuple[tuple[str, float], ...] = (
     ("clap", 0.1), ("book", -0.25), ("watch", 0.3), ("hug", 0.0), ("guitar", 0.2), ("telephone", -0.4),
     ("folded", 0.3), ("jog", 0.25), ("guard", -0.2), ("belly", 0.35), ("chin", -0.3), ("lens", 0.2),

@@ -34,8 +34,8 @@ class Move:
     """A motion by name.
 
     Attributes:
-        source: "exercise", "close" (limbs close to the trunk), "turns" (turns and floor work), "seated" (sits down
-            on the floor), or the path of a capture in the data folder.
+        source: "exercise", "close" (limbs close to the trunk), "turns" (turns and floor work), "seated"
+            (sitting down on the floor), or the path of a capture in the data folder.
         name, seed: of the exercise, or of the motion with close limbs.
         start, stop: seconds of the capture.
         held: the second of an exercise at which the performer stays, or None.

@@ -320,7 +320,7 @@ _SEATED = "seated"
 
 
 def floor_work() -> list[Sequence]:
-    """Sitting on the floor to tune on, and a sealed set of all kinds of turns and floor work, two films of each."""
+    """Sitting on the floor to tune on, and a sealed set of all turns and floor work, two films a kind."""
     kinds = [_SEATED if name == "sitting" else name for name in TURN_NAMES]
     out = []
     for split, letter, builds, first, names in (
@@ -342,6 +342,14 @@ def sequences(split: str | None = None, only: str | None = None) -> list[Sequenc
     """The sequences that can be made here: of a split (or all), whose names have ``only`` in them."""
     return [
         s
-        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs(), *turns(), *floor_work(), *kept_sequences())
+        for s in (
+            *_accuracy(),
+            *recoveries(),
+            *troubles(),
+            *close_limbs(),
+            *turns(),
+            *floor_work(),
+            *kept_sequences(),
+        )
         if s.available and split in (None, s.split) and (only is None or only in s.name)
     ]
