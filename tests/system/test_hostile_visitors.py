@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -40,6 +41,7 @@ from enliven_edge.stage.places import StageSettings
 from enliven_viewer.link.edges import EdgeClient
 
 from ..edge.matching.rigs_for_stage import person
+from ..shared.test_printable import EVIL, is_safe
 from .hostile_house import BOX_DATA, BOX_MESH, House
 
 VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
@@ -240,3 +242,27 @@ def test_thousands_of_departed_characters_leave_nothing_behind(
     assert isinstance(house.visitor().ask(GetState("guest 1")), Refused)
     newcomer.close()
     viewer.close()
+
+
+@pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
+def test_words_of_a_visitor_are_logged_escaped(
+    house: House, evil: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    if "\ud800" in evil:
+        pytest.skip("the wire does not carry lone surrogates")
+    visitor = house.visitor()
+    with caplog.at_level(logging.DEBUG):
+        assert visitor.ask(Hello(evil)) is not None
+        assert visitor.put(evil) == Done()
+        house.edge.carry_out(Resize("set", evil, size=1.5))
+        damaged = BOX_DATA[:-40] + bytes(40)
+        refusals = [
+            visitor.put(evil, 2, damaged),
+            visitor.put(evil, 2**50, BOX_DATA + b"x"),
+            visitor.ask(Possess(evil, 77)),
+        ]
+        refusals += [visitor.ask(RemoveCharacter(evil)), visitor.ask(RemoveCharacter(evil))]
+    logged = [record.getMessage() for record in caplog.records if record.name.startswith("enliven")]
+    reasons = [each.reason for each in refusals if isinstance(each, Refused)]
+    assert len(reasons) == 4 and any("\\" in text for text in logged)
+    assert all(map(is_safe, [*logged, *reasons])) and any("stands on the stage" in text for text in logged)

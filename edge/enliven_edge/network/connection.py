@@ -25,6 +25,7 @@ class Connection:
         session: how it is spoken.
         introduced: whether a valid message was received; a connection without one in time is closed.
         heard: monotonic second of its last message.
+        spoke: monotonic second when its last bytes were read.
         moved: monotonic second when bytes last left, or when there were none to send.
         streaming: whether it sends a long message, of which more is likely to be there.
         pending: orders that wait to be carried out.
@@ -33,7 +34,7 @@ class Connection:
 
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
-        self.opened = self.heard = self.moved = time.monotonic()
+        self.opened = self.heard = self.spoke = self.moved = time.monotonic()
         self.introduced = self.buffered = self.streaming = False
         self.pending = 0
         self.state: Any = None
@@ -46,6 +47,11 @@ class Connection:
     def is_open(self) -> bool:
         """Whether it has not been closed."""
         return self._socket is not None
+
+    @property
+    def served(self) -> float:
+        """Seconds from its beginning to its last message, or to the last bytes that it took."""
+        return max(self.heard, self.moved) - self.opened
 
     @property
     def busy(self) -> bool:

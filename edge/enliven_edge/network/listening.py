@@ -50,8 +50,9 @@ def connections_allowed(most: int) -> int:
     return max(_FEWEST, min(most, (limit - _OTHERS) // 2))
 
 
-_BACKLOG = 256
-"""Connections that the system holds until the next poll."""
+_BACKLOG = 4096
+"""Connections that the system holds until they are accepted, or fewer where it allows fewer: a newcomer in a
+flood waits for its turn instead of being turned away."""
 _PROBES: dict[str, int] = {
     "TCP_KEEPIDLE": 4,
     "TCP_KEEPINTVL": 2,

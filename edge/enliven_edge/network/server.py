@@ -7,6 +7,7 @@ sender. A flood therefore costs the edge a fixed time a frame, and no memory.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import selectors
 import socket
@@ -29,6 +30,16 @@ _STALLED_AFTER = 10.0
 """Seconds after which a connection that takes none of its waiting bytes is closed."""
 _QUIET_AFTER = 10.0
 """Seconds without a message (ten of a viewer's pings) after which a new peer may replace this one."""
+_IDLE_AFTER = 0.25
+"""Seconds without a byte after which a connection that began to introduce itself gives up its place."""
+_KNOWN_AFTER = 1.0
+"""Seconds of service after which a connection is known: newcomers without end do not keep it waiting."""
+_TRUSTED_AFTER = 60.0
+"""Seconds of service that count at most: a viewer of an hour is not read before one of a minute."""
+_RESERVED = 0.5
+"""Share of an address's places that stay with the connections that were served for longest."""
+_HEARD_ONCE = 0.05
+"""Seconds between the first and the last message of a connection below which it counts as heard once."""
 _ACCEPTED_AT_ONCE = 32
 """Connections accepted in one poll, at most: the system holds the others until the next."""
 _ACCEPTED_ANYHOW = 8
@@ -47,7 +58,8 @@ class ZmtpServer:
 
     The peer with the least recent cost is read first, so that a flood does not delay the others. Where all
     places are taken a new connection replaces one that has not introduced itself, else (for a ROUTER) the one
-    that was quiet longest, else one of the address with most connections; otherwise it is refused.
+    that was quiet longest, else one of the address with most connections. That may be the newcomer's own
+    address: connections that were served for longest keep their places.
 
     Args:
         host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
@@ -106,7 +118,7 @@ class ZmtpServer:
         ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
         while ready:
             again = []
-            for connection in sorted(ready, key=lambda c: c.cost):
+            for connection in _in_turn(ready):
                 if time.monotonic() >= until:
                     return
                 yield from self._turn(connection, until)
@@ -161,6 +173,7 @@ class ZmtpServer:
                 if not data:
                     raise ZmtpError("the end")
                 session.feed(data)
+                connection.spoke = time.monotonic()
                 connection.buffered = True
             for _ in range(_FRAMES_A_TURN):
                 parts = session.take()
@@ -221,7 +234,11 @@ class ZmtpServer:
 
     def _accept(self, until: float) -> None:
         for count in range(_ACCEPTED_AT_ONCE):
-            if count >= _ACCEPTED_ANYHOW and time.monotonic() >= until:
+            is_full = len(self._open) >= self._most
+            if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
+                return
+            # Those that are about to introduce themselves come first: the system holds the others meanwhile.
+            if is_full and any(not c.introduced for c in self._open) and not self._idle():
                 return
             try:
                 own, address = self._listener.accept()
@@ -256,16 +273,50 @@ class ZmtpServer:
 
     def _leaving(self, address: str) -> Connection | None:
         """Returns the connection that makes room for a newcomer from an address; None: none does."""
-        unmet = [c for c in self._open if not c.introduced]
-        if unmet:
-            crowd = Counter(c.address for c in unmet)
-            return max(unmet, key=lambda c: (crowd[c.address], -c.opened))
+        idle = self._idle()
+        if idle:
+            crowd = Counter(c.address for c in idle)
+            return max(idle, key=lambda c: (crowd[c.address], -c.opened))
         if self._kind == "ROUTER":
             quietest = min(self._open, key=lambda c: c.heard)
             if time.monotonic() - quietest.heard > _QUIET_AFTER:
                 return quietest
         crowd = Counter(c.address for c in self._open)
-        crowd[address] += 1
-        if crowd[address] == max(crowd.values()):
+        most = max(crowd.values())
+        if most == 1:
             return None
-        return max(self._open, key=lambda c: (crowd[c.address], c.opened))
+        crowded = {each for each, count in crowd.items() if count == most}
+        crowded = {address} if address in crowded else crowded
+        return self._least_served([c for c in self._open if c.address in crowded])
+
+    def _idle(self) -> list[Connection]:
+        """Returns the connections that have not begun to introduce themselves, or stopped doing so."""
+        before = time.monotonic() - _IDLE_AFTER
+        return [c for c in self._open if not c.introduced and (c.spoke == c.opened or c.spoke < before)]
+
+    def _least_served(self, crowd: list[Connection]) -> Connection:
+        """Returns the one of an address's connections that gives up its place to a newcomer.
+
+        Those that were served for longest keep theirs. Of the others one that was heard only once leaves
+        first, then the oldest: so a newcomer stays for long enough to be served.
+        """
+        kept = int(_RESERVED * len(crowd))
+        others = sorted(crowd, key=lambda c: (-c.served, c.opened))[kept:]
+        return min(others, key=lambda c: (c.served > _HEARD_ONCE, c.opened))
+
+
+def _in_turn(ready: list[Connection]) -> list[Connection]:
+    """Returns connections in the order in which they are read: known ones, recent ones and newcomers alternate.
+
+    Known and recent ones are read by least recent cost, known ones in proportion to how long they have been
+    served. Newcomers that have begun to introduce themselves
+    come before the others.
+    """
+    known = [c for c in ready if c.served > _KNOWN_AFTER]
+    known.sort(key=lambda c: c.cost / min(c.served, _TRUSTED_AFTER))
+    recent = [c for c in ready if c.introduced and c.served <= _KNOWN_AFTER]
+    new = [c for c in ready if not c.introduced and c.served <= _KNOWN_AFTER]
+    recent.sort(key=lambda c: c.cost)
+    new.sort(key=lambda c: (c.spoke == c.opened, c.opened))
+    turns = itertools.zip_longest(known, recent, new)
+    return [each for turn in turns for each in turn if each is not None]

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from enliven.printable import escaped
+
 
 def recover(
     recording: Annotated[Path, typer.Argument(help="The recording that was cut off or is damaged.")],
@@ -27,7 +29,7 @@ def recover(
     typer.echo(f"{output}: {sum(found.kept.values())} messages")
     for topic in sorted({*found.kept, *found.lost}):
         lost = f", {found.lost[topic]} lost" if found.lost[topic] else ""
-        typer.echo(f"  {topic}: {found.kept[topic]} messages{lost}")
+        typer.echo(f"  {escaped(topic)}: {found.kept[topic]} messages{lost}")
     origin = found.first_ns or 0
     for span in found.spans:
         typer.echo(f"lost: {_words(span.start_ns, span.end_ns, origin)}")

@@ -1,0 +1,129 @@
+"""A flood of connections from one address: viewers already served go on, and newcomers get in."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+import uuid
+from collections.abc import Iterator
+
+import pytest
+import zmq
+from patience import PATIENCE
+
+from enliven.wire import requests, topics
+from enliven.wire.envelope import pack_control, unpack_control
+from enliven.wire.zmtp import GREETING, framed
+from enliven_edge.network.publisher import Publisher
+
+PLACES, CROWD = 20, 200
+"""Places of the server, and connections that want one."""
+READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
+PING = framed(pack_control(requests.Request(1, requests.Ping("rude", 1))))
+ORDER = framed(pack_control(requests.Request(1, requests.Possess("chair", mode="join"))))
+
+
+@pytest.fixture
+def publisher() -> Iterator[Publisher]:
+    with Publisher(name=uuid.uuid4().hex[:12], pose_port=0, control_port=0, budget_ms=2.0) as made:
+        made._server._most = PLACES
+        yield made
+
+
+class Crowd:
+    """Local connections that come again as soon as they are thrown out."""
+
+    def __init__(self, publisher: Publisher, first: bytes, again: bytes) -> None:
+        self.address = ("127.0.0.1", publisher.endpoint.control_port)
+        self.first, self.again = first, again
+        self.sockets = [self._new() for _ in range(CROWD)]
+        self.asked = time.monotonic()
+
+    def push(self) -> None:
+        due = time.monotonic() - self.asked > 0.5
+        self.asked = time.monotonic() if due else self.asked
+        for number, (own, left) in enumerate(self.sockets):
+            try:
+                left = left or (self.again if due else b"")
+                sent = own.send(left) if left else 0
+                self.sockets[number] = own, left[sent:]
+                if own.recv(65_536) == b"":
+                    raise ConnectionError
+            except BlockingIOError:
+                continue
+            except OSError:
+                own.close()
+                self.sockets[number] = self._new()
+
+    def _new(self) -> tuple[socket.socket, bytes]:
+        own = socket.socket()
+        own.setblocking(False)
+        own.connect_ex(self.address)
+        return own, self.first
+
+    def close(self) -> None:
+        for own, _ in self.sockets:
+            own.close()
+
+
+class Studio:
+    """A viewer by hand that asks again and again."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.context = zmq.Context()
+        self.socket = self.context.socket(zmq.DEALER)
+        self.socket.setsockopt(zmq.LINGER, 0)
+        self.socket.setsockopt(zmq.RECONNECT_IVL, 50)
+        self.socket.connect(publisher.endpoint.control_address)
+        self.asked, self.answered, self.due = 0, 0, 0.0
+
+    def ask(self) -> None:
+        if time.monotonic() > self.due:
+            self.due = time.monotonic() + 0.1
+            self.asked += 1
+            self.socket.send(pack_control(requests.Request(self.asked, requests.Ping("studio", 1))))
+        while self.socket.poll(0):
+            unpack_control(self.socket.recv(), topics.REPLY)
+            self.answered += 1
+
+    def close(self) -> None:
+        self.context.destroy(linger=0)
+
+
+@pytest.mark.parametrize(
+    ("first", "again"),
+    [(b"", b""), (GREETING + READY, b""), (GREETING + READY + PING, b""), (GREETING + READY + PING, PING),
+     (GREETING + READY + ORDER, ORDER)],
+    ids=["silent", "greeting", "once", "again", "orders"],
+)  # fmt: skip
+def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
+    publisher: Publisher, first: bytes, again: bytes
+) -> None:
+    known = Studio(publisher)
+    start = time.monotonic()
+    while time.monotonic() < start + 1.3 or known.answered < 5:
+        assert time.monotonic() < start + PATIENCE
+        publisher.poll()
+        known.ask()
+    (own,) = publisher._server.connections
+    crowd = Crowd(publisher, first, again)
+    new, before, start = Studio(publisher), known.answered, time.monotonic()
+    try:
+        # A newcomer competes with a crowd that asks for half of the places: it gets in after some seconds.
+        waits = PING not in first and not again
+        while time.monotonic() < start + 1.5 or (waits and new.answered < 3):
+            assert time.monotonic() < start + PATIENCE, f"{new.answered} of {new.asked} answers"
+            crowd.push()
+            for command in publisher.poll():
+                command.reply(requests.Done())
+            known.ask()
+            new.ask()
+            time.sleep(0.001)
+        assert own.is_open, "it has the same connection as before"
+        assert known.answered - before >= 5 and known.asked - known.answered <= 5
+        assert len(list(publisher._server.connections)) <= PLACES
+    finally:
+        crowd.close()
+        new.close()
+        known.close()

@@ -1,0 +1,261 @@
+"""A hostile edge cannot fill a viewer's memory, stop its drawing, or speak to the user's terminal."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator
+
+import msgspec
+import numpy as np
+import pytest
+import zmq
+from patience import PATIENCE
+
+from enliven.health import Severity
+from enliven.wire import Endpoint, Smooth, characters, requests, scans, streams, topics
+from enliven.wire.envelope import pack_control, pack_stream
+from enliven_viewer.link import one_edge
+from enliven_viewer.link import requests as link_requests
+from enliven_viewer.link.bounded import BoundedQueue, NewestValues
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.playback import Document
+
+from ..shared.test_printable import EVIL, is_safe
+
+NOISE = os.urandom(250_000)
+
+
+class HostileEdge:
+    """Raw sockets in an edge's place: welcomes each viewer with a list of characters, then sends anything."""
+
+    def __init__(self) -> None:
+        self.context = zmq.Context()
+        self.pub, self.router = self.context.socket(zmq.PUB), self.context.socket(zmq.ROUTER)
+        self.pub.setsockopt(zmq.SNDHWM, 100_000)
+        ports = [each.bind_to_random_port("tcp://127.0.0.1") for each in (self.pub, self.router)]
+        self.link = EdgeClient([Endpoint("127.0.0.1", *ports)])
+        self.status = streams.StatusMessage("hostile", 1, 1, time.time_ns())
+        self.names = ["chair"]
+        self.viewers: set[bytes] = set()
+        self.answer: Callable[[requests.Ask], requests.Answer | None] = lambda body: None
+
+    def turn(self) -> None:
+        """Answers what was asked, says that it is there, and lets the viewer poll."""
+        while self.router.poll(0):
+            viewer, data = self.router.recv_multipart()
+            self.viewers.add(viewer)
+            asked = msgspec.msgpack.decode(data[1:])
+            known = [streams.Revision(name, 3) for name in self.names]
+            own = self.answer(asked["body"])
+            body = own or requests.Welcome(self.status, known)
+            self.router.send_multipart([viewer, pack_control(requests.Reply(asked["id"], body))])
+        self.pub.send(pack_stream(self.status))
+        self.link.poll()
+
+    def until(self, done: Callable[[], object]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.turn()
+            time.sleep(0.001)
+
+    def close(self) -> None:
+        self.link.close()
+        self.context.destroy(linger=0)
+
+
+@pytest.fixture
+def edge() -> Iterator[HostileEdge]:
+    made = HostileEdge()
+    made.until(lambda: made.link.edges[0]._wanted)
+    yield made
+    made.close()
+
+
+def held_bytes(edge: HostileEdge) -> int:
+    """Bytes that the viewer counts for all that it keeps."""
+    own = edge.link.edges[0]
+    kept = [*own.inbox.values(), *own.latest.values(), own._waiting, own._unsure]
+    return sum(each.bytes for each in kept)
+
+
+FLOODS: dict[str, Callable[[int], object]] = {
+    "cue names": lambda k: streams.CuesMessage(f"name {k}", "possessed", bytes(200), bytes(100), 1, k),
+    "size names": lambda k: streams.SizeMessage(f"name {k}", 1.5),
+    "hold names": lambda k: streams.HoldMessage(f"name {k}", k, "join", settings="x" * 2000),
+    "match names": lambda k: streams.MatchesMessage(f"name {k}", "off"),
+    "pose names": lambda k: streams.PoseMessage(f"name {k}", 3, 1, k, k, 0, 0, NOISE[:500]),
+}
+
+
+@pytest.mark.parametrize("flood", FLOODS.values(), ids=FLOODS.keys())
+def test_names_that_the_edge_does_not_list_are_kept_for_a_few_only(
+    edge: HostileEdge, flood: Callable[[int], object]
+) -> None:
+    feed, document = EdgeFeed(edge.link), Document()
+    for start in range(0, 3000, 300):
+        for number in range(start, start + 300):
+            edge.pub.send(pack_stream(flood(number)))
+        edge.turn()
+        feed.poll(document)
+    edge.until(lambda: edge.link.edges[0].health().malformed > 1000)
+    own = edge.link.edges[0]
+    assert len(own._unknown) <= one_edge._MOST_UNKNOWN and len(own._sequences) <= one_edge._MOST_UNKNOWN
+    assert max((len(each) for each in own.latest.values()), default=0) <= one_edge._MOST_UNKNOWN
+    assert len(document.timeline._cues) <= one_edge._MOST_UNKNOWN
+
+
+def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileEdge) -> None:
+    for number in range(300):
+        edge.pub.send(pack_stream(streams.PoseMessage("chair", 3, 1, number, number, 0, 0, NOISE)))
+        if number % 20 == 0:
+            edge.turn()
+    edge.until(lambda: edge.link.edges[0]._sequences.get("chair") == 299)
+    assert one_edge._UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * one_edge._UNREAD_BYTES
+
+
+def test_pieces_of_a_scan_without_end_are_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_KEPT_BYTES", "_NEWEST_BYTES"):
+        monkeypatch.setattr(one_edge, name, 1_000_000)
+    for number in range(200):
+        piece = scans.ScanPieceMessage(1, (number, 0, 0), 8, 0.01, NOISE[:18_000], NOISE[:3000])
+        edge.pub.send(pack_stream(piece))
+    edge.until(lambda: "199 0 0" in edge.link.latest(topics.SCAN_PIECE))
+    assert len(edge.link.latest(topics.SCAN_PIECE)) < 60 and held_bytes(edge) < 2_200_000
+    assert 0 < len(edge.link.take(topics.SCAN_PIECE)) < 60 and held_bytes(edge) < 1_100_000
+
+
+def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
+    edge: HostileEdge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[int] = []
+    real = link_requests.unpack_control
+    monkeypatch.setattr(
+        link_requests, "unpack_control", lambda data, topic: decoded.append(len(data)) or real(data, topic)
+    )
+    monkeypatch.setattr(link_requests, "_REOPENED_AFTER", 0.2)
+    big = pack_control(requests.Reply(99_999, requests.Welcome(edge.status, [], [NOISE] * 4)))
+    (viewer,) = edge.viewers
+    for _ in range(8):
+        edge.router.send_multipart([viewer, big])
+    edge.until(lambda: edge.link.edges[0]._requests._socket is None)
+    assert edge.link.edges[0]._rejects.counts["reply"] >= 4 and max(decoded, default=0) < len(big)
+    told: list[object] = []
+    edge.answer = lambda body: requests.Done() if body["type"] == "Smooth" else None
+    edge.until(lambda: edge.link.edges[0]._requests._socket is not None)
+
+    def ask_again() -> bool:
+        edge.link.ask(Smooth(1, 1.0), told.append)
+        return requests.Done() in told
+
+    edge.until(ask_again)
+
+
+def test_a_reply_that_comes_late_is_no_fault(edge: HostileEdge) -> None:
+    own = edge.link.edges[0]._requests
+    own.forget()
+    edge.until(lambda: own.under_way(""))
+    (number,) = list(own._pending)[-1:]
+    own.forget()
+    before = edge.link.edges[0]._rejects.counts["reply"]
+    edge.until(lambda: number not in own._late)
+    assert edge.link.edges[0]._rejects.counts["reply"] == before and own._socket is not None
+
+
+def test_a_poll_ends_in_bounded_time_under_a_flood(edge: HostileEdge) -> None:
+    message = pack_stream(streams.BodiesMessage(1, 2, [streams.PackedBody(3, bytes(120), bytes(20))] * 20))
+    longest = []
+    for _ in range(40):
+        for _ in range(400):
+            edge.pub.send(message)
+        start = time.thread_time()
+        edge.link.poll()
+        longest.append(time.thread_time() - start)
+    assert sorted(longest)[-3] < 4 * (one_edge._POLL_WITHIN + link_requests._POLL_WITHIN)
+
+
+def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
+    edge: HostileEdge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def character(name: str) -> characters.CharacterMessage:
+        corners = np.eye(3, dtype="<f4").tobytes()
+        faces, skin = np.array([0, 1, 2], "<i4").tobytes(), np.tile(np.float32([1, 0, 0, 0]), (3, 1))
+        return characters.CharacterMessage(
+            *(name, 3, "graph", 3, 1, 1, 0, corners, faces, bytes(24), skin.tobytes(), bytes(12), b"")
+        )
+
+    edge.names = ["chair", "lamp", "sofa"]
+    sizes = one_edge._bytes_of(character("x"))
+    monkeypatch.setattr(one_edge, "_CHARACTER_BYTES", 2 * sizes)
+    edge.status = msgspec.structs.replace(edge.status, revision=2)
+    edge.answer = lambda body: character(body["character"]) if body["type"] == "GetState" else None
+    notices: list[str] = []
+
+    def told() -> bool:
+        notices.extend(notice.text for notice in edge.link.take_notices())
+        return any("some are not shown" in text for text in notices)
+
+    edge.until(told)
+    assert len(edge.link.characters) == 2
+    edge.link.edges[0]._take_character(character("a stranger"))
+    assert len(edge.link.characters) == 2
+
+
+def test_containers_keep_the_newest_within_their_limits() -> None:
+    queue, newest = BoundedQueue[int](4, 100), NewestValues(3, 100)
+    for number in range(10):
+        queue.append(number, 30)
+        newest.put(str(number % 5), number, 10)
+    assert list(queue) == [7, 8, 9] and queue.bytes == 90 and dict(newest) == {"2": 7, "3": 8, "4": 9}
+    queue.append(10, 1000)
+    newest.put("3", 11, 1000)
+    assert queue.take() == [10] and not queue and queue.bytes == 0 and dict(newest) == {"3": 11}
+    newest.forget("3")
+    assert newest.bytes == 0 and not newest
+
+
+@pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
+def test_words_of_an_edge_reach_log_and_window_escaped(evil: str, caplog: pytest.LogCaptureFixture) -> None:
+    if "\ud800" in evil:
+        pytest.skip("the wire does not carry lone surrogates")
+    edge = HostileEdge()
+    try:
+        health = streams.HealthMessage("no frames", int(Severity.NOTE), 0, evil, evil)
+        words = {"edge": evil, "phase": evil, "note": evil, "sensor": evil, "health": [health]}
+        edge.status = msgspec.structs.replace(edge.status, **words)
+        edge.names = [evil]
+        edge.answer = lambda body: requests.Refused(evil) if body["type"] == "Smooth" else None
+        feed, document, notices = EdgeFeed(edge.link), Document(), list[str]()
+        edge.until(lambda: edge.link.edges[0]._wanted)
+        edge.link.ask(Smooth(1, 1.0))
+        for message in (
+            streams.CuesMessage(evil, "possessed", bytes(2), bytes(1), 1, 1),
+            streams.SizeMessage(evil, 1.5),
+            streams.CallMessage("record", evil[:60]),
+            scans.ScanMessage(1, "failed", note=evil, character=evil),
+        ):
+            edge.pub.send(pack_stream(message))
+        edge.pub.send(evil.encode() + b"\0\1\x90")
+
+        def told() -> bool:
+            feed.poll(document)
+            notices.append(document.edge.message)
+            return any(notices) and bool(document.edge.health) and edge.link.edges[0]._rejects.total > 0
+
+        with caplog.at_level(logging.INFO):
+            edge.until(told)
+            logging.getLogger("enliven_viewer.link").warning("%s", evil)
+        shown = [
+            *notices,
+            document.edge.phase,
+            document.edge.address,
+            next(iter(edge.link.health.values())).text,
+        ]
+        shown += [each.what + each.mend for each in document.edge.health]
+        shown += [record.getMessage() for record in caplog.records]
+        assert all(map(is_safe, shown)) and any("\\" in text for text in shown)
+    finally:
+        edge.close()
