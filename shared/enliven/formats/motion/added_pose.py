@@ -18,7 +18,7 @@ _TOO_FAST = 8.0
 _JUMP = 4.0
 """Times as fast as the rest of the take that the jump is at least: captures have glitches of their own."""
 _FADE = 1.5
-"""Times as fast as the rest of the take that the frames are at least over which a pose fades into the motion."""
+"""Times as fast as the rest of the take that frames are in which a pose fades into the motion."""
 _LONGEST_FADE_S = 0.3
 """Seconds that such a fade lasts at most: resampled files have spread the jump over some frames."""
 _FAR = 0.15
