@@ -61,7 +61,7 @@ def cast(
     if Path(spec).suffix.lower() in GLTF_SUFFIXES:
         from enliven.formats.gltf import with_materials
 
-        mesh = with_materials(mesh, spec)
+        mesh = with_materials(mesh, spec, bind_pose=up is None)
     return cast_mesh(mesh, name or name_of(spec), nodes, settings)
 
 

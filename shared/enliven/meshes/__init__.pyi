@@ -40,3 +40,4 @@ from .materials import (
     textures_in as textures_in,
 )
 from .pictures import opened_picture as opened_picture
+from .repair import repair as repair

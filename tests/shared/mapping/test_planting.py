@@ -46,7 +46,7 @@ def test_contacts_of_walks_runs_and_sprints_are_found(speed, stance):
 
 def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
     times = np.arange(120)[:, None] * STEP
-    still = np.zeros((120, 3)) + [0.0, 0.9, 0.0]
+    still = np.tile([0.0, 0.9, 0.0], (120, 1))
     lifted = np.clip(np.sin(2 * np.pi * times), 0.0, None) * [0.0, 0.4, 0.0]
     for first, last in standing_spans(lifted, still, STEP, 0.85):
         assert lifted[first : last + 1, 1].max() < 0.1

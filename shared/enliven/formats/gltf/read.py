@@ -34,11 +34,13 @@ from enliven.formats.rig import (
     tree_of,
     welded,
 )
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh, repair, submesh
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
 
+_SAME_SIZE = 0.1
+"""Share of its size by which a mesh may differ from the bind pose to be the same: poses differ in an arm."""
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 
@@ -81,13 +83,20 @@ def read_gltf(
     return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
-def with_materials(mesh: Mesh, path: Path | str) -> Mesh:
+def with_materials(mesh: Mesh, path: Path | str, bind_pose: bool = False) -> Mesh:
     """Returns a mesh that was loaded from a glTF file with the file's materials.
 
     It is unchanged where its faces are not among those that :func:`read_gltf` finds.
+
+    Args:
+        bind_pose: return a rigged model where its joints hold it, if its nodes alone lay it down or scale it.
     """
     own = read_gltf(path).shape.mesh
-    if own is None or own.materials is None:
+    if own is None:
+        return mesh
+    if bind_pose and not _is_alike(mesh, own):
+        return repair(own)[0]
+    if own.materials is None:
         return mesh
     # Vertices that no face uses are left out by one reader and not by the other.
     whole, bare = (submesh(one, np.ones(len(one.faces), bool)) for one in (own, mesh))
@@ -96,6 +105,12 @@ def with_materials(mesh: Mesh, path: Path | str) -> Mesh:
     number = {face: at for at, face in enumerate(map(tuple, whole.faces.tolist()))}
     faces = np.array([number.get(face, -1) for face in map(tuple, bare.faces.tolist())], np.int64)
     return mesh if (faces < 0).any() else replace(mesh, materials=own.materials.taken(faces))
+
+
+def _is_alike(mesh: Mesh, own: Mesh) -> bool:
+    """Whether a mesh has the size of the model in its bind pose, along all axes."""
+    sizes = [np.ptp(one.vertices[np.unique(one.faces)], axis=0) for one in (mesh, own)]
+    return bool(np.abs(sizes[0] - sizes[1]).max() <= _SAME_SIZE * sizes[1].max())
 
 
 def _read(file: GltfFile, name: str) -> Rig:
