@@ -18,7 +18,7 @@ from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, standing_on_feet, stands
 from enliven.mapping.human_names import finger_joints
-from enliven.mapping.own_clips import is_own_take
+from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import (

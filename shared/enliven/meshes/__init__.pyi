@@ -2,6 +2,7 @@ from .files import (
     WRITABLE as WRITABLE,
     load_mesh as load_mesh,
     load_upright as load_upright,
+    repaired as repaired,
     save_mesh as save_mesh,
 )
 from .gltf_json import GLTF_SUFFIXES as GLTF_SUFFIXES, Entry as Entry, gltf_document as gltf_document
@@ -40,4 +41,3 @@ from .materials import (
     textures_in as textures_in,
 )
 from .pictures import opened_picture as opened_picture
-from .repair import repair as repair

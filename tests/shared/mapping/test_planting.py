@@ -51,7 +51,7 @@ def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
     for first, last in standing_spans(lifted, still, STEP, 0.85):
         assert lifted[first : last + 1, 1].max() < 0.1
     glides = times * [0.0, 0.0, 3.0]
-    assert standing_spans(glides, glides + [0.0, 0.9, 0.0], STEP, 0.85) == ()
+    assert standing_spans(glides, np.add(glides, [0.0, 0.9, 0.0]), STEP, 0.85) == ()
 
 
 @settings(deadline=None, max_examples=15)

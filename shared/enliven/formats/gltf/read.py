@@ -34,7 +34,7 @@ from enliven.formats.rig import (
     tree_of,
     welded,
 )
-from enliven.meshes import Mesh, repair, submesh
+from enliven.meshes import Mesh, repaired, submesh
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
@@ -95,7 +95,7 @@ def with_materials(mesh: Mesh, path: Path | str, bind_pose: bool = False) -> Mes
     if own is None:
         return mesh
     if bind_pose and not _is_alike(mesh, own):
-        return repair(own)[0]
+        return repaired(own)
     if own.materials is None:
         return mesh
     # Vertices that no face uses are left out by one reader and not by the other.
