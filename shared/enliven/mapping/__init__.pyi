@@ -10,7 +10,7 @@ from .automatic_mapping import (
 )
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
-from .own_clips import (
+from .model_clips import (
     clip_to_open as clip_to_open,
     is_looping as is_looping,
     is_own_take as is_own_take,

@@ -16,9 +16,9 @@ from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_ti
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import kept_on_floor, stands
+from enliven.mapping.ground import kept_on_floor, standing_on_feet, stands
 from enliven.mapping.human_names import finger_joints
-from enliven.mapping.own_clips import is_own_take
+from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import (
@@ -187,6 +187,12 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
+def _on_feet(clip: Clip) -> Float:
+    """(F,) how far the performer is on their feet, and not on knees, hands or anything else."""
+    legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
+    return standing_on_feet(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
+
+
 def with_feet_pinned(
     project: Project,
     shape: Shape,
@@ -299,7 +305,8 @@ def retarget(
     level = plan.floor and upright
     if level:
         project = stepped(project, shape.id, clip, based, plan)
-        project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
+        on_feet = _on_feet(clip) if posed and plan.travel else None
+        project = kept_on_floor(project, shape.id, based, duration, not stepping, on_feet)
     if plan.pin:
         steps = step_sizes(shape, clip, based, plan)
         project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)

@@ -7,7 +7,7 @@ kept_on_floor(project, shape_id, clip, duration)    # its root goes up and down 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +72,12 @@ def clearance(clip: Clip) -> Float:
 
 
 def kept_on_floor(
-    project: Project, shape_id: str, clip: Clip, duration: float, own_stride: bool = True
+    project: Project,
+    shape_id: str,
+    clip: Clip,
+    duration: float,
+    own_stride: bool = True,
+    on_feet: Float | None = None,
 ) -> Project:
     """A project in which the lowest point of a shape is on the floor, or above it as the performer leaps.
 
@@ -82,6 +87,7 @@ def kept_on_floor(
         clip: the performer's.
         duration: seconds of the project that are looked at.
         own_stride: go as far as the shape's legs carry it, and not as far as the performer in its size.
+        on_feet: (F,) of each frame of the take, how far the performer is on feet that were planted already.
     """
     shape = project.shape(shape_id)
     watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
@@ -89,23 +95,43 @@ def kept_on_floor(
     # The way is as fine as the take: feet that stand would tremble against a coarser one.
     times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
-    root[:, 1] += np.interp(times, watched, floor_of(shape) - low)
+    up = np.interp(times, watched, floor_of(shape) - low)
     if shape.travel is not None:
         leapt = clearance(clip)
         frames = np.arange(len(clip.turns)) * clip.step
-        root[:, 1] += travel_scale(shape, clip) * np.interp(times, frames, leapt)
+        up += travel_scale(shape, clip) * np.interp(times, frames, leapt) if on_feet is None else 0.0
         level = root[:, [0, 2]]
         coarse = np.stack([np.interp(watched, times, level[:, k]) for k in range(2)], axis=1)
         leaping = np.interp(watched, frames, leapt) > 0.0
         stride = _stride(np.diff(coarse, axis=0), steps, leaping) if own_stride else 1.0
         root[:, [0, 2]] = level[0] + stride * (level - level[0])
-    still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
+    if on_feet is not None:
+        # Feet that were planted are on the floor already, or above it in a leap.
+        up = np.maximum(up, 0.0) + np.minimum(up, 0.0) * (1.0 - np.interp(times, frames, on_feet))
+    root[:, 1] += up
     count = len(times)
-    step = duration / (count - 1) if count > 1 else clip.step
-    way = Clip(unused(f"{clip.id}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)
+    return along_way(project, shape_id, clip.id, root, duration / (count - 1) if count > 1 else clip.step)
+
+
+def along_way(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
+    """A project in which the root of a shape goes along ``root`` (F, 3) metres, ``step`` seconds apart.
+
+    That becomes a take of its own, of one joint, named after the take ``name``.
+    """
+    shape, count = project.shape(shape_id), len(root)
+    still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
+    way = Clip(unused(f"{name}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)
     layer = Layer(unused(way.id, project.layer_names), way.id, (0,))
     moved = shape.with_changes(layers=(*shape.layers, layer), travel=layer.id)
     return set_travel(project.with_takes(way).with_characters(moved), shape_id, layer.id, 1.0)
+
+
+def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
+    """(F,) 1 while the lowest joint of a performer is one of their feet, 0 while it is another, smoothly."""
+    height = joint_places(clip)[..., 1]
+    others = [j for j in range(height.shape[1]) if j not in feet]
+    lead = height[:, others].min(1) - height[:, list(feet)].min(1)
+    return np.asarray(np.clip(0.5 + lead / (_ROLL * float(np.ptp(height, axis=1).max())), 0.0, 1.0))
 
 
 def moments_of(duration: float, rate: float) -> Float:

@@ -48,6 +48,8 @@ _SAME = 1e-5
 """Share of the size within which vertices are at one place."""
 _TOUCH = 0.03
 """Share of the height within which a vertex counts as on the floor."""
+_IN_AIR = 0.005
+"""Share of the height that the lowest point is above the floor in a leap: 8 mm on an adult."""
 _APART = 1.0 / 60.0
 """Seconds between the two moments that a slide is measured over: a frame of common displays."""
 _STANDING = 10.0
@@ -262,12 +264,13 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
 def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     """The mean over the moments of the speed of what touches the floor: of its slower part, which stands."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
-    bound, speeds = floor_of(shape) + _TOUCH * tall, []
+    floor, speeds = floor_of(shape), []
     before = surfaces(project, shape.id, times[:-1])
     after = surfaces(project, shape.id, times[:-1] + _APART)
     for one, other in zip(before, after, strict=True):
-        touching = (one[:, 1] < bound) & (other[:, 1] < bound)
-        if touching.any():
+        lands = min(one[:, 1].min(), other[:, 1].min()) < floor + _IN_AIR * tall
+        touching = (one[:, 1] < floor + _TOUCH * tall) & (other[:, 1] < floor + _TOUCH * tall)
+        if lands and touching.any():
             moved = np.linalg.norm((other - one)[touching][:, [0, 2]], axis=1)
             speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)

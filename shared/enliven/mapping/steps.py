@@ -13,21 +13,22 @@ and bends by as much as its foot needs to be where the performer's is. So feet s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton, joint_places, unused
+from enliven.document import Clip, Project, Shape, Skeleton, joint_places, unused
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import floor_of, moments_of
+from enliven.mapping.ground import along_way, floor_of, moments_of
 from enliven.mapping.plan import Mode, Plan
+from enliven.mapping.planting import PosedLeg, planted, standing_spans
 from enliven.mapping.resting import first_heading, heading_of
-from enliven.motion.contact import bend_of, contacts_of, hold, pin_limb
+from enliven.motion.contact import bend_of, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain, travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate, slerp
 
@@ -49,12 +50,10 @@ _FOOT = 0.15
 """Share of the performer's height within which a joint of a leg is part of the foot."""
 _STANDING = 25.0
 """Per cent of a take in which a foot stands at least: the joint of it that is slowest then is its place."""
-_PLANTED = ContactSettings(height=0.1, speed=0.4, shortest=0.08, blend=0.1)
-"""When a performer's foot stands: floors of captures drift, so that its speed says more than its height."""
 _FOOT_WEIGHT = 0.5
 """Share of a vertex's weight from which it is part of a foot."""
-_STRETCHED = 1.0
-"""Share of its length that a leg is stretched to at most: a knee that locks jerks."""
+_STRETCHED = 0.99
+"""Share of its length that a leg is stretched to at most beyond its pose: a knee that locks jerks."""
 _LOWERED = 0.15
 """Share of a leg's length that the body comes down by at most, to reach where feet stand."""
 _EASING = 0.05
@@ -72,12 +71,26 @@ class _Step:
         by: the performer's leg that it goes with.
         arm: the performer's arm that it obeys while they stand or raise it, or None.
         posed: it keeps the performer's pose, as nearly as its foot allows.
+        leg: the joints of the limb down to where its foot begins.
+        by_leg: the same of the performer's.
     """
 
     limb: SkeletonLimb
     by: SkeletonLimb
     arm: SkeletonLimb | None
     posed: bool
+    leg: tuple[int, ...]
+    by_leg: tuple[int, ...]
+
+    @property
+    def toes(self) -> tuple[int, ...]:
+        """The joints of the limb beyond its ankle."""
+        return self.limb.proper[len(self.leg) :]
+
+    @property
+    def by_toes(self) -> tuple[int, ...]:
+        """The same of the performer's."""
+        return self.by.proper[len(self.by_leg) :]
 
 
 def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan) -> Project:
@@ -95,16 +108,20 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
     times = moments_of(duration, max(_RATE, 1.0 / clip.step) if posed else min(_RATE, 1.0 / clip.step))
     turns, joints = Player(project, shape_id).sample(times)
     performer = _Performer(shape, clip, based, plan, times, step_scale(shape, clip, based, plan))
-    goals = [_goals(shape, step, performer, turns, joints) for step in steps]
-    reach = zip(steps, goals, strict=True)
-    drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in reach if step.posed]
-    # The body comes down to feet that it would not reach: the feet come up here, then the floor is kept.
-    up = _evenly(np.max(drops, axis=0), performer.step) if drops else np.zeros(len(times))
-    for step, at in zip(steps, goals, strict=True):
-        _bend(shape.skeleton, step, performer, at + up[:, None] * [0.0, 1.0, 0.0], turns, joints)
+    chosen = [step for step in steps if step.posed]
+    if chosen:
+        offsets = _planted(shape, chosen, performer, turns, joints)
+        project = along_way(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
+        for step, offset in zip(chosen, offsets, strict=True):
+            goals = joints[:, step.leg[-1]] + offset
+            _bend(shape.skeleton, step, performer, goals, turns, joints)
+    for step in steps:
+        if not step.posed:
+            goals = _goals(shape, step, performer, turns, joints)
+            _bend(shape.skeleton, step, performer, goals, turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
-    chains = [chain for step in steps for chain in _played(shape.skeleton, step.limb)]
+    chains = [chain for step in steps for chain in _played(shape.skeleton, step)]
     for chain in chains:
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
@@ -136,9 +153,9 @@ def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[Skeleton
     return tuple(step.limb for step in _steps(shape, clip, plan) if step.posed)
 
 
-def _leg_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
-    """Metres of a leg without girdle and foot."""
-    return max(float(skeleton.lengths[list(leg_of(limb)[1:])].sum()), 1e-9)
+def _leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
+    """Metres along a leg."""
+    return max(float(skeleton.lengths[list(leg[1:])].sum()), 1e-9)
 
 
 def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
@@ -156,8 +173,8 @@ def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
     For posed legs it is the ratio of their lengths, which leaves them the performer's angles.
     """
     posed = [step for step in _steps(shape, clip, plan) if step.posed]
-    ours = sum(_leg_length(shape.skeleton, step.limb) for step in posed)
-    theirs = sum(_leg_length(clip.skeleton, step.by) for step in posed)
+    ours = sum(_leg_length(shape.skeleton, step.leg) for step in posed)
+    theirs = sum(_leg_length(clip.skeleton, step.by_leg) for step in posed)
     return plan.stride * (
         ours / theirs if posed else travel_scale(shape.with_changes(travel_scale=None), based)
     )
@@ -173,15 +190,42 @@ def _steps(shape: Shape, clip: Clip, plan: Plan) -> list[_Step]:
     if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
         return []
     driven, made = _driven(shape.skeleton, plan, "move"), list[_Step]()
-    posed = _driven(shape.skeleton, plan, "pose") if plan.pin else set[int]()
+    posed = _driven(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
     for number, pair in enumerate(reversed(ours.legs)):
         fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
         arms = theirs.arms[0] if fore else (None, None)
         for limb, by, arm in zip(pair, _legs_of(theirs, number), arms, strict=True):
-            bones = set(leg_of(limb)[1:])
-            if len(bones) > 1 and (bones <= driven or bones <= posed):
-                made.append(_Step(limb, by, arm, bones <= posed))
+            leg, bones = _posed_leg(limb, posed), set(leg_of(limb)[1:])
+            if len(leg) > 2:
+                made.append(_Step(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
+            elif len(bones) > 1 and bones <= driven:
+                made.append(_Step(limb, by, arm, False, leg_of(limb), leg_of(by)))
     return made
+
+
+def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
+    """The joints of a leg down to the last that is posed as the performer's: its ankle."""
+    leg = limb.proper[:1]
+    for joint in limb.proper[1:]:
+        if joint not in posed:
+            break
+        leg = (*leg, joint)
+    return leg
+
+
+def _performed_leg(
+    shape: Shape, clip: Clip, plan: Plan, leg: tuple[int, ...], by: SkeletonLimb
+) -> tuple[int, ...]:
+    """The joints of the performer's leg down to the one that drives the end of a posed leg."""
+    end = shape.skeleton.names[leg[-1]]
+    ankles = [chain.source[-1] for chain in plan.chains if chain.target[-1] == end and chain.mode == "pose"]
+    joints = [clip.skeleton.index(name) for name in ankles if name in clip.skeleton.names]
+    last = next((by.proper.index(joint) for joint in joints if joint in by.proper), len(leg_of(by)) - 1)
+    # A limb without names may be driven by all of the leg, down to the toes: it ends at the ankle.
+    height = clip.skeleton.positions[:, 1]
+    low = height[list(by.proper)] < height.min() + _FOOT * np.ptp(height)
+    ankle = int(np.argmax(low)) if low.any() else last
+    return by.proper[: max(min(last, ankle), 2) + 1]
 
 
 def _driven(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
@@ -212,10 +256,10 @@ def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
 
 
-def _played(skeleton: Skeleton, limb: SkeletonLimb) -> list[tuple[int, ...]]:
+def _played(skeleton: Skeleton, step: _Step) -> list[tuple[int, ...]]:
     """The chains that hold the turns of a leg: itself, and each other toe that begins at its foot."""
-    foot = leg_of(limb)[-1]
-    return [limb.proper, *((foot, toe) for toe in skeleton.children[foot] if toe not in limb.proper)]
+    foot, proper = step.leg[-1], step.limb.proper
+    return [proper, *((foot, toe) for toe in skeleton.children[foot] if toe not in proper)]
 
 
 class _Performer:
@@ -262,6 +306,11 @@ class _Performer:
         still = np.abs(np.diff(self.beside[:, parts, 1] + self.tall[:, None], axis=0))
         return parts[int(np.percentile(still, 100.0 - _STANDING, axis=0).argmin())]
 
+    def clearance(self, foot: Sequence[int]) -> Float:
+        """(T,) metres that a foot, by its joints, is higher than when it stands."""
+        low = (self.beside[:, list(foot), 1] + self.tall[:, None]).min(1)
+        return np.asarray(np.maximum(low - np.percentile(low, _STANDING), 0.0))
+
     def home(self, foot: int, heading: Float) -> Float:
         """(3,) metres from the root to where a foot stands, seen as the body heads (T, 4).
 
@@ -290,36 +339,52 @@ class _Performer:
         return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
 
 
+def _planted(
+    shape: Shape, steps: Sequence[_Step], performer: _Performer, turns: Float, joints: Float
+) -> list[Float]:
+    """Lets the body of posed legs go where their feet stand still; changes joints (T, N, 3) in place.
+
+    Returns:
+        For each leg, (T, 3) metres that its foot is to be moved by then.
+    """
+    legs = list[PosedLeg]()
+    root = joints[:, 0].copy()
+    for step in steps:
+        ankle, toes, by_toes = step.leg[-1], step.toes, step.by_toes
+        # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
+        held = toes[0] if toes and by_toes else ankle
+        ball = root + performer.scale * performer.beside[:, (by_toes or step.by.chain[-1:])[0]]
+        length = _leg_length(shape.skeleton, step.leg)
+        spans = standing_spans(ball, root, performer.step, length)
+        sole = joints[:, ankle, 1] - root[:, 1] + _sole(shape, ankle, turns)
+        clear = performer.scale * performer.clearance(step.by.proper[len(step.by_leg) - 1 :])
+        legs.append(PosedLeg(joints[:, held] - root, ball, sole, clear, spans))
+    floor = floor_of(shape)
+    # Where no foot ever stands, the floor of the performer is the floor.
+    root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
+    root, offsets = planted(legs, root, performer.step, floor)
+    joints += (root - joints[:, 0])[:, None]
+    goals = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
+    drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in zip(steps, goals, strict=True)]
+    # The body comes down to feet that it would not reach, and what swings stays where it was.
+    down = _evenly(np.max(drops, axis=0), performer.step)[:, None] * [0.0, 1.0, 0.0]
+    joints -= down[:, None]
+    return [offset + down for offset in offsets]
+
+
 def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joints: Float) -> Float:
     """(T, 3) metres where the end of a leg is to be; turns (T, N, 4) and joints (T, N, 3) are the model's."""
-    skeleton, ankle, toes = shape.skeleton, leg_of(step.limb)[-1], _beyond(step.limb)
-    # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
-    rolls = step.posed and bool(toes and _beyond(step.by))
-    held = toes[0] if rolls else ankle
-    foot = performer.foot(step.by)
-    if step.posed:
-        foot = _beyond(step.by)[0] if rolls else leg_of(step.by)[-1]
+    skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.by)
     heading, scale = heading_of(turns[:, 0]), performer.scale
-    # Of a posed leg, only its proportions differ from the performer's.
-    home = performer.posed[foot] if step.posed else performer.home(foot, heading)
-    rest = skeleton.positions[held] - skeleton.positions[0]
+    home = performer.home(foot, heading)
+    rest = skeleton.positions[ankle] - skeleton.positions[0]
     even = _even(heading, round(_STRIDE / performer.step))
-    goals = joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home)
-    if not step.posed:
-        return goals
-    ball = (_beyond(step.by) or step.by.chain[-1:])[0]
-    rolling = goals if rolls else joints[:, 0] + scale * performer.beside[:, ball]
-    goals, stands = _standing_still(goals, rolling, performer.step, _leg_length(skeleton, step.limb))
-    if held != ankle:
-        goals = goals - rotate(turns[:, held], skeleton.vectors[held])
-    below = _sole(shape, step.limb, turns) + goals[:, 1] - performer.floor(shape, joints[:, 0, 1])
-    # A foot that stands is on the floor; one that swings is not below it.
-    return np.asarray(goals - np.where(below < 0.0, below, stands * below)[:, None] * [0.0, 1.0, 0.0])
+    return np.asarray(joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home))
 
 
-def _sole(shape: Shape, limb: SkeletonLimb, turns: Float) -> Float:
-    """(T,) metres from the ankle of a leg up to the lowest point of its foot, which is below: negative."""
-    skeleton, ankle = shape.skeleton, leg_of(limb)[-1]
+def _sole(shape: Shape, ankle: int, turns: Float) -> Float:
+    """(T,) metres from an ankle up to the lowest point of its foot, which is below: negative."""
+    skeleton = shape.skeleton
     bones = sorted(_below(skeleton, ankle))
     lowest = floor_of(shape) - shape.place[1] - skeleton.positions[ankle, 1]
     if not bones:
@@ -333,51 +398,24 @@ def _sole(shape: Shape, limb: SkeletonLimb, turns: Float) -> Float:
     return np.array([rotate(turn, ways)[:, 1].min() for turn in turns[:, bones[0]]])
 
 
-def _beyond(limb: SkeletonLimb) -> tuple[int, ...]:
-    """The joints of a leg beyond its ankle."""
-    return limb.proper[len(leg_of(limb)) :]
-
-
-def _standing_still(goals: Float, ball: Float, step: float, length: float) -> tuple[Float, Float]:
-    """Goals (T, 3) of a foot, kept in their place over the floor while the performer's foot stands.
-
-    Captured feet creep by some centimetres a second.
-
-    Args:
-        ball: (T, 3) metres, where the performer's foot rolls off: it stands while this is slow and low.
-        step: seconds between them.
-        length: metres of the leg.
-
-    Returns:
-        The goals, and (T,) how much the foot stands: 1 while it does.
-    """
-    contacts = contacts_of(ball, step, length, _PLANTED)
-    times, weights, places = np.arange(len(goals)) * step, np.empty(len(goals)), np.empty_like(goals)
-    spans = zip(contacts.starts, contacts.ends, strict=True)
-    kept = [np.median(goals[(times >= start) & (times <= end)], axis=0) for start, end in spans]
-    stays = np.array(kept).reshape(-1, 3)
-    hold(times, contacts.starts, contacts.ends, stays, _PLANTED.blend, weights, places)
-    level = np.array([1.0, 0.0, 1.0])
-    return np.asarray(goals + weights[:, None] * level * (places - goals)), weights
-
-
 def _out_of_reach(skeleton: Skeleton, step: _Step, goals: Float, joints: Float) -> Float:
-    """(T,) metres that a leg's goals are to come up, so that the leg is not stretched to them."""
-    chain = leg_of(step.limb)
-    far = _STRETCHED * float(skeleton.lengths[list(chain[1:])].sum())
-    way = goals - joints[:, chain[0]]
+    """(T,) metres that the body is to come down by, so that a leg is not stretched to its goals (T, 3)."""
+    chain = step.leg
+    hip, whole = joints[:, chain[0]], _leg_length(skeleton, chain)
+    far = np.maximum(np.linalg.norm(joints[:, chain[-1]] - hip, axis=1), _STRETCHED * whole)
+    way = goals - hip
     level = np.hypot(way[:, 0], way[:, 2])
     reach = -np.sqrt(np.maximum(far**2 - level**2, 0.0))
-    return np.asarray(np.clip(reach - way[:, 1], 0.0, _LOWERED * far))
+    return np.asarray(np.clip(reach - way[:, 1], 0.0, _LOWERED * whole))
 
 
 def _bend(
     skeleton: Skeleton, step: _Step, performer: _Performer, goals: Float, turns: Float, joints: Float
 ) -> None:
     """Lets a leg reach its goals (T, 3); changes turns (T, N, 4) and joints (T, N, 3) in place."""
-    chain, heading = leg_of(step.limb), heading_of(turns[:, 0])
+    chain, heading = step.leg, heading_of(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walks(step.arm)
-    moved = {bone for path in _played(skeleton, step.limb) for bone in path[1:]}
+    moved = {bone for path in _played(skeleton, step) for bone in path[1:]}
     for j in sorted(moved | _below(skeleton, chain[-1])):
         if j in moved and not step.posed:
             turns[:, j] = slerp(turns[:, j], heading, weights)

@@ -63,6 +63,15 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     return LoadedMesh(mesh, notes)
 
 
+def repaired(mesh: Mesh) -> Mesh:
+    """Returns a mesh without what breaks a deformation: faces without area, vertices without a face.
+
+    Raises:
+        InputError: if no face is left.
+    """
+    return repair(mesh)[0]
+
+
 def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 

@@ -67,7 +67,7 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
 def _without_added(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
-    """The clip without poses that were added at its ends, with a note; they stay its rest pose if they were."""
+    """The clip without poses that were added at its ends, with a note. Its rest pose stays."""
     begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes

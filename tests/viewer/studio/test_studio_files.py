@@ -22,7 +22,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.exporters.gltf import glb_of
 from enliven.exporters.performance import Performance
 from enliven.exporters.sampling import performance_of
-from enliven.mapping.own_clips import play_own_clip, played_clip
+from enliven.mapping.model_clips import play_own_clip, played_clip
 from enliven.modeling.edits import rename_character
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor

@@ -33,7 +33,7 @@ from made_bodies import horse, meshed, random_motion, walk
 
 from enliven.document.project import Project
 from enliven.document.rigged import Shape
-from enliven.mapping.own_clips import play_own_clip
+from enliven.mapping.model_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor

@@ -1,7 +1,7 @@
 """Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
 
 Many conversions of CMU's captures begin with one: frame 0 is a T-pose, frame 1 is the motion. Played, the
-body jumps. Such frames are found by their speed: nobody moves that fast, while the rest is smooth.
+body jumps. Such frames are found by their speed: no person moves that fast, while the rest is smooth.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from enliven.arrays import Float
 from enliven.formats.motion.capture import Capture
 
 _TOO_FAST = 8.0
-"""Body sizes a second of the fastest joint that nobody reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
+"""Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
 _JUMP = 4.0
 """Times as fast as the rest of the take that the jump is at least: captures have glitches of their own."""
 _FADE = 1.5
-"""Times as fast as the rest of the take that the frames are at least over which a pose fades into the motion."""
+"""Times as fast as the rest of the take that frames are in which a pose fades into the motion."""
 _LONGEST_FADE_S = 0.3
 """Seconds that such a fade lasts at most: resampled files have spread the jump over some frames."""
 _FAR = 0.15

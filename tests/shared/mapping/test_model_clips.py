@@ -10,7 +10,7 @@ from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.exporters.sampling import performance_of
 from enliven.mapping.automatic_mapping import play_own_take, retarget
-from enliven.mapping.own_clips import (
+from enliven.mapping.model_clips import (
     clip_to_open,
     is_looping,
     looped,
