@@ -71,12 +71,12 @@ def performance_of(
     """
     found = project.character(character) if isinstance(character, str) else character
     times = frame_times(start, project.end_of(found) if end is None else end, rate, found.id)
-    if keyed and found.kind == Shape.kind:
+    if keyed and isinstance(found, Shape):
         times = _with_keys(project, found, times)
     return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
 
 
-def _with_keys(project: Project, character: RigBase, times: Float) -> Float:
+def _with_keys(project: Project, character: Shape, times: Float) -> Float:
     """(T,) even seconds of the project with those at which keys of a character's clips are played.
 
     Even seconds next to a key are left out, so that a jump keeps its two times.

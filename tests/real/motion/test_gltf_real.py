@@ -12,10 +12,10 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
-from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.motion import frame_times
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing, welded
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.motion import frame_times
 from enliven.motion.layers.evaluate import Player
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))

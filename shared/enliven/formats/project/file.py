@@ -97,7 +97,7 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
             _check_sizes(archive, len(data), where, most)
             header = _header(archive, where)
             arrays, damaged = _arrays(archive)
-    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
         what = "it is cut short or damaged"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
