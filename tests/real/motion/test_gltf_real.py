@@ -23,7 +23,9 @@ from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
-FILES = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
+FILES = sorted(
+    p for p in (*DATA.glob("gltf/*/*"), *DATA.glob("humanoids/*")) if p.suffix in (".glb", ".gltf", ".vrm")
+)
 EXACT = 1e-4
 """Share of the size that a vertex is off by at most: float32 in files and poses."""
 STRAY = {"Trex": 0.1, "Spider": 3e-3}
