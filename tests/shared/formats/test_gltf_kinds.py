@@ -14,6 +14,7 @@ from gltf_twins import HALF, TWINS, Twin, chain, hidden, tower, waving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_gltf import SlowGltf
+from strict_gltf import checked_glb
 
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
@@ -22,7 +23,7 @@ from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project, write_project
 from enliven.formats.rig import playing
-from enliven.meshes import load_mesh
+from enliven.meshes import load_mesh, save_mesh
 from enliven.motion.layers import Player
 from enliven.takes import exportables_of
 
@@ -300,6 +301,14 @@ def test_a_clip_with_its_own_keys_is_cut_and_scaled_with_them(tmp_path):
     spike = max(seen(large, large.clips[0], 1.01)[:, 0])
     plain = read_gltf(path)
     assert spike == pytest.approx(2 * max(seen(plain, plain.clips[0], 1.01)[:, 0]), rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", sorted(TWINS))
+def test_what_is_written_of_any_kind_is_right_in_every_way(tmp_path, kind):
+    path = TWINS[kind]().write(tmp_path / "a.glb")
+    checked_glb(glb_of([exportables_of(path).found[-1].sample(0, None, None, False, True)]))
+    save_mesh(load_mesh(path).mesh, tmp_path / "b.glb")
+    checked_glb((tmp_path / "b.glb").read_bytes())
 
 
 FOREIGN = re.compile(
