@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,11 @@ from enliven.meshes.text import read_medit, read_off
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
+_OF_PYTHON = re.compile(
+    r"could not convert|invalid literal|cannot (reshape|convert|copy)|not enough values|too many values|buffer"
+    r"|array|operands|all (the )?input|string|setting an array|shape|need at least|negative|embedded|unknown"
+)
+"""How the messages of Python and NumPy begin, which say nothing to a user."""
 _OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 
 
@@ -87,7 +93,10 @@ def _unrepaired(path: Path, suffix: str, known: str) -> Mesh:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
-        what = f"it cannot be read as {suffix[1:]}: {plain_reason(error)}"
+        # The readers of this room say what is wrong in a ValueError; Python and NumPy use it too.
+        said = str(error).strip().partition("\n")[0][:200]
+        own = type(error) is ValueError and said and not _OF_PYTHON.match(said)
+        what = f"it cannot be read as {suffix[1:]}: {said if own else plain_reason(error)}"
         raise InputError(
             what, where=str(path), mend="Is it whole, and of the kind it says? " + known
         ) from None
