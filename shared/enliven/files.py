@@ -424,7 +424,7 @@ class Beside:
         head, _, body = uri.partition(",")
         try:
             return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
-        except ValueError as error:
+        except ValueError:
             raise self._wrong(uri, "cannot be decoded", "Export the model again.") from None
 
     def file(self, name: str) -> bytes:

@@ -80,7 +80,9 @@ class Twin:
         text = json.dumps(self.json).encode()
         text += b" " * (-len(text) % 4)
         blob = self.blob + b"\0" * (-len(self.blob) % 4)
-        parts = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
+        parts = (
+            struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
+        )
         return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
 
     def write(self, path: Path) -> Path:
@@ -91,7 +93,7 @@ class Twin:
 def tower(rings: int = 9, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
     """(V, 3) float32 and (F, 3) uint16: square rings above one another, closed at both ends."""
     square = np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]) * 0.1
-    levels = [square + [0, y, 0] for y in np.linspace(0, height, rings)]
+    levels = [square + np.array([0, y, 0]) for y in np.linspace(0, height, rings)]
     faces = []
     for k in range(rings - 1):
         for a in range(4):

@@ -84,7 +84,9 @@ def test_compression_is_named(read):
         read(FAULTS / "draco_required.glb")
 
 
-@pytest.mark.parametrize("stem", ["mirrored_joint_node", "odd_keys", "pop_up", "coat_in_cm", "hidden_zero_scale"])
+@pytest.mark.parametrize(
+    "stem", ["mirrored_joint_node", "odd_keys", "pop_up", "coat_in_cm", "hidden_zero_scale"]
+)
 def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
     path = FAULTS / f"{stem}.glb"
     slow, rig = SlowGltf(path), read_gltf(path)
@@ -111,7 +113,9 @@ def test_a_spike_of_20_ms_is_written(tmp_path):
     for seconds in (1.0, 1.01, 1.02):
         expected = slow.vertices_at(0, seconds)
         there = SlowGltf(tmp_path / "again.glb").vertices_at(0, seconds)
-        np.testing.assert_allclose([there.min(0), there.max(0)], [expected.min(0), expected.max(0)], atol=1e-4)
+        np.testing.assert_allclose(
+            [there.min(0), there.max(0)], [expected.min(0), expected.max(0)], atol=1e-4
+        )
     calm, spike = (slow.vertices_at(0, seconds)[:, 0] for seconds in (1.0, 1.01))
     assert abs(spike).max() > abs(calm).max() + 0.5
 

@@ -5,7 +5,13 @@ from .body_take import (
     Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
-from .clip import Clip as Clip, FineFrames as FineFrames, joint_places as joint_places, keyed_clip as keyed_clip, stretched as stretched
+from .clip import (
+    Clip as Clip,
+    FineFrames as FineFrames,
+    joint_places as joint_places,
+    keyed_clip as keyed_clip,
+    stretched as stretched,
+)
 from .constraints import (
     Constraint as Constraint,
     Coupling as Coupling,

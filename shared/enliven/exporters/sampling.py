@@ -75,7 +75,7 @@ def performance_of(
     if end is None:
         end, rate = _closing(project, found, start, rate)
     times = frame_times(start, end, rate, found.id)
-    if keyed and found.kind == Shape.kind:
+    if keyed and isinstance(found, Shape):
         times = _with_keys(project, found, times)
     return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
 
@@ -92,7 +92,7 @@ def _closing(project: Project, character: RigBase, start: float, rate: float) ->
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
-def _with_keys(project: Project, character: RigBase, times: Float) -> Float:
+def _with_keys(project: Project, character: Shape, times: Float) -> Float:
     """(T,) even seconds of the project with those at which keys of a character's clips are played.
 
     Even seconds next to a key are left out, so that a jump keeps its two times.

@@ -12,10 +12,10 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
-from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.motion import frame_times
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing, welded
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.motion import frame_times
 from enliven.motion.layers.evaluate import Player
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
@@ -23,7 +23,9 @@ from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
-FILES = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
+FILES = sorted(
+    p for p in (*DATA.glob("gltf/*/*"), *DATA.glob("humanoids/*")) if p.suffix in (".glb", ".gltf", ".vrm")
+)
 EXACT = 1e-4
 """Share of the size that a vertex is off by at most: float32 in files and poses."""
 STRAY = {"Trex": 0.1, "Spider": 3e-3}

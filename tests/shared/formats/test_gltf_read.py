@@ -19,10 +19,10 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.errors import InputError
-from enliven.meshes.gltf.parts import strongest
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing
 from enliven.meshes import load_mesh
+from enliven.meshes.gltf.parts import strongest
 from enliven.motion.layers.evaluate import Player
 
 

@@ -212,3 +212,27 @@ def test_a_mesh_that_lies_down_is_turned_and_one_that_may_is_asked_about(tmp_pat
     flat = Mesh((standing.vertices + 1) * [1, 0.05, 1], standing.faces)
     save_mesh(flat, tmp_path / "flat.off")
     assert "times as long as high" in " ".join(load_upright(tmp_path / "flat.off").notes)
+
+
+def test_colours_of_a_glb_are_linear_light_and_come_back_as_they_were(tmp_path):
+    """COLOR_0 is linear (glTF 2.0, 3.7.2.1): sRGB 188 is half of the light, 128 a fifth."""
+    shades = np.array([0, 1, 7, 55, 128, 188, 254, 255], np.uint8)
+    vertices = np.concatenate([TETRAHEDRON.vertices, TETRAHEDRON.vertices + 3.0])
+    faces = np.concatenate([TETRAHEDRON.faces, TETRAHEDRON.faces + 4])
+    mesh = Mesh(vertices, faces, "c", np.stack([shades, shades[::-1], shades], 1))
+    path = tmp_path / "c.glb"
+    save_mesh(mesh, path)
+    data = path.read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    document = json.loads(data[20 : 20 + length])
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]]
+    start = document["bufferViews"][accessor["bufferView"]]["byteOffset"] + 28 + length
+    stored = np.frombuffer(data, np.uint16, 4 * len(shades), start).reshape(-1, 4) / 65535
+    assert accessor["componentType"] == 5123 and accessor["normalized"]
+    # By hand: 128 -> ((128/255 + 0.055) / 1.055) ** 2.4 = 0.215861, 55 -> 0.038204, 7 -> 7/255/12.92.
+    by_hand = [0.0, 0.000304, 0.002125, 0.038204, 0.215861, 0.502886, 0.991102, 1.0]
+    np.testing.assert_allclose(stored[:, 0], by_hand, atol=2e-5)
+    assert (stored[:, 3] == 1.0).all()
+    np.testing.assert_array_equal(load_mesh(path).mesh.colours, mesh.colours)
+    save_mesh(load_mesh(path).mesh, tmp_path / "again.glb")
+    np.testing.assert_array_equal(load_mesh(tmp_path / "again.glb").mesh.colours, mesh.colours)

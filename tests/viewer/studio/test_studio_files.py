@@ -232,7 +232,8 @@ def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, mo
     assert (
         workspace.editor.project is before
         and "fault of enliven" in said(workspace)
-        and "IndexError" in said(workspace)
+        and "in test_studio_files.py, line" in said(workspace)
+        and "IndexError" not in said(workspace)
     )
     monkeypatch.setenv("ENLIVEN_DEBUG", "1")
     with pytest.raises(IndexError):

@@ -124,7 +124,9 @@ class _Helper:
             self._device = None
             device.close()
         else:
-            self._pipe.send(("bad", "", "its driver gives something else than images and bodies", device.name, ""))
+            self._pipe.send(
+                ("bad", "", "its driver gives something else than images and bodies", device.name, "")
+            )
         if self._device is not None and time.monotonic() - self._told > _CONDITION_EVERY:
             self._told = time.monotonic()
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))

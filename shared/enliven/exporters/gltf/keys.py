@@ -8,9 +8,7 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 
-def needed_keys(
-    values: Float, tolerance: float, turns: bool = False, times: Float | None = None
-) -> Int:
+def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Float | None = None) -> Int:
     """Returns (K,) the frames of ``values`` (T, C) to keep, the first and the last among them.
 
     Between two that are kept no frame is farther than the tolerance from what a player shows. From each key

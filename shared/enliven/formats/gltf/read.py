@@ -7,12 +7,12 @@ of its clip; what no bone can follow is noted with its size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Float, Int
 from enliven.document import Clip, FineFrames, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
@@ -206,9 +206,9 @@ def _clip(
     fine = None
     if len(even) < len(turns):
         fine = FineFrames(animation.seconds, turns, root, offsets, strains, mirrors)
-    given = {"offsets": offsets, "strains": strains, "mirrors": mirrors}
-    some = {track: None if rows is None else rows[even] for track, rows in given.items()}
-    return Clip(name, tree.skeleton, turns[even], root[even], animation.step, **some, fine=fine)
+    clip = Clip(name, tree.skeleton, turns, root, animation.step, offsets=offsets, strains=strains)
+    clip = replace(clip, mirrors=mirrors)
+    return clip if fine is None else replace(clip.mapped(lambda track: track[even]), fine=fine)
 
 
 def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:

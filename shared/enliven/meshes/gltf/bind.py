@@ -65,7 +65,11 @@ class Bind:
 
     def world_from_mesh(self, part: GltfPart, node: int) -> Float:
         """(4, 4) where a vertex that follows one node alone goes."""
-        return self.world[node] if part.skin < 0 else np.asarray(self.world[node] @ self.inverse[part.skin][node])
+        return (
+            self.world[node]
+            if part.skin < 0
+            else np.asarray(self.world[node] @ self.inverse[part.skin][node])
+        )
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
         """The inverse bind matrix of each joint of a skin; without any, the identity."""

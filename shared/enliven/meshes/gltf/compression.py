@@ -12,7 +12,7 @@ from enliven.meshes.gltf.extensions import DRACO
 
 
 def draco_arrays(data: bytes, attributes: dict[str, int]) -> tuple[dict[str, AnyArray], AnyArray]:
-    """Returns the attributes of a compressed mesh by name, (V, C) each, and the corners of its faces (3 F, 1).
+    """Returns the attributes (V, C) of a compressed mesh by name, and the corners of its faces (3 F, 1).
 
     Args:
         data: what the extension's buffer view holds.

@@ -1,7 +1,7 @@
 """What glTF extensions mean to the reader: which it reads, which it leaves out, and which stop it.
 
-    notes = extension_notes(document)       # raises for a required one that it cannot do without
-    follow_pointers(document)               # channels of KHR_animation_pointer become ordinary ones
+notes = extension_notes(document)       # raises for a required one that it cannot do without
+follow_pointers(document)               # channels of KHR_animation_pointer become ordinary ones
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _show(document: Entry, pointer: Any) -> None:
         node = document.nodes[int(named[1])]
         said = getattr(node.extensions, VISIBILITY, None)
         if isinstance(said, Entry):
-            said.visible = True
+            vars(said)["visible"] = True
 
 
 def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:

@@ -84,12 +84,14 @@ class GltfFile:
         count = self.document.accessors[sampler.input].count
         fits = values.shape == (each * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
-            raise self.wrong(f"an animation of {path} has {len(values)} values for {count} times, or bad ones")
+            raise self.wrong(
+                f"an animation of {path} has {len(values)} values for {count} times, or bad ones"
+            )
         return values
 
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
-        """The sizes (K, 3) at the keys of each node that is scaled over time, by the number of the animation."""
+        """The sizes (K, 3) at the keys of each node that is scaled, by the number of the animation."""
         found: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:

@@ -90,7 +90,9 @@ class Materials:
                     self._textures[number] = self._texture(number)
             self.definitions.append(json.dumps(self._kept(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept")
+            self.notes.append(
+                f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept"
+            )
             return -1
         return len(self.definitions) - 1
 
@@ -113,7 +115,7 @@ class Materials:
                     del made[key]
                 else:
                     made[key]["index"] = number
-            # What is empty says nothing, and writers leave it out; but an empty extension says that it is used.
+            # Writers leave out what is empty; only an empty extension says something: it is used.
             elif not in_extensions and _is_empty(made[key]):
                 del made[key]
         return made

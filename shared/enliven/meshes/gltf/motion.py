@@ -69,7 +69,9 @@ def standing_locals(file: GltfFile) -> Locals:
         largest = keys[np.abs(keys).argmax(0), np.arange(3)]
         rest[:] = np.where(np.abs(rest) < _CLOSED * np.abs(largest), largest, rest)
         signs = [np.sign(own).prod(1) for own in clips.values()]
-        if len(clips) == len(file.document.animations) and all((s == -np.sign(rest.prod())).all() for s in signs):
+        if len(clips) == len(file.document.animations) and all(
+            (s == -np.sign(rest.prod())).all() for s in signs
+        ):
             rest[:] = keys[0]
     _open(made, sizes)
     return made
@@ -194,7 +196,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
     # Two keys within less than a jump would be one time in float32.
-    return seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME]
+    return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME])
 
 
 def _growing(file: GltfFile, animation: int) -> list[Float]:

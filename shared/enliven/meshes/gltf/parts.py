@@ -179,7 +179,9 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
     most = max((accessors[at].count for name, at in table.items() if name in _COLUMNS), default=1)
     if most * max(size, 1) > MOST_ELEMENTS:
         raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
-    columns = {name: np.asarray(file.accessor(at), np.float64) for name, at in table.items() if name in _COLUMNS}
+    columns = {
+        name: np.asarray(file.accessor(at), np.float64) for name, at in table.items() if name in _COLUMNS
+    }
     count = max((len(values) for values in columns.values()), default=1)
     filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _COLUMNS.items()]
     fits = all(one.shape == (count, len(usual)) for one, usual in zip(filled, _COLUMNS.values(), strict=True))

@@ -17,7 +17,7 @@ from enliven.meshes.gltf.parts import GltfPart, parts_of
 from enliven.meshes.mesh import Mesh
 
 _WHITE = np.array([255, 255, 255], np.uint8)
-"""sRGB of a part without a colour beside parts that have one: glTF's material is white where none is given."""
+"""sRGB of a part without a colour next to parts that have one: glTF's default material is white."""
 
 
 @dataclass

@@ -98,7 +98,7 @@ def _own(skeleton: Skeleton, take: Clip) -> bool:
     """Whether a take is a clip of this skeleton that moves or stretches its bones."""
     theirs = take.skeleton
     alike = skeleton.names == theirs.names and np.array_equal(skeleton.parents, theirs.parents)
-    return alike and bool(take.tracks)
+    return alike and take.deforms
 
 
 def clear_chain(

@@ -68,7 +68,6 @@ class _Stretched:
             "nb,tbc->tnc", self.strains, strains
         )
 
-
     def mirrors(self, times: Float) -> Float | None:
         """(T, N) 1, or -1 for a bone that is mirrored at a time; None where none is at any time."""
         track = self.clip.finest.mirrors
@@ -108,7 +107,7 @@ class Stretching:
         return sum(offsets for offsets, _ in made), sum(strains for _, strains in made)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:
-        """(T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None where nothing is seen."""
+        """(T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None for the identity."""
         made = stretch_of(strains) if strains.any() else None
         for layer in self._layers:
             mirrors = layer.mirrors(times)
