@@ -45,6 +45,7 @@ class HealthKind(StrEnum):
     UNCLEAR = "performer unclear"
     TAKE_ENDED = "take ended"
     TAKE_GAPS = "take incomplete"
+    TAKE_RESUMED = "take resumed"
 
 
 NO_PERFORMER = -1

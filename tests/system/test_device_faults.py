@@ -1,4 +1,4 @@
-"""A failing card, a lost network drive and a full disk are reported with path and advice, in every program."""
+"""A failing card, a lost network drive and a full disk are reported with path and advice."""
 
 import errno
 import os

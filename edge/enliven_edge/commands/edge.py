@@ -86,7 +86,12 @@ def edge(
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[int | None, typer.Option(help="Port of the commands; one on by itself.")] = None,
-    record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the take (bodies, poses) to this file; {time} or {number} in its name is filled in."
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
     wait_for_viewer: Annotated[
         float, typer.Option(help="Seconds to wait for a viewer before starting.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import threading
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from enliven_edge.commands.progress import frame_progress, interruptible
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
+    from enliven_edge.recording import PartedRecorder
     from enliven_edge.sensors import Sensor
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,12 @@ _PATIENCE = 0.25
 
 
 def record(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="The recording to make; {time} or {number} in its name is filled in."
+        ),
+    ],
     sensor: Annotated[str, typer.Option(help="The sensor's name.")] = "synthetic",
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
@@ -43,15 +48,13 @@ def record(
       enliven record --sensor synthetic --seconds 10 -o take.mcap
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
-    from enliven.recording import Recorder
-    from enliven_edge.recording import DiskSync
+    from enliven_edge.recording import PartedRecorder
     from enliven_edge.sensors import kept_open, sensor_opener, sensor_options
 
     console = Console()
     with (
         kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
-        Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
-        contextlib.closing(DiskSync(recorder.fileno())) as disk,
+        PartedRecorder(output, compression_level=level, overwrite=overwrite) as recorder,
         interruptible() as stop,
         frame_progress(console) as progress,
     ):
@@ -60,12 +63,17 @@ def record(
         count = 0
         for count in record_stream(stream, recorder, stop, seconds):
             progress.update(task, count=count)
-            disk.check()
-    typer.echo(f"{output}: {count} frames of {stream.name}, {output.stat().st_size / 1e6:.1f} MB")
+    size = sum(path.stat().st_size for path in recorder.paths if path.exists())
+    names = ", ".join(str(path) for path in recorder.paths)
+    typer.echo(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
+    if recorder.lost:
+        typer.echo(f"Note: {recorder.lost} messages are missing: the disk was full.")
+    if recorder.failure is not None:
+        raise recorder.failure
 
 
 def record_stream(
-    stream: Sensor, recorder: Recorder, stop: threading.Event, seconds: float | None = None
+    stream: Sensor, recorder: Recorder | PartedRecorder, stop: threading.Event, seconds: float | None = None
 ) -> Iterator[int]:
     """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count.
 

@@ -1,4 +1,4 @@
-"""The take of a performance: readable up to the moment that the disk is full."""
+"""The take of a performance: in a new part after a full disk."""
 
 import lazy_loader
 

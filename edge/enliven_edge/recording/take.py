@@ -1,80 +1,19 @@
-"""Writes the take of a performance: a full disk ends the take and not the show."""
+"""Writes the take of a performance: a full disk pauses the take and not the show."""
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import functools
 import logging
-import os
-import threading
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.errors import InputError
 from enliven.health import HealthKind, HealthState
-from enliven.recording import Recorder
 from enliven.wire import BY_TYPE, CharacterMessage
+from enliven_edge.recording.parts import PartedRecorder
 from enliven_edge.tracking.health import HEALTH_MESSAGES
-
-SYNC_EVERY = 5.0
-"""Seconds between two calls of fsync: the part of a recording that a power cut may cost. A disk of a small
-computer takes up to a second for one, which the frame loop must not wait for."""
-_LAST = 1.0
-"""Seconds for which closing waits for the last call."""
-_NOT_THERE = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
-"""Errors of a file system without fsync."""
-
-
-class DiskSync:
-    """Calls :func:`os.fsync` for a file at even intervals on a thread of its own.
-
-    Args:
-        descriptor: of the open file; it may be closed at any time.
-        every: seconds between two calls.
-
-    Attributes:
-        count: how many calls have returned.
-    """
-
-    def __init__(self, descriptor: int, every: float = SYNC_EVERY) -> None:
-        self._failure: OSError | None = None
-        self.count = 0
-        self._descriptor, self._every = os.dup(descriptor), every
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
-        self._thread.start()
-
-    def check(self) -> None:
-        """Raises ResourceError where the disk refused written data."""
-        if self._failure is not None:
-            raise ResourceError(
-                f"what was written does not reach the disk ({self._failure.strerror})",
-                mend="Check the disk and its space.",
-            )
-
-    def close(self) -> None:
-        """Calls it a last time, and waits a little for that; a second call does nothing."""
-        self._ended.set()
-        if self._thread is not threading.current_thread():
-            self._thread.join(_LAST)
-
-    def _run(self) -> None:
-        ended = False
-        while not ended:
-            ended = self._ended.wait(self._every)
-            try:
-                os.fsync(self._descriptor)
-                self.count += 1
-            except OSError as error:
-                if error.errno not in _NOT_THERE:
-                    self._failure = error
-                break
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
-
 
 log = logging.getLogger(__name__)
 
@@ -87,7 +26,11 @@ _ENCODER = msgspec.msgpack.Encoder()
 class Take:
     """Writes messages as they are sent, and every character at the start, each minute and at the end.
 
+    While nothing can be written, a health state says so. When there is room again, the take goes on in a new
+    part, which begins with every character.
+
     Args:
+        path: of the first part; see :func:`~enliven_edge.recording.parts.free_path` for its placeholders.
         overwrite: whether an existing file may be replaced.
 
     Raises:
@@ -96,8 +39,8 @@ class Take:
     """
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
-        self._recorder: Recorder | None = Recorder(path, overwrite=overwrite)
-        self._disk = DiskSync(self._recorder.fileno())
+        self._parts = PartedRecorder(path, overwrite=overwrite)
+        self._parts.begun = self._begin_part
         self._characters: dict[str, CharacterMessage] = {}
         self._now_ns = 0
         self._told_ns: int | None = None
@@ -131,16 +74,15 @@ class Take:
         """Writes the characters again and the index, and closes the file; a second call does nothing."""
         if self._told_ns is not None:
             self._repeat_characters(self._now_ns)
-        self._end()
+        self._parts.close()
 
-    def _end(self) -> None:
-        recorder, self._recorder = self._recorder, None
-        if recorder is not None:
-            try:
-                recorder.close()
-            except ResourceError as error:
-                log.warning("the take lacks its index, and can be read (%s)", error)
-            self._disk.close()
+    def _begin_part(self) -> None:
+        """Begins a new part with every character, and reports what is missing between the parts."""
+        self._repeat_characters(self._now_ns)
+        self._health_states.pop(HealthKind.TAKE_ENDED, None)
+        facts = {"count": self._parts.lost, "path": self._parts.path.name}
+        self._health_states.pop(HealthKind.TAKE_RESUMED, None)
+        self._say(HealthKind.TAKE_RESUMED, "", **facts)
 
     def _repeat_characters(self, time_ns: int) -> None:
         self._told_ns = time_ns
@@ -148,24 +90,20 @@ class Take:
             self._put(character, time_ns)
 
     def _put(self, message: Any, time_ns: int) -> None:
-        if self._recorder is None:
-            return
         kind: Any = type(message)
         told = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
         try:
-            self._disk.check()
-            self._recorder.write(BY_TYPE[kind].name, *told, _ENCODER.encode(message), time_ns)
+            self._parts.write(BY_TYPE[kind].name, *told, _ENCODER.encode(message), time_ns)
         except InputError as error:
             self._gaps += 1
-            self._say(HealthKind.TAKE_GAPS, error, count=self._gaps)
-        except ResourceError as error:
-            self._say(HealthKind.TAKE_ENDED, error)
-            self._end()
+            self._say(HealthKind.TAKE_GAPS, error.what, count=self._gaps)
+        if self._parts.failure is not None:
+            self._say(HealthKind.TAKE_ENDED, self._parts.failure.what)
 
-    def _say(self, kind: HealthKind, error: EnlivenError, **facts: object) -> None:
+    def _say(self, kind: HealthKind, why: str, **facts: object) -> None:
         """What is wrong from now on; logged once."""
         message = HEALTH_MESSAGES[kind]
-        what = message.what.format(why=error.what, **facts)
+        what = message.what.format(why=why, **facts)
         before = self._health_states.get(kind)
         since = self._now_ns if before is None else before.since_ns
         self._health_states[kind] = HealthState(kind, message.severity, since, what, message.mend)

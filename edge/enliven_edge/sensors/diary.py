@@ -18,7 +18,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, frame_of
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_of
 from enliven_edge.sensors.base import Condition, SensorFault
 
 log = logging.getLogger(__name__)
@@ -58,9 +58,13 @@ class SensorEvent:
 
 
 class Diary:
-    """Writes a live sensor's frames into a recording, with its conditions and events."""
+    """Writes a live sensor's frames into a recording, with its conditions and events.
 
-    def __init__(self, recorder: Recorder) -> None:
+    Args:
+        recorder: a :class:`~enliven.recording.Recorder`, or one in parts.
+    """
+
+    def __init__(self, recorder: Any) -> None:
         self._recorder = recorder
         self._condition: Condition | None = None
         self._held: deque[SensorEvent] = deque(maxlen=_MOST_HELD)

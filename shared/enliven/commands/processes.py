@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import socket
@@ -16,6 +17,14 @@ from typing import IO
 PARENT_VARIABLE = "ENLIVEN_PARENT"
 """The process id of the program that started this one; a child ends when that program is gone."""
 
+log = logging.getLogger(__name__)
+
+_FIRST_WAIT_S = 1.0
+"""Seconds from the end of a program to its first new start: a port and a camera are free again by then."""
+_MAX_WAIT_S = 30.0
+"""Seconds between two starts at most; the wait doubles after each one, so that a fault costs little."""
+_STEADY_S = 60.0
+"""Seconds after which a program counts as running well, and the wait begins at the first again."""
 _GRACE = 8.0
 """Seconds that ended children have before they are killed: an edge closes its recording and camera in that
 time."""
@@ -31,17 +40,20 @@ class Process:
         name: what it is called in messages.
         arguments: of the ``enliven`` command line.
         leads: the whole run ends when this one does.
+        again: the arguments with which it is started again after a failure, once all have started; None: its
+            failure ends the run.
         ready: the next program of the list is started once this says so.
     """
 
     name: str
     arguments: Sequence[str]
     leads: bool = False
+    again: Sequence[str] | None = None
     ready: Callable[[], bool] | None = None
 
 
 def run_together(processes: Sequence[Process]) -> int:
-    """Runs the programs until the leading one ends, one fails, or Ctrl-C; returns the exit code."""
+    """Runs the programs until the leading one ends, one fails for good, or Ctrl-C; returns the exit code."""
     with _ended_together() as children:
         try:
             for process in processes:
@@ -102,14 +114,61 @@ def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int |
     return None
 
 
-def _watch(processes: Sequence[Process], children: Sequence[subprocess.Popen[bytes]]) -> int:
-    """Waits and returns the exit code of the first program that fails, or of the leading one."""
+@dataclass
+class _Restarts:
+    """When one program is started again.
+
+    Attributes:
+        started: the monotonic second of its last start.
+        wait_s: seconds from its next end to its next start.
+        due: the monotonic second of its next start; None while it runs.
+    """
+
+    started: float
+    wait_s: float
+    due: float | None = None
+
+    def plan(self, name: str, code: int) -> None:
+        """Plans the next start of a program that has ended, and says so."""
+        now = time.monotonic()
+        if now - self.started > _STEADY_S:
+            self.wait_s = _FIRST_WAIT_S
+        self.due = now + self.wait_s
+        log.warning("the %s has ended %s. It starts again in %g s.", name, _reason(code), self.wait_s)
+        self.wait_s = min(2 * self.wait_s, _MAX_WAIT_S)
+
+
+def _watch(processes: Sequence[Process], children: list[subprocess.Popen[bytes]]) -> int:
+    """Waits and returns the exit code of the leading program, or of the first that fails for good.
+
+    A program with ``again`` that fails is started again, with a growing wait between its starts.
+    """
+    restarts = [_Restarts(time.monotonic(), _FIRST_WAIT_S) for _ in processes]
     while True:
-        for process, child in zip(processes, children, strict=True):
-            code = child.poll()
-            if code is not None and (process.leads or code != 0):
+        for number, process in enumerate(processes):
+            code = children[number].poll()
+            if code is None or (code == 0 and not process.leads):
+                continue
+            if process.leads or process.again is None:
+                if code < 0:
+                    log.warning("the %s has ended %s.", process.name, _reason(code))
                 return _meaning(code)
+            restart = restarts[number]
+            if restart.due is None:
+                restart.plan(process.name, code)
+            elif time.monotonic() >= restart.due:
+                children[number] = start_process(process.again)
+                restart.started, restart.due = time.monotonic(), None
         time.sleep(_GLANCE)
+
+
+def _reason(code: int) -> str:
+    """Returns how a program ended, for a sentence: by which signal, or with which exit code."""
+    if code >= 0:
+        return f"with exit code {code}"
+    with contextlib.suppress(ValueError):
+        return f"by the signal {signal.Signals(-code).name}"
+    return f"by signal {-code}"
 
 
 def parent_is_gone() -> bool:
@@ -169,5 +228,7 @@ def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
 
 
 def _meaning(code: int) -> int:
-    """Returns a child's exit status as an exit code; a child that a signal ended counts as interrupted."""
-    return 130 if code < 0 else code
+    """Returns a child's exit status as an exit code: 130 if it was interrupted, 1 if it crashed."""
+    if code in (-signal.SIGINT, -signal.SIGTERM):
+        return 130
+    return 1 if code < 0 else code

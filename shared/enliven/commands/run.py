@@ -48,12 +48,15 @@ def run(
         None, help="What moves it: graph, or skeleton (of a rigged glTF)."
     ),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
-    record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
+    record: Path | None = typer.Option(
+        None, help="Keep the take (character, bodies, poses) in this file; {time} or {number} is filled in."
+    ),
 ) -> None:
     """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
 
     With a display the viewer opens a window. Without one it renders off-screen and writes
-    out/enliven.mp4 and out/enliven.png.
+    out/enliven.mp4 and out/enliven.png. If the edge fails while a window is open, the window
+    stays, and the edge is started again.
 
     \b
       enliven run
@@ -93,11 +96,17 @@ def run(
     # For a film the edge waits for its viewer, so that no frame is lost.
     kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
     edge = _words("edge", **source, **moves, **kept, **where)
+    again = _words("edge", **source, **moves, **{**kept, "record": _record_again(record)}, **where)
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
     view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.
     processes = [
-        Process("edge", edge, ready=lambda: as_film or is_listening("127.0.0.1", ports[0])),
+        Process(
+            "edge",
+            edge,
+            again=None if as_film else again,
+            ready=lambda: as_film or is_listening("127.0.0.1", ports[0]),
+        ),
         Process("viewer", view, leads=True),
     ]
     code = run_together(processes)
@@ -105,6 +114,13 @@ def run(
         raise typer.Exit(code)
     if as_film:
         typer.echo(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
+
+
+def _record_again(record: Path | None) -> Path | None:
+    """Returns where an edge that is started again keeps its take: the take before stays."""
+    if record is None or "{number}" in record.name or "{time}" in record.name:
+        return record
+    return record.with_stem(f"{record.stem}-restart{{number}}")
 
 
 def has_display() -> bool:

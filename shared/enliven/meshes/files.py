@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,19 +19,10 @@ from enliven.meshes.tokens import Damaged
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
-<<<<<<< HEAD
 _REASON_LETTERS = 200
 """Most letters of a reader's reason in a message."""
 _TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that hold vertices and faces only."""
-=======
-_OF_PYTHON = re.compile(
-    r"could not convert|invalid literal|cannot (reshape|convert|copy)|not enough values|too many values|buffer"
-    r"|array|operands|all (the )?input|string|setting an array|shape|need at least|negative|embedded|unknown"
-)
-"""How the messages of Python and NumPy begin, which say nothing to a user."""
-_OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
->>>>>>> w-gltf
 
 
 class LoadedMesh(NamedTuple):
@@ -73,15 +63,6 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     return LoadedMesh(mesh, notes)
 
 
-def repaired(mesh: Mesh) -> Mesh:
-    """Returns a mesh without what breaks a deformation: faces without area, vertices without a face.
-
-    Raises:
-        InputError: if no face is left.
-    """
-    return repair(mesh)[0]
-
-
 def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 
@@ -114,16 +95,9 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # the readers of foreign bytes raise whatever they like
-<<<<<<< HEAD
         # Only words that are meant for users reach them.
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
         what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
-=======
-        # The readers of this room say what is wrong in a ValueError; Python and NumPy use it too.
-        said = str(error).strip().partition("\n")[0][:200]
-        own = type(error) is ValueError and said and not _OF_PYTHON.match(said)
-        what = f"it cannot be read as {suffix[1:]}: {said if own else plain_reason(error)}"
->>>>>>> w-gltf
         raise InputError(
             what, where=str(path), mend="Is it whole, and of the kind it says? " + known
         ) from None

@@ -14,7 +14,7 @@ from enliven.health import HealthKind, Severity
 from enliven.recording import Recording, RecordingWarning
 from enliven.wire.characters import CharacterMessage
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.recording.take import DiskSync
+from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.casting import cast
@@ -82,11 +82,13 @@ FULL = """
     from enliven.person.body import Body
     from enliven.frames import BodyFrame
     from enliven_edge.network.outlet import Outlet
+    from enliven_edge.recording import parts
     from enliven_edge.service import Edge
     from enliven_edge.settings import WireSettings
     from enliven_edge.stage.stage import Stage
     from enliven_edge.tracking.tracker import Tracker
 
+    parts.FIRST_RETRY_S = 1e6
     if sys.argv[2] != "as it is":
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))

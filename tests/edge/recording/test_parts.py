@@ -1,0 +1,121 @@
+"""A recording goes on in a new part when there is room again, and its name is free at each start."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+from patience import until
+
+import enliven_edge.assets
+from enliven.errors import InputError
+from enliven.recording import Recording
+from enliven.wire import free_ports
+from enliven_edge.recording import parts
+from enliven_edge.recording.parts import PartedRecorder, free_path
+
+CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
+SOURCE = Path(__file__).parents[2] / "helpers" / "fault_hook.c"
+MESSAGE = ("topic", "kind", "", "", "bytes")
+
+
+def poses(path: Path) -> int:
+    """Returns the number of poses in a recording that may still grow; 0 while there is none."""
+    time.sleep(0.2)
+    with warnings.catch_warnings(action="ignore"):
+        return topics(path).get("pose", 0) if path.exists() and path.stat().st_size else 0
+
+
+def topics(path: Path) -> dict[str, int]:
+    return {name: topic.count for name, topic in Recording(path).info.topics.items()}
+
+
+def test_placeholders_name_a_new_file_at_each_start(tmp_path) -> None:
+    names = []
+    for pattern in ["take-{number}.mcap"] * 3 + ["take-{time}.mcap"] * 2 + ["plain.mcap"]:
+        path = free_path(tmp_path / pattern)
+        path.touch()
+        names.append(path.name)
+    assert names[:3] == ["take-001.mcap", "take-002.mcap", "take-003.mcap"]
+    assert len(set(names)) == 6 and names[-1] == "plain.mcap"
+    assert time.strptime(names[3], "take-%Y%m%d-%H%M%S.mcap")
+    assert free_path(tmp_path / "{time}-{number}.mcap").name.endswith("-001.mcap")
+    with pytest.raises(InputError, match=r"placeholder \{date\}"):
+        free_path(tmp_path / "take-{date}.mcap")
+
+
+def test_a_link_to_nowhere_is_no_free_name(tmp_path) -> None:
+    (tmp_path / "take-001.mcap").symlink_to(tmp_path / "elsewhere")
+    assert free_path(tmp_path / "take-{number}.mcap").name == "take-002.mcap"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs tmpfs")
+def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("a small disk can be mounted by root only")
+    monkeypatch.setattr(parts, "FIRST_RETRY_S", 0.05)
+    monkeypatch.setattr(parts, "MAX_RETRY_S", 0.2)
+    filler, begun = disk / "filler", []
+    filler.write_bytes(bytes(600 << 10))
+    try:
+        with PartedRecorder(disk / "take.mcap") as recorder:
+            recorder.begun = lambda: begun.append(recorder.path.name)
+            recorder.add_metadata("place", {"room": "1"})
+
+            def write_until(done) -> None:
+                deadline = time.monotonic() + 20.0
+                while not done() and time.monotonic() < deadline:
+                    recorder.write(*MESSAGE, os.urandom(4096), time.monotonic_ns())
+                    time.sleep(0.002)
+
+            write_until(lambda: recorder.failure is not None)
+            assert "No space left" in str(recorder.failure) and begun == []
+            before = recorder.lost
+            recorder.write(*MESSAGE, b"lost", time.monotonic_ns())
+            assert recorder.lost == before + 1, "a pause never raises"
+            filler.unlink()
+            write_until(lambda: begun)
+            assert begun == ["take-part2.mcap"] and recorder.failure is None
+            recorder.write(*MESSAGE, b"kept", time.monotonic_ns())
+        assert topics(disk / "take-part2.mcap")["topic"] >= 1
+        assert Recording(disk / "take-part2.mcap").info.metadata["place"] == {"room": "1"}
+        with pytest.warns(UserWarning, match="cut off"):
+            assert topics(disk / "take.mcap")["topic"] > 10
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_an_edge_records_again_when_there_is_room_and_after_a_restart(tmp_path) -> None:
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if not sys.platform.startswith("linux") or compiler is None:
+        pytest.skip("the hook needs Linux and a C compiler")
+    hook, full = tmp_path / "hook.so", tmp_path / "full"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", hook, SOURCE, "-ldl"], check=True)
+    port, control = (str(port) for port in free_ports()[:2])
+    at = ("--port", port, "--control-port", control, "--name", f"parts-{port}")
+    source = ("--recording", str(CHAIR), "--loop", "--record", str(tmp_path / "take-{number}.mcap"))
+    command = [sys.executable, "-m", "enliven", "edge", *source, *at]
+    faults = {"LD_PRELOAD": str(hook), "FAULT_FULL": str(full), "FAULT_WRITE": "/take-"}
+    first, second = tmp_path / "take-001.mcap", tmp_path / "take-001-part2.mcap"
+    with (tmp_path / "log").open("w") as log:
+        edge = subprocess.Popen(command, env={**os.environ, **faults}, stderr=log)
+        try:
+            until(lambda: poses(first) > 5, "the take", 300.0)
+            full.touch()
+            until(lambda: "goes on in a new file" in (tmp_path / "log").read_text(), "the pause")
+            full.unlink()
+            until(lambda: poses(second) > 5, "the second part")
+        finally:
+            edge.terminate()
+            code = edge.wait(30)
+    assert code == 0, (tmp_path / "log").read_text()
+    assert topics(second)["character"] >= 1
+    again = subprocess.run([*command, "--seconds", "0.2"], capture_output=True, text=True, timeout=120)
+    assert again.returncode == 0 and topics(tmp_path / "take-002.mcap")["bodies"] > 0, again.stderr

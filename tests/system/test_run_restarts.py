@@ -1,0 +1,100 @@
+"""The window of ``enliven run`` outlives its edge, which is started again; closing it ends everything."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from patience import until
+
+import enliven_edge.assets
+from enliven.commands import processes
+from enliven.commands.processes import Process, run_together
+from enliven.recording import Recording
+
+CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
+FAILS, WAITS, DONE = ["run", "--recording", "nowhere.mcap"], ["doctor"], ["--version"]
+
+
+@pytest.fixture
+def screen() -> Iterator[str]:
+    if shutil.which("Xvfb") is None or not Path("/proc").exists():
+        pytest.skip("the window needs Xvfb, and its processes are looked for in /proc")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as number:
+            yield f":{number.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def child(parent: int, command: str) -> int | None:
+    """Returns the process id of the child that runs an enliven command; None if there is none."""
+    for number in Path(f"/proc/{parent}/task/{parent}/children").read_text().split():
+        words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
+        if b"enliven" in words and command.encode() in words:
+            return int(number)
+    return None
+
+
+def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
+    log = (tmp_path / "log").open("w")
+    words = ["run", "--window", "--size", "160x120", "--recording", str(CHAIR), "--possess-at", "0.2"]
+    words += ["--record", str(tmp_path / "take.mcap")]
+    own = {**os.environ, "DISPLAY": screen, "LIBGL_ALWAYS_SOFTWARE": "1"}
+    run = subprocess.Popen([sys.executable, "-m", "enliven", *words], env=own, stderr=log)
+    try:
+        view = until(lambda: child(run.pid, "view"), "the window", 300.0)
+        edge = child(run.pid, "edge")
+        assert edge is not None
+        os.kill(edge, signal.SIGKILL)
+        until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
+        again = tmp_path / "take-restart001.mcap"
+        until(lambda: again.exists() and again.stat().st_size > 1000, "its take", 120.0)
+        assert child(run.pid, "view") == view and run.poll() is None
+        said = (tmp_path / "log").read_text()
+        assert "the edge has ended by the signal SIGKILL. It starts again in 1 s." in said
+        new = child(run.pid, "edge")
+        os.kill(view, signal.SIGTERM)
+        assert run.wait(30) == 130, "the window's own exit code: it was interrupted"
+        assert not Path(f"/proc/{new}").exists(), "closing the window ends the edge"
+    finally:
+        run.terminate()
+        run.wait(30)
+        log.close()
+    assert Recording(tmp_path / "take-restart001.mcap").info.topics["character"].count >= 1
+
+
+def test_a_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog) -> None:
+    monkeypatch.setattr(processes, "_FIRST_WAIT_S", 0.05)
+    monkeypatch.setattr(processes, "_MAX_WAIT_S", 0.2)
+    waits = [sys.executable, "-c", "import time; time.sleep(2)"]
+    started = []
+
+    def start(arguments, stderr=None):
+        started.append(list(arguments))
+        command = waits if arguments == WAITS else [sys.executable, "-c", "raise SystemExit(4)"]
+        return subprocess.Popen(command)
+
+    monkeypatch.setattr(processes, "start_process", start)
+    edge = Process("edge", FAILS, again=DONE)
+    assert run_together([edge, Process("viewer", WAITS, leads=True)]) == 0
+    assert started[0] == FAILS and started.count(DONE) >= 3, "its first arguments only once"
+    said = [record.getMessage() for record in caplog.records]
+    assert said[0].endswith("with exit code 4. It starts again in 0.05 s.")
+    assert said[1].endswith("in 0.1 s.") and said[2].endswith("in 0.2 s.") and said[3].endswith("in 0.2 s.")
+
+
+def test_a_window_that_crashes_is_no_interruption(monkeypatch, caplog) -> None:
+    crash = [sys.executable, "-c", "import os; os.kill(os.getpid(), 11)"]
+    monkeypatch.setattr(processes, "start_process", lambda *_: subprocess.Popen(crash))
+    assert run_together([Process("viewer", [], leads=True)]) == 1
+    assert "the viewer has ended by the signal SIGSEGV" in caplog.text
