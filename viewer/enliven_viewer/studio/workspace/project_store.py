@@ -77,7 +77,19 @@ class ProjectStore:
         Raises:
             InputError: where the file cannot be read; what is open stays.
         """
-        project = solve_lost(read_project(path))
+        self.take(path, self.read(path))
+
+    @staticmethod
+    def read(path: Path) -> Project:
+        """Returns the project of a file; may be called in a thread.
+
+        Raises:
+            InputError: where the file cannot be read.
+        """
+        return solve_lost(read_project(path))
+
+    def take(self, path: Path, project: Project) -> None:
+        """Go on with a project that was read from a file."""
         self.path = path
         self._begin(project)
         self.editor.toasts.say(f"Opened {path.name}")
