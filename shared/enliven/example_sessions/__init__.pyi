@@ -1,5 +1,5 @@
 from .mesh import fitted as fitted
-from .session import read_session as read_session
+from .session import Session as Session, read_session as read_session
 from .tables import MeshTable as MeshTable, TakeTable as TakeTable
 from .take import write_puppet_take as write_puppet_take
 from .text import write_session as write_session

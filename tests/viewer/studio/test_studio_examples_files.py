@@ -20,7 +20,7 @@ from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.puppet import add_key_pose
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.files import export
+from enliven_viewer.studio.workspace.exporting import export
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")

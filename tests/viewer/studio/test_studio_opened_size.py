@@ -14,7 +14,7 @@ from enliven.modeling.edits import scale_character
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.viewport import Overlay, Selection
-from enliven_viewer.studio.workspace.files import export
+from enliven_viewer.studio.workspace.exporting import export
 from enliven_viewer.studio.workspace.opened_size import opened_size
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -6,7 +6,37 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+from enliven.errors import EnlivenError
 from enliven_viewer.studio.toasts import Toasts
+
+
+class Cancelled(EnlivenError):
+    """Work that the artist has cancelled."""
+
+
+class WorkProgress:
+    """How far a piece of work is; shared by its thread and the window.
+
+    Attributes:
+        share: done so far, 0 to 1; None if that is not known.
+        seconds: since it began, as the window counts them.
+        cancelled: whether the artist has cancelled it.
+    """
+
+    def __init__(self) -> None:
+        self.share: float | None = None
+        self.seconds = 0.0
+        self.cancelled = False
+
+    def report(self, share: float) -> None:
+        """Note how far the work is; call it often.
+
+        Raises:
+            Cancelled: if the artist has cancelled it.
+        """
+        self.share = min(max(share, 0.0), 1.0)
+        if self.cancelled:
+            raise Cancelled("it was cancelled")
 
 
 class BackgroundTask:
@@ -21,26 +51,51 @@ class BackgroundTask:
         self._toasts, self._busy = toasts, busy
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[Future[Any], Callable[[Any], object]] | None = None
+        self.progress: WorkProgress | None = None  # of work that can be cancelled
+        self.said = ""
 
     @property
     def busy(self) -> bool:
         """Whether something is being done."""
         return self._work is not None
 
-    def begin(self, said: str, work: Callable[[], Any], then: Callable[[Any], object]) -> None:
-        """Begin ``work`` in the thread; ``then`` takes its result in the window's own."""
+    def begin(
+        self,
+        said: str,
+        work: Callable[[], Any],
+        then: Callable[[Any], object],
+        progress: WorkProgress | None = None,
+    ) -> None:
+        """Begin ``work`` in the thread; ``then`` takes its result in the window's own.
+
+        Args:
+            progress: how far it is, if that is shown and it can be cancelled.
+        """
         if self._work is not None:
             self._toasts.say(self._busy, "Wait until it is done.")
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "beside the window")
         self._work = (self._pool.submit(work), then)
+        self.progress, self.said = progress, said
         self._toasts.say(f"{said} ...", "You can go on working.")
+
+    def cancel(self) -> None:
+        """Give up the work: its result is dropped, and other work can begin at once."""
+        if self._work is None or self.progress is None:
+            return
+        self.progress.cancelled = True
+        self._work, self.progress = None, None
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
+        self._toasts.say(f"Cancelled: {self.said[:1].lower()}{self.said[1:]}", "Nothing was changed.")
 
     def poll(self) -> None:
         """Take a finished result, or tell what went wrong; to be called once a picture."""
         if self._work is None or not self._work[0].done():
             return
         (work, then), self._work = self._work, None
+        self.progress = None
         error = work.exception()
         if error is None:
             then(work.result())

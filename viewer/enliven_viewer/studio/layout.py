@@ -15,6 +15,7 @@ from enliven_viewer.studio.panels import (
     split_side,
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.files import draw_working
 from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.stage import draw_perform, draw_rooms, draw_scan
 from enliven_viewer.studio.pictures import WindowPictures, edits_puppet
@@ -68,6 +69,7 @@ def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) 
         draw_timeline(workspace, places.timeline)
     if places.curves is not None:
         draw_curves(workspace, places.curves)
+    draw_working(workspace, places.viewport)
     draw_overlay(workspace, places.viewport, tool=has_tool(room), hint=places.hint)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
+from enliven_viewer.studio.panels.files import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
 from enliven_viewer.studio.panels.key_list import draw_key_list
 from enliven_viewer.studio.panels.modal import button, choice, modal
@@ -54,6 +55,8 @@ def _files(workspace: Workspace) -> None:
 
 
 def _browse(workspace: Workspace, browser: FileBrowser) -> None:
+    if workspace.asking in ("export", "film"):
+        draw_export_options(workspace, film=workspace.asking == "film")
     _head(workspace, browser)
     rows = 3 * imgui.get_frame_height_with_spacing()
     if imgui.get_content_region_avail().x > _ROOMY:

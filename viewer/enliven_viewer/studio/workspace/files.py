@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from enliven.document import Clip, Project, RigBase, same, unused
 from enliven.errors import InputError
-from enliven.example_sessions import read_session, write_session
-from enliven.exporters import exporter_of, performance_of, suffixes
+from enliven.example_sessions import Session, read_session, write_session
+from enliven.exporters import suffixes
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import project_of_mesh
-from enliven.formats.rig import resized
+from enliven.formats.rig import Rig, resized
 from enliven.mapping import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
 from enliven.samples import dancing_cactus, load_sample
-from enliven.sounds import heard_from
+from enliven.sounds import Sound
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
@@ -47,28 +46,28 @@ def add_file(editor: Editor, path: Path) -> None:
     Raises:
         InputError: where the file cannot be read, or is of no known kind.
     """
+    add, value = read_to_add(path)
+    add(editor, path, value)
+
+
+def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
+    """Returns what adds a file to the project, and what was read of it; reading may be done in a thread.
+
+    Raises:
+        InputError: where the file cannot be read, or is of no known kind.
+    """
     ending = path.suffix.lower()
-    if ending in MODELS:
-        _add_model(editor, path)
-    elif ending in MESHES:
-        _add_mesh(editor, path)
-    elif ending in TAKES:
-        _add_take(editor, path)
-    elif ending in SESSIONS:
-        _add_session(editor, path)
-    elif ending in PERFORMANCES:
-        _add_performance(editor, path)
-    elif ending in SOUNDS:
-        _add_sound(editor, path)
-    else:
-        known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
-        what = f"{ending} is of no known kind" if ending else "its name has no ending"
-        raise InputError(what, where=str(path), mend=f"Known: {known}.")
+    for endings, read, add in _KINDS:
+        if ending in endings:
+            return add, read(path)
+    known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
+    what = f"{ending} is of no known kind" if ending else "its name has no ending"
+    raise InputError(what, where=str(path), mend=f"Known: {known}.")
 
 
-def _add_sound(editor: Editor, path: Path) -> None:
+def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
     """A sound that is performed along; it begins at the playhead, and takes the place of another one."""
-    sound = replace(read_sound(path), begin=editor.time)
+    sound = replace(read, begin=editor.time)
     if editor.edit(f"open {path.name}", lambda project: replace(project, sounds={sound.id: sound})):
         editor.toasts.say(f"{path.name} begins here", "It is heard while you play and record.")
 
@@ -99,26 +98,6 @@ def exportable(project: Project) -> list[RigBase]:
     return found
 
 
-def export(project: Project, path: Path, chosen: list[RigBase] | None = None) -> str:
-    """Write characters into one file; by default all that are exportable.
-
-    Returns:
-        What was written, with how far baked puppets are from what is seen, as a sentence.
-
-    Raises:
-        InputError: where there is none.
-        ResourceError: where the file cannot be written.
-    """
-    exporter = exporter_of(path)
-    keyed, chosen = exporter.keyed, chosen or exportable(project)
-    made = [performance_of(project, character, keyed=keyed) for character in chosen]
-    sounds = project.sounds.values()
-    heard = {"sound": heard_from(sounds, 0.0)} if exporter.heard and sounds else {}
-    exporter.write(path, made, path.stem, **heard)
-    said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
-    return said + "".join(f". {one.name} is {one.error}" for one in made if one.error is not None)
-
-
 def save_session(project: Project, puppet_id: str, path: Path) -> None:
     """Write a puppet with its examples as a session, with a project file beside it for mesh and takes.
 
@@ -129,8 +108,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
     write_session(path, project, puppet_id)
 
 
-def _add_model(editor: Editor, path: Path) -> None:
-    rig = read_gltf(path, floor=True, weld=True)
+def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
         # A puppet has no bones, so that the note on the one that it was given would only confuse.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
@@ -179,8 +157,8 @@ def _told_clips(project: Project, shape_id: str) -> str:
     return f"Space plays {played}.{more}"
 
 
-def _add_mesh(editor: Editor, path: Path) -> None:
-    mesh, notes = load_mesh(path)
+def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> None:
+    mesh, notes = read
     _add_puppet(editor, path, mesh, tuple(notes))
 
 
@@ -208,8 +186,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         editor.frame_way()
 
 
-def _add_session(editor: Editor, path: Path) -> None:
-    session = read_session(path)
+def _add_session(editor: Editor, path: Path, session: Session) -> None:
     _add_played(editor, path.name, session.project, session.puppet, session.notes)
 
 
@@ -232,8 +209,8 @@ def _add_played(editor: Editor, said: str, source: Project, character: str, note
         editor.frame_way()
 
 
-def _add_take(editor: Editor, path: Path) -> None:
-    clip, notes = read_take(path)
+def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) -> None:
+    clip, notes = read
 
     def add(project: Project) -> Project:
         return project.with_takes(replace(clip, id=unused(path.stem, project.takes)))
@@ -246,12 +223,12 @@ def _add_take(editor: Editor, path: Path) -> None:
         _tell(editor, path, notes, mend)
 
 
-def _add_performance(editor: Editor, path: Path) -> None:
+def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
     added: list[str] = []
     before = set(editor.project.characters)
 
     def add(project: Project) -> Project:
-        project, names = with_performance(project, path)
+        project, names = _with_performed(project, path, read)
         added.extend(names)
         return project
 
@@ -275,23 +252,41 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     Raises:
         InputError: where the file is no recording, or nothing in it moves.
     """
-    added, refused = list[str](), list[InputError]()
+    return _with_performed(project, path, _read_performance(path))
+
+
+@dataclass(frozen=True)
+class _Performed:
+    """What was read of a recorded take: its possessed meshes, if there are any, and its performers."""
+
+    meshes: Project | None
+    clips: tuple[Clip, ...]
+
+
+def _read_performance(path: Path) -> _Performed:
+    refused, meshes, clips = list[InputError](), None, ()
     try:
-        source = read_possessed(path)
-        for name in source.characters:
-            project, made = paste_character(project, source, name)
-            added.append(made)
+        meshes = read_possessed(path)
     except InputError as error:
         refused.append(error)
     try:
-        for clip in clips_of_recording(path, whole=True):
-            named = replace(clip, id=unused(path.stem, project.takes))
-            project = project.with_takes(named)
-            added.append(named.id)
+        clips = tuple(clips_of_recording(path, whole=True))
     except InputError as error:
         refused.append(error)
-    if not added:
+    if not clips and (meshes is None or not meshes.characters):
         raise refused[0]
+    return _Performed(meshes, clips)
+
+
+def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Project, tuple[str, ...]]:
+    added = list[str]()
+    for name in read.meshes.characters if read.meshes is not None else ():
+        project, made = paste_character(project, read.meshes, name)
+        added.append(made)
+    for clip in read.clips:
+        named = replace(clip, id=unused(path.stem, project.takes))
+        project = project.with_takes(named)
+        added.append(named.id)
     return project, tuple(added)
 
 
@@ -302,3 +297,14 @@ def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
         editor.toasts.say(f"{path.name}: {first}{more}")
     editor.toasts.say(f"Opened {path.name}", mend)
+
+
+_KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...] = (
+    (MODELS, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
+    (MESHES, load_mesh, _add_mesh),
+    (TAKES, read_take, _add_take),
+    (SESSIONS, read_session, _add_session),
+    (PERFORMANCES, _read_performance, _add_performance),
+    (SOUNDS, read_sound, _add_sound),
+)
+"""The endings of each kind of file, what reads it, and what adds it to the project."""

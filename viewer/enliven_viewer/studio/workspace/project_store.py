@@ -102,9 +102,22 @@ class ProjectStore:
         Raises:
             InputError: where the file cannot be read; what is open stays.
         """
+        self.take(path, self.read(path))
+
+    @staticmethod
+    def read(path: Path) -> tuple[Project, str]:
+        """Returns the project of a file and the checksum of its content; may be called in a thread.
+
+        Raises:
+            InputError: where the file cannot be read.
+        """
         data = read_file(path)
-        project = solve_lost(project_of(data, str(path)))
-        self.path, self._content = path, _checksum(data)
+        return solve_lost(project_of(data, str(path))), _checksum(data)
+
+    def take(self, path: Path, read: tuple[Project, str]) -> None:
+        """Go on with what :meth:`read` returned for a file."""
+        project, content = read
+        self.path, self._content = path, content
         self._begin(project)
         self.editor.toasts.say(f"Opened {path.name}")
 

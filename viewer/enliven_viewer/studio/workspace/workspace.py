@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
+from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
@@ -25,6 +28,7 @@ from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
+from enliven_viewer.studio.workspace.exporting import ExportOptions, write_export
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     EXPORTS,
@@ -36,8 +40,8 @@ from enliven_viewer.studio.workspace.files import (
     TAKES,
     add_file,
     add_sample,
-    export,
     exportable,
+    read_to_add,
     save_session,
 )
 from enliven_viewer.studio.workspace.input import ViewportInput
@@ -51,6 +55,8 @@ from enliven_viewer.studio.workspace.view_table import curve_action, ghost_actio
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
+_LARGE_BYTES = 6_000_000
+"""Bytes of a file that is read in the background: smaller ones open within half a second."""
 _ROOM = 1.35
 """How much air is left around a puppet that is brought into the picture."""
 
@@ -70,6 +76,7 @@ class Workspace:
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
+        exporting: what the next export or film holds.
         finding: what the palette finds; wanted_key: the key that the preferences change.
         history_shown: whether the list of steps is open; history_seen: its length and step when it was drawn.
         shown_layer: the character and the layer that the panel at the right showed last.
@@ -114,6 +121,7 @@ class Workspace:
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
+        self.exporting = ExportOptions()
         self.finding, self.wanted_key = Finding(self.actions), WantedKey()
         self.history_shown, self.history_seen = False, (0, 0)
         self.shown_layer: tuple[str, int] | None = None
@@ -170,6 +178,12 @@ class Workspace:
         Raises:
             InputError: where the file cannot be read.
         """
+        if path.suffix.lower() == PROJECT and self.store.dirty:
+            self._after, self._wanted, self.asking = "open", path, "unsaved"
+            return
+        if _is_large(path) and not lacks_tracking(path):
+            self._open_beside(path)
+            return
         if lacks_tracking(path):
             self.depth.begin(path)
         elif path.suffix.lower() != PROJECT:
@@ -177,12 +191,28 @@ class Workspace:
             add_file(self.editor, path)
             if len(self.editor.project.characters) > before:
                 self.commands.fitting.tell()
-        elif self.store.dirty:
-            self._after, self._wanted, self.asking = "open", path, "unsaved"
-            return
         else:
             self.store.open(path)
         self.preferences.opened(path)
+
+    def _open_beside(self, path: Path) -> None:
+        """Read a large file in the background: the window goes on, and it can be cancelled."""
+        progress = WorkProgress()
+
+        def add(read: Any) -> None:
+            if path.suffix.lower() == PROJECT:
+                self.attempt(lambda: self.store.take(path, read))
+            else:
+                before = len(self.editor.project.characters)
+                self.attempt(lambda: read[0](self.editor, path, read[1]))
+                if len(self.editor.project.characters) > before:
+                    self.commands.fitting.tell()
+            self.preferences.opened(path)
+
+        def work() -> Any:
+            return self.store.read(path) if path.suffix.lower() == PROJECT else read_to_add(path)
+
+        self.editor.beside.begin(f"Opening {path.name}", work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
         """Open files that were dropped onto the window, up to one that asks something."""
@@ -354,13 +384,19 @@ class Workspace:
     def _export(self, path: Path) -> None:
         """Write the file beside the window, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
-        chosen = exportable(project)
+        characters, options = exportable(project), replace(self.exporting)
+        length, progress = self.editor.length, WorkProgress()
+        options.chosen(characters)
+        options.checked_range(length)
 
         def tell(said: str) -> None:
             first, _, rest = said.partition(". ")
             toasts.say(first, rest)
 
-        self.editor.beside.begin(f"Writing {path.name}", lambda: export(project, path, chosen), tell)
+        def work() -> str:
+            return write_export(project, path, characters, options, length, progress)
+
+        self.editor.beside.begin(f"Writing {path.name}", work, tell, progress)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
@@ -389,3 +425,11 @@ class Workspace:
             self.attempt(lambda: self.open(wanted))
         elif after:
             self.ask(after)
+
+
+def _is_large(path: Path) -> bool:
+    """Returns whether reading a file may take so long that the window must not wait for it."""
+    try:
+        return path.stat().st_size > _LARGE_BYTES
+    except OSError:
+        return False

@@ -1,0 +1,140 @@
+"""What an export holds, how far it is, and cancelling it; and large files that open in the background."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import numpy as np
+import pygltflib
+import pytest
+from made_acting_stage import acting_stage
+
+from enliven.errors import InputError
+from enliven.formats.project import write_project
+from enliven_viewer.studio.background import Cancelled, WorkProgress
+from enliven_viewer.studio.workspace import workspace as workspace_module
+from enliven_viewer.studio.workspace.exporting import ExportOptions, export, write_export
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    made = acting_stage(tmp_path / "own", 320, 240)
+    for name in ("star", "post"):
+        made.editor.edit("delete", lambda project, name=name: project.without(name))
+    made.actions.do("edit.duplicate")
+    made.editor.choose("limb")
+    made.actions.do("edit.duplicate")
+    return made
+
+
+def said(workspace: Workspace) -> str:
+    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+
+
+def written(workspace: Workspace, path: Path, progress: WorkProgress | None = None, **options) -> str:
+    project, length = workspace.editor.project, workspace.editor.length
+    characters = list(project.characters.values())
+    how = replace(ExportOptions(), **options)
+    return write_export(project, path, characters, how, length, progress or WorkProgress())
+
+
+def test_an_export_holds_the_characters_seconds_and_rate_that_were_chosen(workspace, tmp_path) -> None:
+    project = workspace.editor.project
+    assert set(project.characters) == {"limb", "limb 2"}
+    path = tmp_path / "out.glb"
+    assert "Wrote 1 shape" in written(workspace, path, left_out={"limb 2"}, first=0.5, last=1.5, rate=12)
+    model = pygltflib.GLTF2().load(path)
+    ends = {model.accessors[one.input].max[0] for one in model.animations[0].samplers}
+    counts = {model.accessors[one.input].count for one in model.animations[0].samplers}
+    assert max(ends) == pytest.approx(1.0, abs=0.01) and max(counts) == 13
+    assert len(model.skins) == 1
+    written(workspace, path)
+    assert len(pygltflib.GLTF2().load(path).skins) == 2, "all is written, where nothing is left out"
+
+
+def test_a_range_without_a_picture_and_no_character_are_refused_before_any_work(workspace, tmp_path) -> None:
+    for options, words in (
+        ({"first": 1.0, "last": 1.0}, "nothing lies between"),
+        ({"left_out": {"limb", "limb 2"}}, "no character"),
+    ):
+        with pytest.raises(InputError, match=words):
+            written(workspace, tmp_path / "out.glb", **options)
+    assert not list(tmp_path.glob("*.glb"))
+
+
+def test_a_film_has_its_size_rate_and_range_and_reports_how_far_it_is(workspace, tmp_path, gl) -> None:
+    path, progress, shares = tmp_path / "out.mp4", WorkProgress(), []
+    report = progress.report
+    progress.report = lambda share: (shares.append(share), report(share))  # type: ignore[method-assign]
+    written(workspace, path, progress, first=0.5, last=1.5, rate=12, size="160x90", look="night")
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        frames = list(film.decode(stream))
+    assert (frames[0].width, frames[0].height) == (160, 90) and stream.average_rate == 12
+    assert 12 <= len(frames) <= 13
+    assert shares == sorted(shares) and len(shares) > 12 and progress.share == 1.0
+    dark = np.mean([frame.to_ndarray(format="gray").mean() for frame in frames])
+    written(workspace, path, first=0.5, last=0.8, rate=12, size="160x90", look="white")
+    with av.open(str(path)) as film:
+        bright = np.mean([frame.to_ndarray(format="gray").mean() for frame in film.decode(video=0)])
+    assert bright > dark + 30, "the look is another one"
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.glb"])
+def test_a_cancelled_export_leaves_the_older_file_and_nothing_else(workspace, tmp_path, gl, name) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"older")
+    progress = WorkProgress()
+    report = progress.report
+
+    def cancel_at_half(share: float) -> None:
+        progress.cancelled = share >= 0.4
+        report(share)
+
+    progress.report = cancel_at_half  # type: ignore[method-assign]
+    with pytest.raises(Cancelled):
+        written(workspace, path, progress, rate=12, size="160x90")
+    assert path.read_bytes() == b"older"
+    assert sorted(each.name for each in tmp_path.iterdir()) == sorted(("own", name))
+
+
+def test_work_is_cancelled_from_the_window_and_other_work_begins_at_once(workspace) -> None:
+    beside, wait, progress = workspace.editor.beside, threading.Event(), WorkProgress()
+    taken: list[str] = []
+    beside.begin("Opening big.glb", lambda: (wait.wait(30.0), "late")[1], taken.append, progress)
+    assert beside.progress is progress and beside.busy
+    beside.cancel()
+    assert progress.cancelled and not beside.busy and "Cancelled: opening big.glb" in said(workspace)
+    beside.begin("Second", lambda: "second", taken.append)
+    beside.finish()
+    wait.set()
+    assert taken == ["second"], "the result of cancelled work is dropped"
+
+
+def test_a_large_file_opens_in_the_background_and_can_be_cancelled(workspace, tmp_path, monkeypatch) -> None:
+    editor, path = workspace.editor, tmp_path / "model.glb"
+    export(editor.project, path, [editor.project.characters["limb"]])
+    write_project(tmp_path / "work.enliven", editor.project)
+    monkeypatch.setattr(workspace_module, "_LARGE_BYTES", 0)
+    before = set(editor.project.characters)
+    workspace.open(path)
+    assert editor.beside.progress is not None and set(editor.project.characters) == before
+    editor.beside.finish()
+    assert len(editor.project.characters) == len(before) + 1 and "Opened model.glb" in said(workspace)
+    workspace.open(path)
+    editor.beside.cancel()
+    editor.beside.finish()
+    assert len(editor.project.characters) == len(before) + 1
+    workspace.store.forget()
+    workspace.open(tmp_path / "work.enliven")
+    editor.beside.finish()
+    assert workspace.store.name == "work" and set(editor.project.characters) == before
+    bad = tmp_path / "bad.glb"
+    bad.write_bytes(b"glTF" + bytes(400))
+    workspace.open(bad)
+    editor.beside.finish()
+    assert any(toast.bad for toast in editor.toasts.shown)

@@ -1,0 +1,108 @@
+"""What an export or a film holds, above the list of files: characters, seconds, rate, size, look, format."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.document import Puppet
+from enliven_viewer.render import LOOKS
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.workspace import FILM_SIZES, RATES, Workspace
+
+_LABEL = 96.0
+"""Pixels of the words before a field."""
+_FIELD = 110.0
+"""Pixels of a field."""
+_CHARACTERS = 74.0
+"""Pixels of the list of characters: three lines."""
+
+
+def draw_export_options(workspace: Workspace, *, film: bool) -> None:
+    """Draw the options of an export, or of a film."""
+    options, editor = workspace.exporting, workspace.editor
+    solid = [one for one in editor.project.characters.values() if one.mesh is not None]
+    if len(solid) > 1:
+        imgui.begin_child("##characters", ImVec2(0, min(_CHARACTERS, 24.0 * len(solid))))
+        for one in solid:
+            ticked = imgui.checkbox(f"{one.id}##export {one.id}", one.id not in options.left_out)[1]
+            options.left_out = options.left_out - {one.id} if ticked else options.left_out | {one.id}
+            workspace.remember(f"export {one.id}")
+        imgui.end_child()
+    _range(workspace)
+    imgui.same_line(0.0, 18.0)
+    imgui.set_next_item_width(_FIELD)
+    at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
+    options.rate = RATES[imgui.combo("##rate", at, [f"{rate} a second" for rate in RATES])[1]]
+    workspace.remember("export rate")
+    told("Pictures, or poses, a second")
+    if film:
+        _film(workspace)
+    else:
+        _format(workspace)
+
+
+def _range(workspace: Workspace) -> None:
+    """The first and the last second; buttons take all, or what lies between the in and the out point."""
+    options, editor = workspace.exporting, workspace.editor
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted("Seconds")
+    imgui.same_line(_LABEL)
+    imgui.set_next_item_width(_FIELD - 30)
+    options.first = imgui.drag_float("##first", options.first, 0.02, 0.0, editor.length, "%.2f")[1]
+    workspace.remember("export first")
+    imgui.same_line()
+    imgui.text_unformatted("to")
+    imgui.same_line()
+    imgui.set_next_item_width(_FIELD - 30)
+    last = options.last or editor.length
+    changed, last = imgui.drag_float("##last", last, 0.02, 0.0, editor.length, "%.2f")
+    options.last = last if changed else options.last
+    workspace.remember("export last")
+    imgui.same_line()
+    if imgui.button("All"):
+        options.first, options.last = 0.0, 0.0
+    workspace.remember("export all")
+    imgui.same_line()
+    imgui.begin_disabled(editor.marked is None)
+    if imgui.button("In to out") and editor.marked is not None:
+        options.first, options.last = editor.marked
+    imgui.end_disabled()
+    workspace.remember("export marked")
+    told("What lies between the in and the out point (Alt+I, Alt+O)")
+
+
+def _film(workspace: Workspace) -> None:
+    """The size and the look of a film."""
+    options = workspace.exporting
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted("Pixels")
+    imgui.same_line(_LABEL)
+    imgui.set_next_item_width(_FIELD)
+    at = FILM_SIZES.index(options.size) if options.size in FILM_SIZES else 1
+    options.size = FILM_SIZES[imgui.combo("##size", at, list(FILM_SIZES))[1]]
+    workspace.remember("export size")
+    imgui.same_line(0.0, 18.0)
+    imgui.text_unformatted("Look")
+    imgui.same_line()
+    imgui.set_next_item_width(_FIELD)
+    looks = list(LOOKS)
+    at = looks.index(options.look or workspace.editor.look)
+    changed, at = imgui.combo("##look", at, looks)
+    options.look = looks[at] if changed or options.look else ""
+    workspace.remember("export look")
+
+
+def _format(workspace: Workspace) -> None:
+    """The options of the kinds of files."""
+    options = workspace.exporting
+    if any(isinstance(one, Puppet) for one in workspace.editor.project.characters.values()):
+        options.morphs = imgui.checkbox("Puppets as morph targets (.glb)", options.morphs)[1]
+        workspace.remember("export morphs")
+        told("Exact shapes, in a larger file; else vertices follow bones, which every program plays")
+        imgui.same_line(0.0, 18.0)
+    centimetres = imgui.checkbox("Centimetres (.bvh)", options.unit == "cm")[1]
+    options.unit = "cm" if centimetres else "m"
+    workspace.remember("export centimetres")
+    told("Many programs that read .bvh expect centimetres")
+    quiet("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")

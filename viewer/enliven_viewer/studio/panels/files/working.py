@@ -1,0 +1,47 @@
+"""Work that takes long, over the picture: what is done, how far it is, and a button that cancels it."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+
+_WIDE = 300.0
+"""Pixels of the box: the name of a file, and the button."""
+_EDGE = 14.0
+"""Pixels between the box and the edge of the picture."""
+_FLAGS = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.always_auto_resize
+)
+
+
+def draw_working(workspace: Workspace, area: Area) -> None:
+    """Draw the work that can be cancelled, at the upper right of the picture."""
+    beside = workspace.editor.beside
+    progress = beside.progress
+    if progress is None:
+        return
+    progress.seconds += imgui.get_io().delta_time
+    wide = min(_WIDE, area.width - 2 * _EDGE)
+    imgui.set_next_window_pos(ImVec2(area.x + area.width - _EDGE, area.y + _EDGE), 0, ImVec2(1.0, 0.0))
+    imgui.set_next_window_size(ImVec2(wide, 0))
+    imgui.begin("Working", None, _FLAGS)
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(beside.said)
+    imgui.pop_text_wrap_pos()
+    if progress.share is None:
+        imgui.progress_bar(-imgui.get_time(), ImVec2(wide - 120, 0), f"{progress.seconds:.0f} s")
+    else:
+        imgui.progress_bar(progress.share, ImVec2(wide - 120, 0), f"{100 * progress.share:.0f} %")
+    workspace.remember("work progress")
+    imgui.same_line()
+    if imgui.button("Cancel##work", ImVec2(-1, 0)):
+        beside.cancel()
+    workspace.remember("cancel work")
+    imgui.end()

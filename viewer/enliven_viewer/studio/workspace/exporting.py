@@ -1,0 +1,141 @@
+"""What an export or a film holds: characters, seconds, frame rate, size, look, and options of its format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from enliven.document import Project, Puppet, RigBase
+from enliven.errors import InputError
+from enliven.exporters import Performance, exporter_of, performance_of
+from enliven.files import replace_file
+from enliven.sounds import heard_from
+from enliven_viewer.studio.background import WorkProgress
+from enliven_viewer.studio.workspace.files import exportable
+
+RATES = (12, 15, 24, 25, 30, 48, 50, 60)
+"""Frames a second that are offered."""
+FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
+"""Sizes of films that are offered: screens, a square and an upright telephone."""
+_SAMPLED = 0.3
+"""Share of the work of a film that is done once its characters are sampled."""
+
+
+@dataclass
+class ExportOptions:
+    """What an artist chose for an export or a film.
+
+    Attributes:
+        left_out: characters that are not written.
+        first, last: seconds of the project; a last of 0 is its end.
+        rate: frames a second.
+        size: of a film.
+        look: of a film; empty for the stage's own.
+        morphs: whether puppets become morph targets of a .glb, and not bones.
+        unit: of a .bvh, "m" or "cm".
+    """
+
+    left_out: set[str] = field(default_factory=set)
+    first: float = 0.0
+    last: float = 0.0
+    rate: int = 30
+    size: str = "1280x720"
+    look: str = ""
+    morphs: bool = False
+    unit: str = "m"
+
+    def chosen(self, characters: Sequence[RigBase]) -> list[RigBase]:
+        """Returns the characters that are written.
+
+        Raises:
+            InputError: if all are left out.
+        """
+        found = [one for one in characters if one.id not in self.left_out]
+        if not found:
+            raise InputError("no character is chosen", where="export", mend="Tick one.")
+        return found
+
+    def checked_range(self, length: float) -> tuple[float, float | None]:
+        """Returns the first and the last second, or None for the end of what moves.
+
+        Raises:
+            InputError: if nothing lies between them.
+        """
+        if self.first <= 0.0 and (self.last <= 0.0 or self.last >= length):
+            return 0.0, None
+        last = min(self.last or length, length)
+        if last - self.first < 1.0 / self.rate:
+            what = f"nothing lies between {self.first:.2f} and {last:.2f} s"
+            raise InputError(what, where="export", mend="Choose a later end, or an earlier begin.")
+        return self.first, last
+
+
+def write_export(
+    project: Project,
+    path: Path,
+    characters: Sequence[RigBase],
+    options: ExportOptions,
+    length: float,
+    progress: WorkProgress,
+) -> str:
+    """Writes characters into a file, which replaces an older one only when it is complete.
+
+    Returns:
+        What was written, with how far baked puppets are from what is seen, as a sentence.
+
+    Raises:
+        Cancelled: if the artist has cancelled it; an older file is unchanged.
+        InputError: for options that make no sense.
+        ResourceError: where the file cannot be written.
+    """
+    chosen, (first, last) = options.chosen(characters), options.checked_range(length)
+    more = format_options(path, options, chosen)
+    exporter = exporter_of(path, **more)
+    film = path.suffix.lower() == ".mp4"
+    how = "morphs" if more.get("morphs") else "skin"
+    made = list[Performance]()
+    for number, character in enumerate(chosen):
+        progress.report((_SAMPLED if film else 0.9) * number / len(chosen))
+        sampled = {"how": how} if isinstance(character, Puppet) else {"keyed": exporter.keyed}
+        made.append(performance_of(project, character, first, last, float(options.rate), **sampled))
+    if exporter.heard and project.sounds:
+        more["sound"] = heard_from(project.sounds.values(), first)
+    if film:
+        more["progress"] = _later(progress, _SAMPLED)
+    with replace_file(path, "Save it elsewhere.") as part:
+        exporter.write(part, made, path.stem, **more)
+        progress.report(1.0)
+    said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
+    return said + "".join(f". {one.name} is {one.error}" for one in made if one.error is not None)
+
+
+def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None) -> str:
+    """Writes all that characters play, in the usual way; by default of all that are exportable.
+
+    Returns:
+        What was written, as a sentence.
+
+    Raises:
+        InputError: where there is none.
+        ResourceError: where the file cannot be written.
+    """
+    characters = chosen or exportable(project)
+    return write_export(project, path, characters, ExportOptions(), 0.0, WorkProgress())
+
+
+def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]) -> dict[str, Any]:
+    """Returns what the exporter of a file takes, of the options that were chosen."""
+    ending = path.suffix.lower()
+    if ending == ".mp4":
+        return {"size": options.size, "rate": float(options.rate), "look": options.look}
+    if ending == ".bvh":
+        return {"unit": options.unit}
+    puppets = any(isinstance(one, Puppet) for one in chosen)
+    return {"morphs": True} if ending == ".glb" and options.morphs and puppets else {}
+
+
+def _later(progress: WorkProgress, done: float) -> Callable[[float], None]:
+    """Returns what reports the rest of some work, of which a share is done."""
+    return lambda share: progress.report(done + (1.0 - done) * share)
