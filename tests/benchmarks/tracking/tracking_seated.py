@@ -37,7 +37,9 @@ _HANGING = ArmPose(flex=0.05, abduct=0.16, twist=0.25, elbow=0.3)
 _KNEES = ArmPose(flex=1.0, abduct=0.1, elbow=0.5)
 _LAP = ArmPose(flex=0.5, abduct=0.1, twist=0.5, elbow=1.0)
 _BACK = ArmPose(flex=-0.7, abduct=0.25, elbow=0.1)
-_STANDING = PerformerPosture(FootPose(0.13, 0.0, yaw=0.12), FootPose(-0.13, 0.0, yaw=-0.12), _HANGING, _HANGING)
+_STANDING = PerformerPosture(
+    FootPose(0.13, 0.0, yaw=0.12), FootPose(-0.13, 0.0, yaw=-0.12), _HANGING, _HANGING
+)
 
 
 @dataclass(frozen=True)
