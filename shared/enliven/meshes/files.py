@@ -20,7 +20,7 @@ READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _OF_PYTHON = re.compile(
     r"could not convert|invalid literal|cannot (reshape|convert|copy)|not enough values|too many values"
-    r"|buffer|array|operands|all (the )?input|string|setting an array|shape|need at least|negative|embedded|unknown"
+    r"|buffer|array|operands|all (the )?input|string|setting an array|shape|need at least|negative|embedded"
 )
 """How the messages of Python and NumPy begin, which say nothing to a user."""
 _OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
