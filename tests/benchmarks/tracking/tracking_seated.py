@@ -1,7 +1,7 @@
-"""A motion of somebody who sits down on the floor and rests there, with the lowest part of the body on the floor.
+"""A motion of somebody who sits down on the floor: the lowest part of the body is always on the floor.
 
-The sitting of :mod:`tracking_motions` states how far the pelvis sinks whatever the build, so that short people sink
-into the floor by up to 7 cm and knees by up to 20. It stays as it is, because films of it were opened already.
+The sitting of :mod:`tracking_motions` states how far the pelvis sinks whatever the build. So hips are up to
+7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were opened already.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ _HANGING = ArmPose(flex=0.05, abduct=0.16, twist=0.25, elbow=0.3)
 _KNEES = ArmPose(flex=1.0, abduct=0.1, elbow=0.5)
 _LAP = ArmPose(flex=0.5, abduct=0.1, twist=0.5, elbow=1.0)
 _BACK = ArmPose(flex=-0.7, abduct=0.25, elbow=0.1)
-_STANDING = PerformerPosture(FootPose(0.13, 0.0, yaw=0.12), FootPose(-0.13, 0.0, yaw=-0.12), _HANGING, _HANGING)
+_STANDING = PerformerPosture(
+    FootPose(0.13, 0.0, yaw=0.12), FootPose(-0.13, 0.0, yaw=-0.12), _HANGING, _HANGING
+)
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ def _pair(vary: Seed, leg: Leg) -> Legs:
 
 
 def _settled(performer: Performer, legs: Legs) -> SettledLegs:
-    """Returns the legs, each with the radians that its thigh is lifted where seat and leg rest on the floor."""
+    """Returns the legs, each with the radians that its thigh is lifted when seat and leg are on the floor."""
 
     def lifted(side: int) -> float:
         low, high = 0.8, 2.8
