@@ -1,7 +1,7 @@
-"""A motion of somebody who sits down on the floor and rests there, with the lowest part of the body on the floor.
+"""A motion of somebody who sits down on the floor: the lowest part of the body is always on the floor.
 
-The sitting of :mod:`tracking_motions` states how far the pelvis sinks whatever the build, so that short people sink
-into the floor by up to 7 cm and knees by up to 20. It stays as it is, because films of it were opened already.
+The sitting of :mod:`tracking_motions` states how far the pelvis sinks whatever the build. So hips are up to
+7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were opened already.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def _pair(vary: Seed, leg: Leg) -> Legs:
 
 
 def _settled(performer: Performer, legs: Legs) -> SettledLegs:
-    """Returns the legs, each with the radians that its thigh is lifted where seat and leg rest on the floor."""
+    """Returns the legs, each with the radians that its thigh is lifted when seat and leg are on the floor."""
 
     def lifted(side: int) -> float:
         low, high = 0.8, 2.8
