@@ -17,8 +17,7 @@ import typer
 from enliven import __version__
 from enliven.commands import LazyCommands, has_display
 from enliven.errors import EnlivenError
-from enliven.logs import ignore_broken_stderr, start_logging
-from enliven.printable import escaped
+from enliven.logs import escaped, ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 
 class EnlivenError(Exception):
