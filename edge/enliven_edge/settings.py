@@ -14,7 +14,7 @@ from enliven_edge.fusion import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks import ColourSettings
 from enliven_edge.physics import PhysicsSettings
 from enliven_edge.sources import SourceSettings
-from enliven_edge.stage.places import StageSettings
+from enliven_edge.stage import StageSettings
 from enliven_edge.stage.puppet import PuppetSettings
 from enliven_edge.stage.rig import MatchingSettings
 from enliven_edge.tracking import TrackerSettings

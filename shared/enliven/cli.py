@@ -18,8 +18,7 @@ from enliven import __version__
 from enliven.commands import LazyCommands, has_display
 from enliven.errors import EnlivenError, place_of
 from enliven.files import file_fault, is_file_fault
-from enliven.logs import ignore_broken_stderr, start_logging
-from enliven.printable import escaped
+from enliven.logs import escaped, ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""

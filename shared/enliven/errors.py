@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 
 class EnlivenError(Exception):

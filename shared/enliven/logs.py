@@ -1,19 +1,48 @@
-"""Logging for people and for services: plain lines, or one JSON object a line."""
+"""Logging for people and for services: plain or JSON lines, with text from outside escaped."""
 
 from __future__ import annotations
 
 import io
 import json
 import logging
+import re
 import sys
 import time
+import unicodedata
 import warnings
 from typing import Any
 
-from enliven.printable import escaped
-
 OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
 """The loggers of these packages, and of Python's warnings."""
+
+
+_KEPT_CATEGORIES = frozenset({"Zs"})
+"""Unicode categories of spaces; they are invisible and move nothing."""
+_KEPT = frozenset("\u200c\u200d")
+"""Joiners that Persian, Hindi and emoji need; they neither end a line nor change its direction."""
+_PLAIN = re.compile(r"[\x20-\x7e]*")
+
+
+def escaped(text: str) -> str:
+    r"""Returns text with every character that is not shown as itself written as ``\x1b`` or ``\u202e``.
+
+    These are control characters, line ends, terminal escapes, marks that change the direction of writing, and
+    surrogates. Escaping text again changes nothing.
+    """
+    if _PLAIN.fullmatch(text):
+        return text
+    return "".join(letter if _is_shown(letter) else _written(letter) for letter in text)
+
+
+def _is_shown(letter: str) -> bool:
+    """Returns whether a character is shown as itself, on one line."""
+    category = unicodedata.category(letter)
+    return category[0] not in "CZ" or category in _KEPT_CATEGORIES or letter in _KEPT
+
+
+def _written(letter: str) -> str:
+    """Returns a character as Python writes it in a text."""
+    return ascii(letter)[1:-1]
 
 
 class EscapedRecord(logging.LogRecord):

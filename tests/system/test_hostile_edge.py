@@ -23,7 +23,7 @@ from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback import Document
 
-from ..shared.test_printable import EVIL, is_safe
+from ..shared.test_logs_escaped import EVIL, is_safe
 
 NOISE = os.urandom(250_000)
 

@@ -41,7 +41,7 @@ from enliven_edge.stage.places import StageSettings
 from enliven_viewer.link.edges import EdgeClient
 
 from ..edge.matching.rigs_for_stage import person
-from ..shared.test_printable import EVIL, is_safe
+from ..shared.test_logs_escaped import EVIL, is_safe
 from .hostile_house import BOX_DATA, BOX_MESH, House
 
 VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))

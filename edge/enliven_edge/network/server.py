@@ -306,7 +306,7 @@ class ZmtpServer:
 
 
 def _in_turn(ready: list[Connection]) -> list[Connection]:
-    """Returns connections in the order in which they are read: known ones, recent ones and newcomers alternate.
+    """Returns connections in reading order: known ones, recent ones and newcomers alternate.
 
     Known and recent ones are read by least recent cost, known ones in proportion to how long they have been
     served. Newcomers that have begun to introduce themselves

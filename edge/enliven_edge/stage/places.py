@@ -44,7 +44,7 @@ Coming = Iterable[tuple[str, Peer | None]]
 """Characters that are on their way: id, and the viewer that sends it."""
 
 
-class Places:
+class StagePlaces:
     """Counts the characters on a stage and those on their way, in all and for each viewer.
 
     Viewers on other machines count by address. Viewers on this machine share one address, and count by

@@ -18,7 +18,7 @@ from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
 from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.hold_memory import Carried, HoldMemory
-from enliven_edge.stage.places import Peer, Places, StageSettings
+from enliven_edge.stage.places import Peer, StagePlaces, StageSettings
 from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
@@ -41,7 +41,7 @@ class Stage:
 
     def __init__(self, actors: Sequence[Actor] = (), settings: StageSettings | None = None) -> None:
         self.actors: dict[str, Actor] = {}
-        self.places = Places(settings or StageSettings(), self.actors.keys())
+        self.places = StagePlaces(settings or StageSettings(), self.actors.keys())
         self._bodies: list[Body] = []
         self._places: dict[str, Float] = {}
         self._memory = HoldMemory()

@@ -10,7 +10,7 @@ import typer
 from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
 from enliven.errors import InputError
 from enliven.files import need_folder
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.errors import InputError
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis, Mesh

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 
 def recover(

@@ -9,7 +9,7 @@ import typer
 
 from enliven.commands.example_files import sheet_maker
 from enliven.files import need_folder
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Clip

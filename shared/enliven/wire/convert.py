@@ -11,9 +11,9 @@ from enliven.arrays import AnyArray, Float32, Int32
 from enliven.document import BALL, BOX, Pose, Props
 from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
+from enliven.logs import escaped
 from enliven.person import Body
 from enliven.person import J as JOINTS
-from enliven.printable import escaped
 from enliven.wire.fields import MAX_HEALTH, MAX_PROPS, from_bytes, to_bytes
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quaternions import pack_quaternions, unpack_quaternions

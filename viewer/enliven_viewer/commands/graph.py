@@ -9,7 +9,7 @@ import typer
 
 from enliven.errors import InputError
 from enliven.files import need_folder
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 CHAIR = "chair"
 _LONGEST_EDGE = 0.04

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.errors import InputError, ResourceError
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Project

@@ -10,8 +10,8 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.document import Character, Pose
+from enliven.logs import escaped
 from enliven.person import Body
-from enliven.printable import escaped
 
 State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
 

@@ -11,9 +11,9 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
+from enliven.logs import escaped
 from enliven.matching import Board
 from enliven.person import Body
-from enliven.printable import escaped
 from enliven.wire import Topic
 from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 

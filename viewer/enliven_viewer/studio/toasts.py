@@ -6,7 +6,7 @@ import logging
 from dataclasses import dataclass, replace
 
 from enliven.errors import EnlivenError, place_of
-from enliven.printable import escaped
+from enliven.logs import escaped
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.logs import JsonLines, Sentences, escape_records
-from enliven.printable import escaped
+from enliven.logs import JsonLines, Sentences, escape_records, escaped
 
 EVIL = {
     "terminal escape": "a\x1b[2J\x1b]0;owned\x07",
