@@ -22,6 +22,7 @@ import secrets
 import shutil
 import stat
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,6 +30,9 @@ from typing import BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
 from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
+
+if sys.platform != "win32":
+    import fcntl
 
 MOST_BYTES = 1 << 31
 """Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
@@ -64,6 +68,12 @@ _BYTE_ORDER_MARKS = (
 """The first bytes of a text file that states its encoding. UTF-32 comes before UTF-16, which begins alike."""
 _USUAL_CODE_PAGE = "cp1252"
 """The 8-bit code page assumed on computers that work in UTF-8: most old files come from western Windows."""
+_FOLDER_PREFIX = "enliven-capture-"
+"""How the names of temporary folders begin, in older versions as well."""
+_LOCK_NAME = ".in-use"
+"""The file in a temporary folder that its process keeps locked."""
+_ABANDONED_S = 86_400.0
+"""Seconds after which a temporary folder without a locked file counts as left behind: a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
 _GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."
@@ -134,6 +144,78 @@ class _ReportedFile(io.FileIO):
             return super().readall()
         except OSError as error:
             raise file_fault(error, str(self.name)) from None
+
+
+class TemporaryFolder(tempfile.TemporaryDirectory[str]):
+    """A folder in the temporary folder that is removed at the end, or by a later start after a kill.
+
+    A locked file in it shows that its process lives: the operating system drops the lock with the process. On
+    Windows only the process itself removes it.
+
+    Args:
+        purpose: a word for its name.
+    """
+
+    def __init__(self, purpose: str) -> None:
+        remove_dead_folders()
+        super().__init__(prefix=f"{_FOLDER_PREFIX}{purpose}-", ignore_cleanup_errors=True)
+        self._lock = -1
+        if sys.platform != "win32":
+            self._lock = os.open(Path(self.name) / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def cleanup(self) -> None:
+        """Removes the folder; a second call does nothing."""
+        super().cleanup()
+        lock, self._lock = self._lock, -1
+        if lock >= 0:
+            os.close(lock)
+
+
+def remove_dead_folders() -> list[str]:
+    """Removes this user's temporary folders of processes that were killed; returns the names.
+
+    A folder without its locked file is one that an older version left, or one that is being made: it goes if
+    it is older than a day. Symbolic links are not followed.
+    """
+    if sys.platform == "win32":
+        return []
+    removed = []
+    with contextlib.suppress(OSError), _opened_folder(tempfile.gettempdir()) as temporary:
+        for name in os.listdir(temporary):
+            if not name.startswith(_FOLDER_PREFIX):
+                continue
+            with contextlib.suppress(OSError), _opened_folder(name, temporary) as folder:
+                if os.fstat(folder).st_uid == os.geteuid() and _is_dead(folder):
+                    shutil.rmtree(name, dir_fd=temporary)
+                    removed.append(name)
+    return removed
+
+
+@contextlib.contextmanager
+def _opened_folder(name: str, within: int | None = None) -> Iterator[int]:
+    """Opens a folder, and no link to one, for functions with ``dir_fd``."""
+    links = 0 if within is None else os.O_NOFOLLOW
+    descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | links, dir_fd=within)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _is_dead(folder: int) -> bool:
+    """Returns whether the process of an opened :class:`TemporaryFolder` has ended."""
+    try:
+        lock = os.open(_LOCK_NAME, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+    except FileNotFoundError:
+        return time.time() - os.fstat(folder).st_mtime > _ABANDONED_S
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(lock)
+    return True
 
 
 def own_folder() -> Path:

@@ -8,11 +8,13 @@ emptied.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import stat
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from enliven.errors import ResourceError
@@ -27,6 +29,12 @@ _LOCKED_BYTE = 1 << 30
 the holder."""
 
 
+_LOCK_ATTEMPTS = 5
+"""Tries to lock a file that another start may be looking at."""
+_LOCK_PAUSE_S = 0.02
+"""Seconds between two tries: looking takes far less."""
+
+
 class NameLock:
     """Holds an edge's name until closed.
 
@@ -38,13 +46,13 @@ class NameLock:
         readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
         # Two names that read alike must not lock each other out.
         suffix = "" if readable == name else "-" + name.encode().hex()
-        path = _own_folder() / f"enliven-edge-{readable}{suffix}.lock"
-        self._handle = _opened(path)
+        folder = _own_folder()
+        self._path = folder / f"enliven-edge-{readable}{suffix}.lock"
+        _remove_unlocked(folder)
         try:
-            _lock(self._handle)
-        except OSError:
-            holder = _text(self._handle)
-            os.close(self._handle)
+            self._handle = _locked(self._path)
+        except BlockingIOError as error:
+            holder = error.strerror
             raise ResourceError(
                 f"an edge named {name!r} runs on this machine already ({holder or 'unknown process'})",
                 where="edge",
@@ -57,12 +65,67 @@ class NameLock:
             os.write(self._handle, f"process {os.getpid()}".encode())
 
     def close(self) -> None:
-        """Releases the name; the empty file stays, since removing it could take it from the next holder."""
+        """Releases the name and removes its file; a second call does nothing."""
         if self._handle >= 0:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._handle, 0)
+                if sys.platform == "win32":
+                    os.ftruncate(self._handle, 0)
+                else:
+                    self._path.unlink()
             os.close(self._handle)
             self._handle = -1
+
+
+def _locked(path: Path) -> int:
+    """Returns a descriptor of the locked file, which is created if it is missing.
+
+    Another start removes unlocked files: a file that was removed between opening and locking is made again.
+
+    Raises:
+        BlockingIOError: with the holder's text, if a living process has it locked.
+    """
+    for attempt in range(_LOCK_ATTEMPTS):
+        handle = _opened(path)
+        try:
+            _lock(handle)
+        except OSError:
+            holder = _text(handle)
+            os.close(handle)
+            # Without a text, another start only looks whether the file is locked.
+            if holder or attempt == _LOCK_ATTEMPTS - 1:
+                raise BlockingIOError(errno.EAGAIN, holder) from None
+            time.sleep(_LOCK_PAUSE_S)
+            continue
+        if sys.platform == "win32" or _is_file_at(handle, path):
+            return handle
+        os.close(handle)
+    raise BlockingIOError(errno.EAGAIN, "")
+
+
+def _is_file_at(handle: int, path: Path) -> bool:
+    """Returns whether an opened file still is the one at a path."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.lstat())
+    except OSError:
+        return False
+
+
+def _remove_unlocked(folder: Path) -> None:
+    """Removes the lock files of edges that were killed; those of living ones are locked and stay."""
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(OSError):
+        for path in folder.glob("enliven-edge-*.lock"):
+            with contextlib.suppress(OSError):
+                handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
+                try:
+                    _lock(handle)
+                    # Its text goes first: who waits for the lock meanwhile is told of no holder.
+                    os.ftruncate(handle, 0)
+                    if _is_file_at(handle, path):
+                        path.unlink()
+                finally:
+                    os.close(handle)
 
 
 def _own_folder() -> Path:

@@ -7,14 +7,13 @@ import functools
 import itertools
 import logging
 import math
-import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from enliven.errors import InputError
-from enliven.files import open_file
+from enliven.files import TemporaryFolder, open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, RecordingInfo
 from enliven_edge.importing import MotionCaptureReader
@@ -60,7 +59,7 @@ class ReplaySensor(Sensor):
                 where="replay",
                 mend="Give 1 for the recorded pace, 0 for no waiting.",
             )
-        self._made = tempfile.TemporaryDirectory(prefix="enliven-capture-")
+        self._made = TemporaryFolder("replay")
         self.recording = Recording(_imported(Path(path), Path(self._made.name)))
         info = self.recording.info
         self.name = info.sensors[0] if info.sensors else "replay"

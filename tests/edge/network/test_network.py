@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import socket
@@ -368,8 +369,9 @@ def test_a_link_in_the_place_of_a_name_is_not_followed(own_folder: Path) -> None
 def test_names_are_kept_in_a_folder_that_only_the_user_writes_to(
     own_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    NameLock("stage").close()
-    assert (own_folder / "enliven-edge-stage.lock").exists()
+    with contextlib.closing(NameLock("stage")):
+        assert (own_folder / "enliven-edge-stage.lock").exists()
+    assert list(own_folder.iterdir()) == []
     own_folder.chmod(0o777)
     lock = NameLock("stage")
     folder = own_folder / f"enliven-{os.getuid()}"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import logging
 import struct
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.files import TemporaryFolder
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.drivers.refusals import in_a_line
@@ -267,7 +267,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
     Raises:
         InputError: for a recording that cannot be used.
     """
-    with tempfile.TemporaryDirectory(prefix="enliven-", ignore_cleanup_errors=True) as folder:
+    with TemporaryFolder("rehearsal") as folder:
         if Path(path).suffix == ".bag":
             from enliven_edge.importing.bags import check_playback
 

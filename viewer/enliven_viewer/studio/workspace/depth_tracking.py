@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 import threading
 from collections import deque
 from pathlib import Path
 
 from enliven.errors import EnlivenError, InputError
+from enliven.files import TemporaryFolder
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes import clips_of_recording
 from enliven.wire import BODIES, POSE
@@ -44,7 +44,7 @@ class DepthTracking:
         self._editor = editor
         self.name, self.share = "", 0.0
         self._child: subprocess.Popen[str] | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: TemporaryFolder | None = None
         self._said: deque[str] = deque(maxlen=_LINES)
         self._reader: threading.Thread | None = None
 
@@ -62,7 +62,7 @@ class DepthTracking:
         if self.busy:
             mend = "Wait until it is done, or stop it."
             raise InputError(f"{self.name} is still being tracked", where=str(path), mend=mend)
-        self._folder = tempfile.TemporaryDirectory()
+        self._folder = TemporaryFolder("tracking")
         made = Path(self._folder.name) / path.name
         words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(made), "--lines"]
         pipe = subprocess.PIPE
