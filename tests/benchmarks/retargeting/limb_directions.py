@@ -15,6 +15,7 @@ import numpy as np
 import pygltflib
 
 from enliven.formats.motion import read_bvh, read_expmap
+from enliven.takes import read_take
 
 SEGMENTS = {"upper arm": (0, 1), "forearm": (1, 2), "thigh": (3, 4), "shin": (4, 5)}
 """Limb segments, as pairs of columns of ``JOINTS``."""
@@ -68,7 +69,9 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
     """
     capture = read_expmap(motion) if motion.suffix == ".txt" else read_bvh(motion)
     times, nodes = node_places(glb)
-    frames = np.clip(np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
+    # A T-pose that was added at the begin is not part of the take: it begins later than its file.
+    first = capture.frames - len(read_take(motion)[0].turns)
+    frames = np.clip(first + np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
     names = {name: k for k, name in enumerate(capture.names)}
     theirs = _directions(
         {name: capture.positions[frames, k] for name, k in names.items()}, _convention(names)
