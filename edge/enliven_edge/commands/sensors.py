@@ -59,7 +59,7 @@ def sensors(
     if as_json:
         import msgspec
 
-        from enliven_edge.sensors.found_cameras import found_cameras
+        from enliven_edge.sensors import found_cameras
 
         typer.echo(msgspec.json.encode(found_cameras()).decode())
         return

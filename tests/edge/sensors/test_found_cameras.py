@@ -6,9 +6,9 @@ import pytest
 
 from enliven import cli
 from enliven_edge.sensors import attached_cameras
-from enliven_edge.sensors import found_cameras as module
+from enliven_edge.sensors import camera_list as module
 from enliven_edge.sensors.attached_cameras import KINDS, Attached
-from enliven_edge.sensors.found_cameras import found_cameras, video_cameras
+from enliven_edge.sensors.camera_list import found_cameras, video_cameras
 
 
 @pytest.fixture

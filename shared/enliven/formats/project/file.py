@@ -23,9 +23,9 @@ from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.file_kinds import kind_of
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
+from enliven.formats.project.file_kinds import kind_of
 from enliven.formats.project.lost_motion import with_lost_motion
 from enliven.formats.project.upgrades import characters_of_kinds
 from enliven.formats.project.values import name_of, packed, unpacked

@@ -47,7 +47,7 @@ def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
     return vertices if len(vertices) else extent
 
 
-def _near(places: Float, extent: AnyArray) -> AnyArray:
+def _near(places: AnyArray, extent: AnyArray) -> AnyArray:
     """Returns which (N, 3) places lie no farther off a surface than half of its size; all if none does."""
     low, high = extent.min(0), extent.max(0)
     air = _STRAY * float((high - low).max())

@@ -23,8 +23,12 @@ _SIZE = (720.0, 480.0)
 """Pixels of a dialogue about files: places at the left, files in the middle."""
 _ROOMY = 480.0
 """Pixels of a dialogue that has room for places at the left."""
-_PLACES, _ORDER, _CANCEL = 150.0, 120.0, 84.0
-"""Pixels of the places, of the choice of order, and beside the name of a new folder."""
+_PLACES = 150.0
+"""Pixels of the list of places: a folder's name."""
+_ORDER = 120.0
+"""Pixels of the choice of order: its longest words."""
+_CANCEL = 84.0
+"""Pixels at the right of a new folder's name, for the button that gives it up."""
 _TITLES = {
     "open": "Open",
     "save as": "Save the project",

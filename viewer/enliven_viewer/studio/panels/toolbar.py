@@ -21,10 +21,14 @@ _APART = 4.0
 """Pixels between two buttons; half of it in a low window."""
 _LOW_PAD = 3.0
 """Pixels over the first and under the last button in a low window."""
-_ICON, _NAME = 18.0, 12.0
-"""Pixels of the letters of the icon and of the name."""
-_LOW_ICON, _LOW_NAME = 13.0, 11.0
-"""Pixels of these letters where they stand side by side."""
+_ICON = 18.0
+"""Pixels of an icon over its name: seen at a glance."""
+_NAME = 12.0
+"""Pixels of the letters of a name under its icon: the longest fits the button."""
+_LOW_ICON = 13.0
+"""Pixels of an icon beside its name: as high as the letters."""
+_LOW_NAME = 11.0
+"""Pixels of the letters of a name beside its icon: the smallest that are read with ease."""
 _ICON_SPACE = 19.0
 """Pixels of a low button in which its icon stands, left of the name."""
 

@@ -20,8 +20,10 @@ _ROOT = 5.4
 """Pixels, radius of the root, which moves the whole shape: larger than other joints."""
 
 
-_BONE_SHARE, _JOINT_SHARE = 0.012, 0.02
-"""Largest radius of a bone and of a joint over the size of the skeleton: from afar they do not hide it."""
+_BONE_SHARE = 0.012
+"""Largest radius of a bone over the size of the skeleton: from afar bones do not hide the surface."""
+_JOINT_SHARE = 0.02
+"""Largest radius of a joint over the size of the skeleton: a little thicker than a bone."""
 _JOINT_OF_BONE = 0.45
 """Largest radius of a joint over the longest bone at it: those of a hand do not run into one another."""
 

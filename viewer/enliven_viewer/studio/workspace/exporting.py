@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import InputError
@@ -94,12 +94,13 @@ def write_export(
     more = format_options(path, options, chosen)
     exporter = exporter_of(path, **more)
     film = path.suffix.lower() == ".mp4"
-    how = "morphs" if more.get("morphs") else "skin"
+    morphs = bool(more.get("morphs"))
     made = list[Performance]()
     for number, character in enumerate(chosen):
         progress.report((_SAMPLED if film else 0.9) * number / len(chosen))
-        sampled = {"how": how} if isinstance(character, Puppet) else {"keyed": exporter.keyed}
-        made.append(performance_of(project, character, first, last, float(options.rate), **sampled))
+        how: Literal["skin", "morphs"] = "morphs" if morphs and isinstance(character, Puppet) else "skin"
+        rate, keyed = float(options.rate), exporter.keyed
+        made.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = heard_from(project.sounds.values(), first)
     if film:

@@ -151,6 +151,8 @@ class FileBrowser:
             ) from None
 
     def _path_of(self, name: str) -> Path:
+        if "\0" in name:
+            raise ValueError(name)
         path = Path(name).expanduser()
         path = path if path.is_absolute() else self.folder / path
         if self.saving and path.suffix.lower() not in self.endings:

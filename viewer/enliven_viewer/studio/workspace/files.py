@@ -280,9 +280,10 @@ def _read_performance(path: Path) -> _Performed:
 
 def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Project, tuple[str, ...]]:
     added = list[str]()
-    for name in read.meshes.characters if read.meshes is not None else ():
-        project, made = paste_character(project, read.meshes, name)
-        added.append(made)
+    if read.meshes is not None:
+        for name in read.meshes.characters:
+            project, made = paste_character(project, read.meshes, name)
+            added.append(made)
     for clip in read.clips:
         named = replace(clip, id=unused(path.stem, project.takes))
         project = project.with_takes(named)

@@ -46,8 +46,8 @@ class OpenedSize:
 def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> OpenedSize:
     """Returns the size for a model with (N, 3) points in the file's metres, +Y up.
 
-    A file whose numbers are likely in another unit is read in that unit; anything else that no person could
-    step into becomes as tall as a person.
+    A file that is likely in another unit is read in that unit. Anything else that no person could step into
+    becomes as tall as a person.
     """
     extent = np.ptp(np.asarray(points, float), axis=0)
     tall, longest = float(extent[1]), float(extent.max())

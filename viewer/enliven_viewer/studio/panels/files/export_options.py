@@ -86,7 +86,7 @@ def _film(workspace: Workspace) -> None:
     imgui.text_unformatted("Look")
     imgui.same_line()
     imgui.set_next_item_width(_FIELD)
-    looks = list(LOOKS)
+    looks: list[str] = list(LOOKS)
     at = looks.index(options.look or workspace.editor.look)
     changed, at = imgui.combo("##look", at, looks)
     options.look = looks[at] if changed or options.look else ""
