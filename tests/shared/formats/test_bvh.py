@@ -193,18 +193,18 @@ def same(text: str) -> None:
 
 
 LAYOUTS = {
-    "brace on the line of the name": lambda text: text.replace("Hips\n{", "Hips {").replace("Site\n  {", "Site {"),
+    "brace on the line of the name": lambda text: text.replace("Hips\n{", "Hips {").replace("Site\n  {", "Site {"),  # noqa: E501
     "brace without a blank": lambda text: text.replace("Hips\n{", "Hips{"),
-    "all words in one line": lambda text: text[: text.index("MOTION")].replace("\n", " ") + text[text.index("MOTION") :],
-    "each word on a line": lambda text: text.replace("OFFSET 0 90 0", "OFFSET\n0\n90\n0").replace("ROOT Hips", "ROOT\nHips"),
-    "upper case": lambda text: text.replace("Frames", "FRAMES").replace("Frame Time", "FRAME TIME").replace("End Site", "END SITE"),
+    "all words in one line": lambda text: text[: text.index("MOTION")].replace("\n", " ") + text[text.index("MOTION") :],  # noqa: E501
+    "each word on a line": lambda text: text.replace("OFFSET 0 90 0", "OFFSET\n0\n90\n0").replace("ROOT Hips", "ROOT\nHips"),  # noqa: E501
+    "upper case": lambda text: text.replace("Frames", "FRAMES").replace("Frame Time", "FRAME TIME").replace("End Site", "END SITE"),  # noqa: E501
     "lower case": lambda text: text.lower().replace("hips", "Hips"),
-    "rows over lines": lambda text: text.replace("0 90 0 0 0 0", "0 90 0\n0 0 0").replace("1 90 0 90 0 0", "1 90\n0 90 0 0"),
+    "rows over lines": lambda text: text.replace("0 90 0 0 0 0", "0 90 0\n0 0 0").replace("1 90 0 90 0 0", "1 90\n0 90 0 0"),  # noqa: E501
     "two rows in a line": lambda text: text.replace("0 90 0 0 0 0\n1", "0 90 0 0 0 0 1"),
-    "comments": lambda text: "# made by hand\n" + text.replace("Hips\n", "Hips # the root\n// below\n").replace("0 90 0 0 0 0\n", "0 90 0 0 0 0 # rest\n"),
+    "comments": lambda text: "# made by hand\n" + text.replace("Hips\n", "Hips # the root\n// below\n").replace("0 90 0 0 0 0\n", "0 90 0 0 0 0 # rest\n"),  # noqa: E501
     "blank lines and tabs": lambda text: text.replace("\n", "\n\n").replace(" ", "\t"),
     "old Macintosh line ends": lambda text: text.replace("\n", "\r"),
-    "blanks before colons": lambda text: text.replace("Frames:", "Frames :").replace("Frame Time:", "Frame Time :"),
+    "blanks before colons": lambda text: text.replace("Frames:", "Frames :").replace("Frame Time:", "Frame Time :"),  # noqa: E501
     "no blank after colons": lambda text: text.replace("Frames: ", "Frames:").replace("Time: ", "Time:"),
     "no blank in the label": lambda text: text.replace("Frame Time", "FrameTime"),
 }  # fmt: skip

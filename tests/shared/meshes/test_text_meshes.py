@@ -93,7 +93,7 @@ def outline(kind: str) -> bytes:
         return ("v " + rows.replace("\n", "\nv ") + "\nf 1 2 3 4 5 6\n").encode()
     if kind == "off":
         return f"OFF\n6 1 0\n{rows}\n6 0 1 2 3 4 5\n".encode()
-    head = "ply\nformat {} 1.0\nelement vertex 6\n{}element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    head = "ply\nformat {} 1.0\nelement vertex 6\n{}element face 1\nproperty list uchar int vertex_indices\nend_header\n"  # noqa: E501
     if kind == "ply":
         return (
             head.format("ascii", "property float x\nproperty float y\nproperty float z\n")
@@ -231,7 +231,7 @@ OFF_LAYOUTS = {
     "wrapped": "OFF\n4 4 6\n0 0 0 1 0 0\n0 1 0\n0 0 1\n3 0\n2 1 3\n0 1 3 3 1 2 3 3 0 3 2\n",
     "all in one line": ("OFF 4 4 6 " + TETRAHEDRON + FACES).replace("\n", " "),
     "each word on a line": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace(" ", "\n"),
-    "comments": "# made by hand\nOFF # the kind\n# counts\n4 4 6 # all\n" + TETRAHEDRON.replace("\n", " # v\n") + "\n# faces\n" + FACES,
+    "comments": "# made by hand\nOFF # the kind\n# counts\n4 4 6 # all\n" + TETRAHEDRON.replace("\n", " # v\n") + "\n# faces\n" + FACES,  # noqa: E501
     "no edges": "OFF\n4 4\n" + TETRAHEDRON + FACES,
     "no word": "4 4 6\n" + TETRAHEDRON + FACES,
     "lower case": "off\n4 4 6\n" + TETRAHEDRON + FACES,
@@ -242,12 +242,12 @@ OFF_LAYOUTS = {
     "three colours": "COFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 1 0 0\n") + FACES,
     "colours in a plain one": "OFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 255 0 0\n") + FACES,
     "normals": "NOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1\n") + FACES,
-    "normals and colours wrapped": ("CNOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1 9 9 9 9\n")).replace("1 9", "1\n9") + FACES,
+    "normals and colours wrapped": ("CNOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " 0 0 1 9 9 9 9\n")).replace("1 9", "1\n9") + FACES,  # noqa: E501
     "texture": "STOFF\n4 4 6\n" + TETRAHEDRON.replace("\n", " .5 .5\n") + FACES,
     "Windows": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace("\n", "\r\n"),
     "Macintosh": ("OFF\n4 4 6\n" + TETRAHEDRON + FACES).replace("\n", "\r"),
     "byte order mark": "\ufeffOFF\n4 4 6\n" + TETRAHEDRON + FACES,
-    "polygon and triangles": "OFF\n4 4 6\n" + TETRAHEDRON + FACES.replace("3 0 2 1\n", "3 0 2 1\n").replace("3 0 3 2", "3   0 3 2"),
+    "polygon and triangles": "OFF\n4 4 6\n" + TETRAHEDRON + FACES.replace("3 0 2 1\n", "3 0 2 1\n").replace("3 0 3 2", "3   0 3 2"),  # noqa: E501
     "words after it": "OFF\n4 4 6\n" + TETRAHEDRON + FACES + "made by hand\n",
 }  # fmt: skip
 
@@ -320,9 +320,9 @@ def test_layouts_of_stl(tmp_path, data, note) -> None:
 
 PLY_LAYOUTS = {
     "comments": lambda data: data.replace(b"format", b"comment Gr\xf6\xdfe\nobj_info by hand\nformat"),
-    "Windows": lambda data: data[: data.index(b"end_header")].replace(b"\n", b"\r\n") + data[data.index(b"end_header") :].replace(b"end_header\n", b"end_header\r\n"),
+    "Windows": lambda data: data[: data.index(b"end_header")].replace(b"\n", b"\r\n") + data[data.index(b"end_header") :].replace(b"end_header\n", b"end_header\r\n"),  # noqa: E501
     "byte order mark": lambda data: b"\xef\xbb\xbf" + data,
-    "other types": lambda data: data.replace(b"list uchar int", b"list uint8 int32").replace(b"float", b"float32"),
+    "other types": lambda data: data.replace(b"list uchar int", b"list uint8 int32").replace(b"float", b"float32"),  # noqa: E501
     "vertex_index": lambda data: data.replace(b"vertex_indices", b"vertex_index"),
     "tail": lambda data: data + b" 1 2 3",
 }  # fmt: skip
@@ -342,7 +342,7 @@ def test_a_ply_of_mixed_polygons_with_more_lists_and_columns(tmp_path) -> None:
     head = (
         "ply\nformat binary_little_endian 1.0\nelement vertex 6\nproperty double x\nproperty double y\n"
         "property double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"
-        "property uchar flags\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+        "property uchar flags\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"  # noqa: E501
     )
     rows = b"".join(struct.pack("<3d3B", x, y, 0, 9, 8, 7) for x, y in L)
     faces = struct.pack("<BB6iB2f", 1, 6, *range(6), 2, 0.5, 0.5) + struct.pack("<BB3iB", 1, 3, 3, 4, 5, 0)

@@ -86,7 +86,7 @@ def test_an_animal_of_other_names_stands_on_its_legs(tmp_path):
     row = " ".join(["0 0 62", *["0 0 0"] * 13])
     path = tmp_path / "dog.bvh"
     path.write_text(
-        f"HIERARCHY\nROOT Body\n{{\nOFFSET 0 0 0\n{head}\n{legs}}}\nMOTION\nFrames: 2\nFrame Time: .04\n{row}\n{row}\n"
+        f"HIERARCHY\nROOT Body\n{{\nOFFSET 0 0 0\n{head}\n{legs}}}\nMOTION\nFrames: 2\nFrame Time: .04\n{row}\n{row}\n"  # noqa: E501
     )
     clip, notes = read_take(path)
     assert notes == ("its +Z axis points up: turned upright",)

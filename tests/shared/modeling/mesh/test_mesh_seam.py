@@ -110,7 +110,7 @@ def test_fairing_goes_on_as_what_is_around():
         assert same_bits(made[~free], dented[~free])
         before = np.linalg.norm(dented[free] - mesh.vertices[free], axis=1).max()
         assert before > 0.02
-        assert np.abs(np.linalg.norm(made[free, :2], axis=1) - np.linalg.norm(mesh.vertices[free, :2], axis=1)).max() < most  # fmt: skip
+        assert np.abs(np.linalg.norm(made[free, :2], axis=1) - np.linalg.norm(mesh.vertices[free, :2], axis=1)).max() < most  # fmt: skip  # noqa: E501
     grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0), [0.0]), -1).reshape(-1, 3)
     cells = [[12 * i + j, 12 * i + j + 1, 12 * i + j + 13] for i in range(11) for j in range(11)]
     cells += [[12 * i + j, 12 * i + j + 13, 12 * i + j + 12] for i in range(11) for j in range(11)]
