@@ -11,6 +11,8 @@ _WIDE = 300.0
 """Pixels of the box: the name of a file, and the button."""
 _EDGE = 14.0
 """Pixels between the box and the edge of the picture."""
+_BELOW_HINT = 76.0
+"""Pixels between the box and the top of the picture, where the tool's hint has up to two lines."""
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -29,7 +31,8 @@ def draw_working(workspace: Workspace, area: Area) -> None:
         return
     progress.seconds += imgui.get_io().delta_time
     wide = min(_WIDE, area.width - 2 * _EDGE)
-    imgui.set_next_window_pos(ImVec2(area.x + area.width - _EDGE, area.y + _EDGE), 0, ImVec2(1.0, 0.0))
+    corner = ImVec2(area.x + area.width - _EDGE, area.y + _BELOW_HINT)
+    imgui.set_next_window_pos(corner, 0, ImVec2(1.0, 0.0))
     imgui.set_next_window_size(ImVec2(wide, 0))
     imgui.begin("Working", None, _FLAGS)
     imgui.push_text_wrap_pos(0.0)
