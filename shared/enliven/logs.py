@@ -59,7 +59,9 @@ def escape_records() -> None:
     if getattr(make, "escapes", False):
         return
 
-    def make_escaped(name: str, *values: Any, **more: Any) -> logging.LogRecord:
+    def make_escaped(name: str | None, *values: Any, **more: Any) -> logging.LogRecord:
+        if name is None:  # of logging.makeLogRecord, which sets the name later
+            return make(name, *values, **more)
         if name.partition(".")[0] in OWN_LOGGERS or name in OWN_LOGGERS:
             return EscapedRecord(name, *values, **more)
         return make(name, *values, **more)

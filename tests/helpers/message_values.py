@@ -86,6 +86,7 @@ def _fit_props(v: dict[str, Any]) -> None:
 def _fit_match(v: dict[str, Any]) -> None:
     v["sizes"] = bytes(size % 16 for size in v["sizes"])
     v["points"] = bytes(6 * sum(v["sizes"]))
+    v["limbs"] = bytes(len(v["sizes"])) if v["limbs"] else b""
 
 
 def _fit_matches(v: dict[str, Any]) -> None:

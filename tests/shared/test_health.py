@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.health import HealthKind, HealthState, Severity, worst_first
+from enliven.logs import escaped
 from enliven.wire.convert import health_to_messages, messages_to_health
 from enliven.wire.envelope import pack_stream, unpack_stream
 from enliven.wire.fields import MAX_HEALTH
@@ -15,8 +16,8 @@ states = st.builds(
     st.sampled_from([str(k) for k in HealthKind]),
     st.sampled_from(Severity),
     st.integers(0, 10**15),
-    st.text(max_size=40),
-    st.text(max_size=40),
+    st.text(max_size=40).map(escaped),
+    st.text(max_size=40).map(escaped),
     st.integers(-1, 9),
 )
 

@@ -115,7 +115,8 @@ def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -
     house.until(lambda: len(house.live.scene.bodies) == 2)
     house.live.choose_performer()
     house.live.choose_performer()
-    assert house.live.possession.words == "P steps in: the legs of performer 2"
+    words = house.live.possession.words(int)
+    assert words == "P steps in: the legs of performer 2"
     house.live.choose_parts(1)
     house.live.possess("join")
     house.until(lambda: set(house.cues.owners[house.cues.firm].tolist()) == {1, 2})

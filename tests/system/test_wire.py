@@ -280,7 +280,7 @@ def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) 
         fake.pub.send(pack_stream(status))
         asked = "chair" in link.edges[0]._asked_at
         fake.answer(lambda n: pack_control(requests.Reply(n, bad if asked else welcome)))
-        return link.edges[0]._rejects.counts["InputError"] > 0
+        return link.edges[0]._rejects.counts["refused"] > 0
 
     until(link, tick)
     assert not link.characters and link.edges[0]._rejects.counts["unknown topic"] >= 1

@@ -123,7 +123,7 @@ def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
     materials = _joined(faces.materials, (0,))
     _, places = triangulate(vertices, corners[:, 0], sizes)
     kinds = np.column_stack([corners, np.repeat(materials, sizes)])
-    split, source, kind = _split(kinds, keeps_materials=palette is not None)
+    split, source, kind = _split(kinds)
     vertices = vertices[source]
     if palette is not None:
         colours = palette[kind]
@@ -310,8 +310,11 @@ def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
     return colours
 
 
-def _split(kinds: Int, *, keeps_materials: bool) -> tuple[Int, Int, Int]:
+def _split(kinds: Int) -> tuple[Int, Int, Int]:
     """Splits vertices where corners differ.
+
+    Vertices of the last material come first, then each material's in the order of the file. Stored sessions
+    name vertices by their numbers in this order, so it must not change.
 
     Args:
         kinds: (C, 4) of each corner the vertex, texture coordinate, normal and material.
@@ -319,12 +322,9 @@ def _split(kinds: Int, *, keeps_materials: bool) -> tuple[Int, Int, Int]:
     Returns:
         (C,) the new vertex of each corner, and for each new vertex (N,) its old vertex and (N,) its material.
     """
-    key = kinds[:, 0]
-    for column in (1, 2, 3) if keeps_materials else (1, 2):
-        other = kinds[:, column]
-        if other.min() < other.max():
-            kept, other = np.unique(other, return_inverse=True)
-            key = key * len(kept) + other.reshape(-1)
-            key = np.unique(key, return_inverse=True)[1].reshape(-1)
+    key = np.zeros(len(kinds), np.int64)
+    for column in (-kinds[:, 3], kinds[:, 0], kinds[:, 1], kinds[:, 2]):
+        kept, other = np.unique(column, return_inverse=True)
+        key = np.unique(key * len(kept) + other.reshape(-1), return_inverse=True)[1].reshape(-1)
     _, first, key = np.unique(key, return_index=True, return_inverse=True)
     return key.reshape(-1), kinds[first, 0], kinds[first, 3]

@@ -280,7 +280,7 @@ def test_a_sensor_without_a_device_is_told_of_no_cable_power_or_lens(kind: Healt
     alarms = Alarms("The sensor")
     numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
     facts: dict[str, object] = dict.fromkeys(numbers, 1.0)
-    facts |= dict.fromkeys(("names", "why", "mend", "link", "side", "what"), "Check its cable")
+    facts |= dict.fromkeys(("names", "why", "mend", "link", "side", "what", "path"), "Check its cable")
     words = {}
     for is_device in (True, False):
         alarms.is_device = is_device

@@ -40,11 +40,11 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
 
 
 def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
-    """Returns the points that a camera has to show of a character: of its surface, or else of its handles.
+    """Returns the points of a character that a camera has to show: its surface and the handles near it.
 
     Joints far off the surface, such as the targets of an animator's rig, do not count.
     """
-    return vertices if len(vertices) else extent
+    return np.concatenate([vertices, extent[_near(extent, vertices)]]) if len(vertices) else extent
 
 
 def _near(places: AnyArray, extent: AnyArray) -> AnyArray:

@@ -53,7 +53,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     room = imgui.get_content_region_avail().x
     beside = _BESIDE if camera.depth and camera.can_start else 0.0
     if imgui.button(
-        f"{_fitting(camera.title, room - beside - 16)}##camera {number}", ImVec2(room - beside, 0)
+        f"{_fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
         search.close()  # a look would keep the camera from the edge
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
