@@ -81,7 +81,7 @@ def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> Non
     for name in ("no clip", str(said["clip"][0])):
         ctx.item_click("//side/##clip")
         ctx.yield_(2)
-        ctx.item_click(f"//$FOCUSED/{name}")
+        ctx.item_click(f"//$FOCUSED/###clip {name}")
         ctx.yield_(2)
         said["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
 

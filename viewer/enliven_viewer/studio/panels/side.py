@@ -92,9 +92,9 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##clip", f"Plays {played or (_OTHER_MOTION if moved else _NO_CLIP)}"):
         for name in (None, *names):
-            if imgui.selectable(f"{name or _NO_CLIP}###clip {name or 'none'}", name == played)[0] and (
-                name != played or moved
-            ):
+            label = name or _NO_CLIP
+            pressed, _ = imgui.selectable(f"{label}###clip {label}", name == played)
+            if pressed and (name != played or moved):
                 _play(workspace, shape.id, name)
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
