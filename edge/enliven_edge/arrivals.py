@@ -63,7 +63,7 @@ class _Arrival:
         return now - self.heard >= _GIVEN_UP or self.received < due
 
     def pace(self, now: float) -> tuple[float, float]:
-        """Returns a key by which the slowest and, of equal ones, the oldest comes first."""
+        """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
         return self.received / max(now - self.begun, 0.1), self.heard
 
 
@@ -132,7 +132,7 @@ class Arrivals:
             peer: the viewer that asks; None: the edge itself.
 
         Raises:
-            InputError: where it was refused, is no later revision, or there is no place for it.
+            InputError: if it was refused, if its revision is not newer, or if the stage is full.
         """
         now = self._standing.get(order.id)
         if now is not None and (now.digest, now.fit) == (order.digest, order.fit):

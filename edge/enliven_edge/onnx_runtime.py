@@ -112,7 +112,7 @@ def _telemetry_folders() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _opened_below(folder: Path) -> Iterator[int]:
-    """Opens ``folder``, the last parts of which must be no symbolic links, for functions with ``dir_fd``.
+    """Opens ``folder`` for functions with ``dir_fd``; its last parts must not be symbolic links.
 
     Raises:
         OSError: if it is missing, or a part of it is a link.

@@ -97,7 +97,7 @@ _DEVICE_FAULTS = {
 _DENIED = {errno.EACCES, errno.EPERM}
 """Error numbers of a file that this user may not use."""
 NO_NAME = "no file can have that name"
-"""What is wrong with a path that the system refuses without a reason of its own."""
+"""The reason for a path that the system refuses without giving one."""
 _TOGETHER = "Keep the files of the model in one folder."
 
 
@@ -332,7 +332,7 @@ def need_folder(*paths: Path | None) -> None:
 def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
     """Writes a file whole or not at all, text as UTF-8, and its folder where that is not there.
 
-    A pipe or a device is written to; see :func:`replace_file` for what is kept of a file that was there.
+    Pipes and devices are written directly. :func:`replace_file` lists what a replaced file keeps.
 
     Args:
         mend: what to do where it cannot be written; empty: by the kind of failure.
@@ -418,7 +418,7 @@ def _stat_regular(path: Path) -> os.stat_result | None:
 
 
 def _new_part(target: Path, mode: int) -> Path:
-    """Makes an empty file beside another; its name is random, so it cannot have been planted."""
+    """Creates an empty file next to another. Its random name cannot be predicted by other users."""
     while True:
         part = target.with_name(f".{target.name[:_PART_LETTERS]}.{secrets.token_hex(8)}{PART}")
         try:
@@ -429,7 +429,7 @@ def _new_part(target: Path, mode: int) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Removes unfinished files that a killed program left beside a file long ago."""
+    """Removes unfinished files next to a file that killed programs left more than a day ago."""
     oldest = time.time() - _LEFT_OVER_S
     for part in target.parent.glob(f".{glob.escape(target.name[:_PART_LETTERS])}.*{PART}"):
         with contextlib.suppress(OSError):

@@ -1,15 +1,12 @@
 """No program of enliven looks up an outside name, sends to an outside address, or leaves telemetry behind."""
 
 import contextlib
-import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 from name_hook import TELEMETRY_HOST, NameHook
 from patience import until
 
@@ -47,23 +44,6 @@ sys.exit(run(sys.argv[1:]))
 """
 """Brings the loopback device up (SIOCSIFFLAGS: up and running), then runs a command."""
 NETWORK = CHAIR.with_name("estimator.onnx")
-
-
-@pytest.fixture
-def screen() -> Iterator[str]:
-    """A screen without hooks of its own."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("the windows need Xvfb")
-    read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
-    os.close(write)
-    try:
-        with os.fdopen(read) as number:
-            yield f":{number.readline().strip()}"
-    finally:
-        server.terminate()
-        server.wait()
 
 
 def ended(process: subprocess.Popen[str]) -> str:

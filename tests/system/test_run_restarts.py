@@ -1,14 +1,11 @@
 """The window of ``enliven run`` outlives its edge, which is started again; closing it ends everything."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 from patience import until
 
 import enliven_edge.assets
@@ -18,22 +15,6 @@ from enliven.recording import Recording
 
 CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
 FAILS, WAITS, DONE = ["run", "--recording", "nowhere.mcap"], ["doctor"], ["--version"]
-
-
-@pytest.fixture
-def screen() -> Iterator[str]:
-    if shutil.which("Xvfb") is None or not Path("/proc").exists():
-        pytest.skip("the window needs Xvfb, and its processes are looked for in /proc")
-    read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
-    os.close(write)
-    try:
-        with os.fdopen(read) as number:
-            yield f":{number.readline().strip()}"
-    finally:
-        server.terminate()
-        server.wait()
 
 
 def child(parent: int, command: str) -> int | None:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from enliven.errors import InputError
+from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
 
 
@@ -25,19 +26,8 @@ def import_recording(
     device: Annotated[
         str | None, typer.Option(help="Which sensor of several in a file; else the name to give the sensor.")
     ] = None,
-    lens: Annotated[
-        str | None,
-        typer.Option(
-            help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
-        ),
-    ] = None,
-    units_per_metre: Annotated[
-        float | None,
-        typer.Option(
-            min=1.0,
-            help="Values of a depth image in a metre: 1000 for millimetres, 5000 for TUM, 10000 for a D405.",
-        ),
-    ] = None,
+    lens: LensOption = None,
+    units_per_metre: UnitsOption = None,
     mirror: Annotated[
         bool, typer.Option(help="Swap left and right (some drivers deliver a mirror image).")
     ] = False,
@@ -74,7 +64,7 @@ def import_recording(
     notes = [chosen.note] if chosen.note else []
     options = ImportOptions(fps, device, lens_of(lens), units_per_metre, notes.append)
     frames = iter(chosen.read(paths, options))
-    # What is assumed about the files is known with their first frame, and the recording keeps it.
+    # The first frame settles the assumptions about the files; the recording stores them.
     first = list(islice(frames, 1))
     frames = chain(first, frames)
     found = write_recording(

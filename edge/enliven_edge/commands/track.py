@@ -12,6 +12,7 @@ from rich.console import Console
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
+from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
 
 if TYPE_CHECKING:
@@ -27,19 +28,8 @@ def track(
     settings: Annotated[
         Path | None, typer.Option(help="A TOML file of settings, as enliven edge takes it.")
     ] = None,
-    lens: Annotated[
-        str | None,
-        typer.Option(
-            help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."
-        ),
-    ] = None,
-    units_per_metre: Annotated[
-        float | None,
-        typer.Option(
-            min=1.0,
-            help="Values of a depth image in a metre: 1000 for millimetres, 5000 for TUM, 10000 for a D405.",
-        ),
-    ] = None,
+    lens: LensOption = None,
+    units_per_metre: UnitsOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     lines: Annotated[
         bool, typer.Option("--lines", help="Say how far it is line by line, for a program that waits.")
@@ -106,7 +96,7 @@ def _recorded(path: Path) -> tuple[Iterable[Frame], int]:
 def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tuple[Iterable[Frame], int]:
     """Returns the frames of foreign files as ``enliven import`` reads them, and the number of files.
 
-    Prints the camera and what is assumed about the files.
+    Prints the camera and the assumptions about the files.
 
     Raises:
         InputError: where no reader knows the files, or they hold no depth.

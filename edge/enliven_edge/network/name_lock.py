@@ -120,7 +120,7 @@ def _remove_unlocked(folder: Path) -> None:
                 handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
                 try:
                     _lock(handle)
-                    # Its text goes first: who waits for the lock meanwhile is told of no holder.
+                    # The text goes before the file, so that waiting processes read no old holder.
                     os.ftruncate(handle, 0)
                     if _is_file_at(handle, path):
                         path.unlink()

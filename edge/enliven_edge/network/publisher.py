@@ -226,7 +226,7 @@ class Publisher(Closing):
         except Malformed as error:
             self._unsent.add(error)
             return 0
-        # What is said about a character after it left is not kept: it would stay for ever.
+        # Messages about a character that has left are not latched: they would stay for ever.
         if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
         self._streams.send(data)

@@ -237,7 +237,7 @@ class ZmtpServer:
             is_full = len(self._open) >= self._most
             if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
                 return
-            # Those that are about to introduce themselves come first: the system holds the others meanwhile.
+            # Connections that are about to introduce themselves come first; the system queues the others.
             if is_full and any(not c.introduced for c in self._open) and not self._idle():
                 return
             try:

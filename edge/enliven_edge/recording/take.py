@@ -77,7 +77,7 @@ class Take:
         self._parts.close()
 
     def _begin_part(self) -> None:
-        """Begins a new part with every character, and reports what is missing between the parts."""
+        """Begins a new part with every character, and reports the gap between the parts."""
         self._repeat_characters(self._now_ns)
         self._health_states.pop(HealthKind.TAKE_ENDED, None)
         facts = {"count": self._parts.lost, "path": self._parts.path.name}

@@ -137,7 +137,7 @@ def _while_standing(spans: Spans, count: int) -> Float:
 
 
 def _flying(stands: Sequence[Float], step: float) -> Float:
-    """(T,) 1 while no foot stands, 0 while one does, in between beside that."""
+    """(T,) 1 while no foot stands, 0 while one does, with a smooth change between."""
     return np.asarray(
         scipy.ndimage.uniform_filter1d(
             1.0 - np.max(stands, axis=0), 2 * max(round(_BLEND_S / 4.0 / step), 1) + 1, mode="nearest"

@@ -32,7 +32,7 @@ _SPACES = (ord(" "), ord("\t"))
 
 
 class _WrongLine(Exception):
-    """What is wrong with the line that begins at a byte of the file."""
+    """An error in the line that begins at a byte of the file."""
 
     def __init__(self, offset: int, what: str) -> None:
         super().__init__(what)

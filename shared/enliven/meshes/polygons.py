@@ -67,7 +67,7 @@ def _cut_ears(points: Float, fan: Int) -> Int:
     """(N - 2, 3) triangles of one polygon (N, 3), counter-clockwise seen against its normal.
 
     Args:
-        fan: (N - 2, 3) what is returned for a polygon without an area.
+        fan: (N - 2, 3) the triangles to return for a polygon without an area.
     """
     normal = _mean_normals(points[None])[0]
     if not normal.any():

@@ -1,4 +1,4 @@
-"""Words and numbers of large text files, found by whole-array operations instead of a loop over words."""
+"""Finds words and numbers of large text files by whole-array operations instead of loops."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COMMENT = re.compile(rb"#[^\n]*")
 
 
 class Damaged(ValueError):
-    """What is wrong with a file, in words for the user."""
+    """An error in a file, in words for the user."""
 
 
 class WrongWord(Damaged):

@@ -47,7 +47,7 @@ from enliven.wire import HoldMessage
 _FEWEST = 2
 """Poses that a character needs at least to count as performed."""
 _FEWEST_EXAMPLES = 2
-"""Examples from which on a puppet moves by itself; with fewer its mesh is possessed."""
+"""Fewest examples with which a puppet moves by itself; with fewer its mesh is possessed."""
 _STILL = 0.005
 """Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
 _TURNED = 0.01
@@ -58,7 +58,7 @@ Key = tuple[str, int]
 
 
 _WHOLE = TakeSettings(gap=math.inf)
-"""A performer who is lost for a while has one take all the same."""
+"""One take for each performer, also if the tracker lost them for a while."""
 ONLOOKER = " onlooker"
 """What the name of a take ends in, before its number, if its performer held nothing while others did."""
 

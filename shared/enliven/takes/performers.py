@@ -32,7 +32,7 @@ class MergedPerformers:
     """Frames with one id for each person.
 
     Attributes:
-        frames: in the order of time; a person who is lost for long holds still until they are found.
+        frames: in the order of time; a lost person holds still until they are found.
         people: for each id of the tracker, that of its person: the id that the person had first.
     """
 
@@ -80,7 +80,7 @@ def _person_of(
     last: dict[int, tuple[int, Float]],
     present: set[int],
 ) -> int:
-    """Returns the person whom a new track belongs to: one who was lost, or a new one."""
+    """Returns the person that a new track belongs to: a lost person, or a new one."""
     former = people.get(handed.get(body.id, -1))
     if former is not None and former not in present:
         return former

@@ -50,7 +50,7 @@ def clips_of_recording(
     """Returns a clip for each visit of a person: a person who leaves and comes back has several.
 
     Args:
-        whole: one clip for each person instead, who holds still while they are lost.
+        whole: return one clip for each person instead; it holds still while they are lost.
 
     The rest pose is the first that was seen of them; ``clip_of_bodies`` takes
     any other.

@@ -119,7 +119,7 @@ def check_character(character: Character) -> None:
 
 
 def _described(reason: str) -> str:
-    """Returns a decoder's reason as a sentence for people: the field, and what is wrong with it."""
+    """Returns a decoder's reason as a sentence for users: the field and its error."""
     what, _, place = reason.partition(" - at `$")
     field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
     expected = re.fullmatch(r"Expected `[^`]*` (.*)", what)

@@ -54,7 +54,7 @@ MAX_CHARACTERS = 1024
 MAX_MESSAGE_BYTES = 264 * 1024
 """Bytes of one stream message with its topic: a coded pose of the largest character, and room."""
 MAX_LATEST = 4096
-"""Messages that a viewer is told when it joins: 2,000 pieces of a scan, and some of each character."""
+"""Most latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
 MAX_GLANCE = 128
 """Pixels of a side of the small picture of what a camera sees: it is shown in a corner of a window."""
 MAX_HEALTH = 8

@@ -8,7 +8,12 @@ import json
 import numpy as np
 from slow_gltf import rotation_matrix
 
-KIND = {np.dtype(k): v for k, v in (("u1", 5121), ("i1", 5120), ("u2", 5123), ("u4", 5125), ("f4", 5126))}
+KIND = {
+    np.dtype(kind): number
+    for kind, number in (
+        ("i1", 5120), ("u1", 5121), ("i2", 5122), ("u2", 5123), ("u4", 5125), ("f4", 5126)
+    )
+}  # fmt: skip
 TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 

@@ -12,7 +12,7 @@ _PATIENCE_S = 1.5
 _REPLAYED_S = 30.0
 """Seconds of the performance that the loop shows: long enough not to look like a loop."""
 _ORBIT = 0.05
-"""Radians a second that the camera goes round meanwhile, once in two minutes: slow enough to be calm."""
+"""Radians a second of the idle camera orbit: once in two minutes, slow enough to be calm."""
 
 Loss = Literal["", "away", "silent", "ended", "waiting"]
 """Why nothing comes: not, the edge is lost, its camera is silent, its recording is over, it never came."""
@@ -23,7 +23,7 @@ WORDS: dict[Loss, str] = {
     "ended": "The performance is over.",
     "waiting": "The stage is not here yet.",
 }
-"""What an audience reads meanwhile."""
+"""The sentence for the audience while the idle loop plays."""
 
 
 def loss_of(live: LiveStage) -> Loss:

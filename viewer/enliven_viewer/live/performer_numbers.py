@@ -8,14 +8,14 @@ from collections.abc import Iterable
 class PerformerNumbers:
     """Small numbers for the performers in view. An edge's own ids only grow: a lost performer gets another.
 
-    A performer who comes back, or the next one who comes, takes the lowest number that is free.
+    The next performer in view takes the lowest free number.
     """
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
 
     def see(self, present: Iterable[int]) -> None:
-        """Take the ids of all who are in view or hold something now; numbers of others become free."""
+        """Takes the ids of all performers in view or holding something; other numbers become free."""
         ids = sorted(set(present))
         self._numbers = {body: number for body, number in self._numbers.items() if body in ids}
         for body in ids:

@@ -32,7 +32,7 @@ PERFORMER = 0.36
 HINT = 32.0
 """Pixels, height of the strip under the picture with the tool's hint: two lines of small letters."""
 HINT_OVER = 480.0
-"""Pixels of the picture's width from which the hint stands over it, above the characters."""
+"""Least width in pixels of a picture with the hint over it, above the characters."""
 HOLDER = 48.0
 """Pixels, height of a line of large words about who holds what."""
 

@@ -77,7 +77,7 @@ def _limber() -> tuple[Float, Float]:
 
 
 LIMBER = _limber()
-"""(13, 3, 3) and (13, 3): the same for a person who is known, see :class:`Fitter`."""
+"""(13, 3, 3) and (13, 3): the same for a person who is already followed, see :class:`Fitter`."""
 
 
 def standing(

@@ -148,7 +148,7 @@ class Fitter:
         return predicted.rotations, self._stiffness, start.lengths, firmness
 
     def _bends_far(self, posture: Posture) -> bool:
-        """Whether hips have the wider range: of a known person who crouches, kneels or sits on the floor."""
+        """Whether hips have the wider range: a followed person crouches, kneels or sits on the floor."""
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
         return self._strict is not None and float(posture.position[1]) < _LOW * leg
 

@@ -311,7 +311,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
 
 
 def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: int) -> None:
-    """Refuses rows of wrong lengths; wrapped ones have whole frames, each of which begins a line.
+    """Refuses rows of wrong lengths. Wrapped rows hold whole frames, and each frame begins a line.
 
     Args:
         counts: (L,) numbers of each line that has some.

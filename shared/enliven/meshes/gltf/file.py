@@ -237,7 +237,7 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
 
 
 def _check_references(document: Entry) -> None:
-    """Refuses nodes and animations that name what is not there.
+    """Raises an error for nodes and animations that name missing entries.
 
     Raises:
         InputError: which entry does.

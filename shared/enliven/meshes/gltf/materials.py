@@ -115,7 +115,7 @@ class Materials:
                     del made[key]
                 else:
                     made[key]["index"] = number
-            # Writers leave out what is empty; only an empty extension says something: it is used.
+            # Empty objects are dropped. An empty extension is kept, because its presence has a meaning.
             elif not in_extensions and _is_empty(made[key]):
                 del made[key]
         return made

@@ -16,7 +16,7 @@ _WIDE = 72.0
 _HIGH = (13.0, 50.0)
 """Pixels, the lowest and the highest button: in a low window they are lower, so that all are in sight."""
 _STACKED = 34.0
-"""Pixels: a lower button has its name beside its icon; a higher one has it below."""
+"""Pixels: lower buttons show the name next to the icon, higher ones below it."""
 _APART = 4.0
 """Pixels between two buttons; half of it in a low window."""
 _LOW_PAD = 3.0
@@ -26,9 +26,9 @@ _ICON = 18.0
 _NAME = 12.0
 """Pixels of the letters of a name under its icon: the longest fits the button."""
 _LOW_ICON = 13.0
-"""Pixels of an icon beside its name: as high as the letters."""
+"""Pixels of an icon next to its name: as high as the letters."""
 _LOW_NAME = 11.0
-"""Pixels of the letters of a name beside its icon: the smallest that are read with ease."""
+"""Pixels of the letters of a name next to its icon: the smallest that are easy to read."""
 _ICON_SPACE = 19.0
 """Pixels of a low button in which its icon stands, left of the name."""
 

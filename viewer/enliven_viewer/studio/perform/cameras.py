@@ -120,7 +120,7 @@ class CameraSearch:
             self._see(camera, _text(told), path, bool(process.returncode))
 
     def close(self) -> None:
-        """End what is under way, and remove its files."""
+        """Ends the search and removes its files."""
         for process in [one[0] for one in (self._search, self._look) if one is not None]:
             process.kill()
             process.wait()

@@ -195,7 +195,7 @@ class StageRecording:
             editor.playing, self._fresh = True, told[-1]
 
     def so_far(self) -> Callable[[Project], Project] | None:
-        """The edit that keeps what is recorded until now, which goes on; None where nothing is recorded.
+        """Returns the edit that stores the recording so far, while it goes on; None without a recording.
 
         The edit has its own copy of the recording, so it can be done in another thread.
         """
@@ -207,7 +207,7 @@ class StageRecording:
         return lambda project: _recorded(project, copies, start, replaces=replaces, beside=beside)[0]
 
     def drop(self) -> None:
-        """Give up the count-in, or what is being recorded; nothing of it is kept."""
+        """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
         if phase == "recording":
@@ -267,7 +267,7 @@ class StageRecording:
 def _recorded(
     project: Project, performed: Sequence[Performed], start: float, *, replaces: bool, beside: str
 ) -> tuple[Project, list[str]]:
-    """Returns a project with what was recorded from a second of it on, and the ids of what is new in it.
+    """Returns a project with a recording inserted at a second, and the ids of its new items.
 
     Raises:
         InputError: where nothing moved.

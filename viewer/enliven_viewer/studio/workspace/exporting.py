@@ -138,5 +138,5 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
 
 
 def _later(progress: WorkProgress, done: float) -> Callable[[float], None]:
-    """Returns what reports the rest of some work, of which a share is done."""
+    """Returns a callback that maps progress 0..1 to the rest of the work after ``done``."""
     return lambda share: progress.report(done + (1.0 - done) * share)

@@ -18,7 +18,7 @@ _FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Mov
 _MEDIA = ("/media", "/run/media", "/Volumes", "/mnt")
 """Where systems show sticks and cards."""
 _MOST_PLACES = 14
-"""Places that are offered: more do not fit beside the list."""
+"""Most places that are offered: more do not fit next to the list."""
 
 
 def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
@@ -55,7 +55,7 @@ def _sticks() -> list[tuple[str, Path]]:
 
 
 def _entries(folder: Path) -> list[Path]:
-    """Returns what is in a folder; nothing if it cannot be read."""
+    """Returns the entries of a folder; none if it cannot be read."""
     try:
         return sorted(folder.iterdir())
     except OSError:
@@ -178,7 +178,7 @@ class FileBrowser:
 
 
 def _status(path: Path) -> tuple[int, float]:
-    """Returns bytes and the time of the last change; zeros for a file that is gone meanwhile."""
+    """Returns bytes and the time of the last change; zeros for a file that has been removed."""
     try:
         status = os.stat(path)
     except OSError:

@@ -1,4 +1,4 @@
-"""WindowStart models, meshes, takes and sessions from files, and writing shapes and puppets out."""
+"""Adds models, meshes, takes and sessions from files to the project."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ class ProjectStore:
             self._refuse_changed(target, data)
         write_file(target, data, "Save it elsewhere.")
         self.settle()  # before its file goes
-        # With part of a recording in the file, what is in the window stays unsaved until it is saved again.
+        # The file holds part of a recording, so the window counts as unsaved until the next save.
         self._saved = self._autosaved = written
         self.path, self._content = target, _checksum(data)
         self._own().unlink(missing_ok=True)
@@ -159,11 +159,11 @@ class ProjectStore:
         return solve_lost(read_project(self.path))
 
     def _so_far(self) -> Callable[[Project], Project] | None:
-        """The edit that keeps what is recorded until now; None without a recording."""
+        """Returns the edit that stores the recording so far; None without a recording."""
         return None if self.recording is None else self.recording.so_far()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
-        """Raise FileChangedError if the file is not as this window left it, nor as it is to be."""
+        """Raises FileChangedError if the file differs from the last save here and from the new content."""
         if self.path is None or not _is_same_file(target, self.path):
             return  # the dialogue asked before another file is replaced
         try:
@@ -198,7 +198,7 @@ class ProjectStore:
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        # A project is a value, and the change has its own copy: both go on in the window meanwhile.
+        # A project is immutable and the change has its own copy, so the window can go on.
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
@@ -271,7 +271,7 @@ class ProjectStore:
 
 
 def _with(project: Project, change: Callable[[Project], Project]) -> Project:
-    """Returns a project with what is recorded so far; without it where that cannot be kept yet."""
+    """Returns a project with the recording so far, or without it if it cannot be stored yet."""
     try:
         return change(project)
     except EnlivenError:  # nothing has moved yet

@@ -1,4 +1,4 @@
-"""Work that takes long, over the picture: what is done, how far it is, and a button that cancels it."""
+"""Draws long work over the picture: its name, its progress, and a button that cancels it."""
 
 from __future__ import annotations
 

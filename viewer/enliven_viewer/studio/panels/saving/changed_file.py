@@ -48,7 +48,7 @@ def draw_changed_file(workspace: Workspace) -> None:
 
 
 def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...]) -> None:
-    """Draw the differences by kind, and a button that adds what is only in the file."""
+    """Draws the differences by kind, and a button that adds the items that only the file has."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
         quiet("Both hold the same.")

@@ -1,4 +1,4 @@
-"""Draws over the picture what an audience reads: who is in which character, and whether the stage is away."""
+"""Draws the words for an audience: who is in which character, and whether the stage is silent."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _STATE = 66.0
 _STATE_ROOMY = 104.0
 """The same where the panel has room for a whole message with what to do about it."""
 _ROOMY = 520.0
-"""Pixels of a panel's height from which on it has that room."""
+"""Least height in pixels of a panel with that room."""
 _STILL = 2.0
 """Seconds of holding still that end a recording, if nothing else is set: longer than a pause for effect."""
 _LOCAL = "127.0.0.1"
@@ -158,7 +158,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
-    """The state of the stage, and what is wrong there, in a box of one height: nothing below it moves."""
+    """Draws the state and problems of the stage in a box of fixed height, so that nothing below it moves."""
     top = imgui.get_cursor_pos_y()
     heading("Stage")
     below = imgui.get_cursor_pos()

@@ -1,0 +1,19 @@
+"""Options that commands which read foreign files share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+LensOption = Annotated[
+    str | None,
+    typer.Option(help="Focal lengths and centre in pixels, FX,FY,CX,CY, of images without a camera file."),
+]
+UnitsOption = Annotated[
+    float | None,
+    typer.Option(
+        min=1.0,
+        help="Values of a depth image in a metre: 1000 for millimetres, 5000 for TUM, 10000 for a D405.",
+    ),
+]
