@@ -131,6 +131,16 @@ def test_no_other_file_imports_a_library_with_telemetry():
             assert not names & RULES.only_imported_by.keys(), path
 
 
+def test_helpers_import_no_module_of_one_folder_of_tests():
+    """Only tests/helpers is on every test's path: another folder's is there once its tests were collected."""
+    tests = ROOT / "tests"
+    known = {path.stem for folder in ("helpers", "house") for path in (tests / folder).rglob("*.py")}
+    elsewhere = {path.stem for path in tests.rglob("*.py")} - known
+    for path in (tests / "helpers").rglob("*.py"):
+        names = {name for _, name in foreign_imports(path.read_text(encoding="utf-8"))}
+        assert not names & elsewhere, path
+
+
 def test_a_module_that_a_door_shows_may_be_imported_whole(tmp_path):
     door = '"""People."""\nfrom edge.tracking import model\nfrom edge.tracking.tracker import Tracker'
     changes = {"edge/tracking/__init__.py": door, "edge/tracking/model.py": ""}

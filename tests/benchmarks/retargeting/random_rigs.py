@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
 from made_gltf import Made, trs, unit
 
 SIDES = 8
