@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare test-arm test-devices panel audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -39,6 +39,10 @@ test-devices:    ## the panel's firmware, all of the camera drivers' contract, t
 
 panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
 	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)
+
+release: setup-dev ## build sdists and wheels, check them, and work with them in empty environments: docs/releasing.md
+	@.venv/bin/python -m pip install -q -c constraints.txt -r scripts/release-requirements.txt
+	@.venv/bin/python scripts/release.py $(ARGS)
 
 audit: setup-dev ## vulnerabilities, licences and telemetry of all packages; without a network: make audit ARGS=--offline
 	@.venv/bin/python scripts/audit.py $(ARGS)

@@ -88,10 +88,11 @@ def wanted(kind: str) -> list[str]:
         return [line for line in lines if line]
     asked = list(BUILD)
     for package in PACKAGES:
-        project = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())["project"]
-        asked += project["dependencies"]
+        told = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
+        hooks = told["tool"]["hatch"].get("metadata", {}).get("hooks", {})
+        asked += (hooks.get("custom") or told["project"])["dependencies"]
         for extra in EXTRAS[package] if kind == "dev" else ():
-            asked += project["optional-dependencies"][extra]
+            asked += told["project"]["optional-dependencies"][extra]
     return [line for line in asked if not Requirement(line).name.startswith("enliven")]
 
 

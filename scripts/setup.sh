@@ -98,7 +98,7 @@ device_tests() {
 }
 
 stamp=".venv/.ready-$kind"
-wanted=$(cat "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml synthesis/pyproject.toml scripts/setup.sh | cksum)
+wanted=$(cat VERSION "locks/$kind.txt" shared/pyproject.toml edge/pyproject.toml viewer/pyproject.toml synthesis/pyproject.toml scripts/setup.sh | cksum)
 make_venv
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     missing=$(missing_system | tr -s ' \n' '\n' | sort -u | tr '\n' ' ')

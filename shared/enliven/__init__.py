@@ -9,8 +9,13 @@ call; docs/library.md shows each at work. Rooms such as ``enliven.matching`` hav
 name is loaded when it is first asked for.
 """
 
+from importlib.metadata import PackageNotFoundError, version
+
 import lazy_loader
 
-__version__ = "0.1.0"
+try:
+    __version__ = version("enliven")
+except PackageNotFoundError:  # the folder is on Python's path without being installed
+    __version__ = "0+unknown"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,6 @@ from enliven.errors import InputError
 from enliven_edge.sensors import profile_names, profiles_folder
 from enliven_edge.sensors.profile import TypicalCamera, typical_camera
 from enliven_synthesis.sensor.profile import load_profile
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_known_cameras_are_there() -> None:
@@ -82,9 +79,3 @@ def test_a_profile_of_ones_own_is_found_by_its_path(tmp_path: Path) -> None:
     assert load_profile(path) == load_profile(str(path)) == load_profile("tof")
     with pytest.raises(InputError, match="no such file"):
         load_profile(tmp_path / "other.toml")
-
-
-def test_the_wheel_takes_the_profiles_along() -> None:
-    project = tomllib.loads((ROOT / "edge" / "pyproject.toml").read_text(encoding="utf-8"))
-    taken = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    assert taken == {"../firmware_configs": "enliven_edge/firmware_configs"}

@@ -1,0 +1,324 @@
+"""Build the release of this commit, and try it where nothing of the checkout is: `make release`.
+
+    .venv/bin/python scripts/release.py            # out/release: sdists, wheels, notes.md, trial.txt
+    .venv/bin/python scripts/release.py --no-trial # builds and checks only, without a network
+
+A version that ends in .dev0 (the file VERSION) makes a development build. Any other needs a section of its
+own in CHANGELOG.md, and the tag v<VERSION> on this commit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {
+    "shared": "enliven", "edge": "enliven_edge", "viewer": "enliven_viewer", "synthesis": "enliven_synthesis"
+}  # fmt: skip
+"""The importable package in each folder that is a distribution; those that others need come first."""
+BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
+"""Files of a distribution's folder that its sdist has beside the package, where they are there."""
+FIRMWARE = "firmware_configs"
+"""The folder beside the packages that belongs to enliven-edge."""
+INSTALLS = {"edge": "enliven-edge", "studio": "enliven[studio]"}
+"""What is installed into an empty environment each, by the name of the environment."""
+MOST_MB = {"edge": 680, "studio": 1200}
+"""Most megabytes (10^6 bytes) of an environment, byte code counted, Python and pip not: today's and a tenth.
+
+Of the edge's, 490 are LLVM, SciPy, NumPy, ONNX Runtime and Numba: docs/releasing.md."""
+FILM = ("run", "--film", "--size", "320x180", "-o", "film.mp4")
+"""The main job, small: the shipped recording moves the chair."""
+
+OWN_FILES = """
+import runpy, sys
+from pathlib import Path
+documents = Path(sys.argv[1], "tests", "documents")
+runpy.run_path(str(documents / "conftest.py"))
+sys.path += [str(documents.parent / "helpers"), sys.argv[1] + "/scripts"]
+import own_files
+own_files.make_own_files(Path.cwd())
+"""
+"""Makes the files in capitals of docs/library.md in the working folder. Argument: the checkout."""
+LIBRARY_PAGE = """
+import sys
+from pathlib import Path
+root, prefix = Path(sys.argv[1]), sys.argv[2]
+sys.path.append(str(root / "tests" / "documents"))
+import enliven, blocks
+assert enliven.__file__.startswith(prefix), enliven.__file__
+page = root / "docs" / "library.md"
+names = {}
+for block in blocks.blocks_of(page):
+    exec(compile("\\n" * (block.line - 1) + block.text, str(page), "exec"), names)
+"""
+"""Runs the code of docs/library.md in the working folder. Arguments: the checkout, the environment."""
+
+
+class ReleaseError(Exception):
+    """What is wrong with the release, and what to do."""
+
+
+def version() -> str:
+    """The version of all packages: the one line of the file VERSION."""
+    return (ROOT / "VERSION").read_text(encoding="utf-8").strip()
+
+
+def is_development(of: str) -> bool:
+    """Whether a version is one between two releases."""
+    return ".dev" in of
+
+
+def section(changelog: str, of: str) -> str:
+    """Returns the changelog's lines on a version without their heading; for a development one the unreleased.
+
+    Raises:
+        ReleaseError: where there is no such section, or it is empty.
+    """
+    name = "Unreleased" if is_development(of) else of
+    found = re.search(
+        rf"^## \[{re.escape(name)}\][^\n]*\n(.*?)(?=^## \[|\Z)", changelog, re.MULTILINE | re.DOTALL
+    )
+    if not found or not found[1].strip():
+        raise ReleaseError(
+            f"CHANGELOG.md says nothing of {name}: write a section `## [{name}]` with its changes."
+        )
+    return found[1].strip() + "\n"
+
+
+def check_commit(of: str) -> None:
+    """Refuses a release whose files are not those of a commit with its tag.
+
+    Raises:
+        ReleaseError: where files are changed or new, or the tag is missing or elsewhere.
+    """
+    changed = _git("status", "--porcelain")
+    if changed:
+        raise ReleaseError(f"these files are not committed; commit them first:\n{changed}")
+    tag = f"v{of}"
+    if not is_development(of) and tag not in _git("tag", "--points-at", "HEAD").split():
+        raise ReleaseError(f"this commit has no tag {tag}. Type: git tag -a {tag} -m 'enliven {of}'")
+
+
+def build(folder: str, into: Path) -> None:
+    """Builds a package's sdist, and its wheel from that sdist, which shows that the sdist is whole."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(into)]
+    _must(command, f"{folder}: the sdist cannot be built", ROOT / folder)
+    pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
+    _must(
+        [*pip, "-w", str(into), str(_one(folder, into, "*.tar.gz"))],
+        f"{folder}: its sdist makes no wheel",
+        into,
+    )
+
+
+def wanted_files(folder: str) -> set[str]:
+    """Paths that a package's wheel should have: what git does not ignore, and the firmware with the edge."""
+    package = PACKAGES[folder]
+    found = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
+    if folder == "edge":
+        found |= {f"{package}/{path}" for path in _known_to_git(FIRMWARE)}
+    return found
+
+
+def wheel_files(wheel: Path) -> set[str]:
+    """Paths of a wheel but for its metadata."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {name for name in archive.namelist() if ".dist-info/" not in name}
+
+
+def sdist_files(sdist: Path) -> set[str]:
+    """Paths of an sdist within its top folder."""
+    with tarfile.open(sdist) as archive:
+        return {member.name.partition("/")[2] for member in archive if member.isfile()}
+
+
+def check_files(folder: str, built: Path) -> None:
+    """Compares what a wheel and an sdist hold with what git tracks.
+
+    Raises:
+        ReleaseError: naming files that are lacking or too many.
+    """
+    package, inside = PACKAGES[folder], wanted_files(folder)
+    wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
+    beside = {name for name in BESIDE if (ROOT / folder / name).exists()} | {".gitignore", "PKG-INFO"}
+    packed = {
+        path.removeprefix(f"{package}/") if path.startswith(f"{package}/{FIRMWARE}/") else path
+        for path in inside
+    }
+    for archive, has, wants in (
+        (wheel, wheel_files(wheel), inside),
+        (sdist, sdist_files(sdist) | {".gitignore"}, packed | beside),
+    ):
+        if has != wants:
+            lacking, more = sorted(wants - has), sorted(has - wants)
+            raise ReleaseError(
+                f"{archive.name} lacks {lacking or 'nothing'}, and has {more or 'nothing'} too many."
+            )
+
+
+def check_metadata(built: Path) -> None:
+    """Has twine check that an index would take the archives and could show their texts."""
+    files = sorted(map(str, built.iterdir()))
+    command = [sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files]
+    _must(command, "twine refuses an archive", built)
+
+
+def try_out(built: Path, of: str) -> list[str]:
+    """Installs the wheels into empty environments and works with them; returns a line for each thing done."""
+    lines: list[str] = []
+    with tempfile.TemporaryDirectory() as empty:
+        for name, asked in INSTALLS.items():
+            place = Path(empty, name)
+            environment = Environment(place, built, asked, of)
+            lines.append(environment.size(MOST_MB[name]))
+            lines += environment.works(full=name == "studio")
+    return lines
+
+
+class Environment:
+    """A virtual environment with the wheels of a release, in a folder without a checkout.
+
+    Args:
+        place: an empty folder for the environment, and for a home folder with no kernels in it.
+        built: the folder of the wheels.
+        asked: what pip is asked for.
+        of: the version.
+    """
+
+    def __init__(self, place: Path, built: Path, asked: str, of: str) -> None:
+        self.place, self._of = place.resolve(), of
+        self._bin = self.place / "venv" / ("Scripts" if os.name == "nt" else "bin")
+        self._asked = asked
+        keep = {
+            name: os.environ[name] for name in ("PATH", "DISPLAY", "LANG", "SYSTEMROOT") if name in os.environ
+        }
+        home = self.place / "home"
+        home.mkdir(parents=True)
+        self._around = {**keep, "HOME": str(home), "NUMBA_CACHE_DIR": str(home / "numba")}
+        subprocess.run([sys.executable, "-m", "venv", str(self.place / "venv")], check=True)
+        self._bare = self._bytes()
+        # pip's own settings say where other packages are, so this one step has the whole environment.
+        pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
+        choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{asked}=={of}"]
+        subprocess.run([*pip, *choice], check=True)
+
+    def _bytes(self) -> int:
+        return sum(path.lstat().st_size for path in self.place.rglob("*") if path.is_file())
+
+    def size(self, most: float) -> str:
+        """Says how large the packages are.
+
+        Raises:
+            ReleaseError: above ``most`` megabytes.
+        """
+        megabytes = (self._bytes() - self._bare) / 1e6
+        line = f"{self._asked}: {megabytes:.0f} MB installed, of {most} at most"
+        if megabytes > most:
+            raise ReleaseError(line)
+        return line
+
+    def works(self, full: bool) -> list[str]:
+        """Works as a user does, without a window; returns what was done.
+
+        Args:
+            full: also film the main job, which needs the viewer.
+        """
+        folder = self.place / "work"
+        folder.mkdir()
+        if self._enliven("--version") != self._of:
+            raise ReleaseError(f"enliven --version says {self._enliven('--version')}, not {self._of}")
+        self._enliven("doctor", codes=(0, 4))
+        self._enliven("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0",
+                      "--port", "0", "--record", "performance.mcap")  # fmt: skip
+        _must(
+            [sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", folder
+        )
+        self._run(str(self._bin / "python"), "-c", LIBRARY_PAGE, str(ROOT), str(self.place))
+        done = ["enliven --version", "enliven doctor", "enliven edge", "the code of docs/library.md"]
+        if full:
+            self._enliven(*FILM)
+            done.append("enliven run --film")
+        return [f"{self._asked}: {name}: done" for name in done]
+
+    def _enliven(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
+        return self._run(str(self._bin / "enliven"), *words, codes=codes)
+
+    def _run(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
+        done = subprocess.run(
+            words, cwd=self.place / "work", env=self._around, capture_output=True, text=True
+        )
+        if done.returncode not in codes:
+            said = f"{done.stdout[-2000:]}{done.stderr[-3000:]}"
+            raise ReleaseError(
+                f"with {self._asked} installed, {' '.join(words[:2])} ended with {done.returncode}:\n{said}"
+            )
+        return done.stdout.strip()
+
+
+def _one(folder: str, built: Path, pattern: str) -> Path:
+    (found,) = built.glob(f"{PACKAGES[folder]}-[0-9]{pattern}")
+    return found
+
+
+def _git(*words: str) -> str:
+    return _must(["git", "-C", str(ROOT), *words], "git failed", ROOT).strip()
+
+
+def _known_to_git(folder: str) -> list[str]:
+    """Paths from the checkout's top of the files in a folder that are tracked, or will be."""
+    listed = _git("ls-files", "--cached", "--others", "--exclude-standard", folder).splitlines()
+    return [path for path in listed if (ROOT / path).exists()]
+
+
+def _must(command: list[str], what: str, folder: Path) -> str:
+    """Runs a command in a folder and returns what it prints; raises ReleaseError where it fails."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        raise ReleaseError(f"{what}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.stdout
+
+
+def main() -> int:
+    """The exit code: 0 where the release is built, checked and tried."""
+    parser = argparse.ArgumentParser(description="Build the release of this commit and try it.")
+    parser.add_argument("--no-trial", action="store_true", help="do not install it into empty environments")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "out" / "release", help="the folder for the archives"
+    )
+    asked, of = parser.parse_args(), version()
+    try:
+        check_commit(of)
+        notes = section((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), of)
+        archives = asked.out / "archives"
+        shutil.rmtree(asked.out, ignore_errors=True)
+        archives.mkdir(parents=True)
+        for folder in PACKAGES:
+            build(folder, archives)
+            check_files(folder, archives)
+        check_metadata(archives)
+        (asked.out / "notes.md").write_text(notes, encoding="utf-8")
+        count = len(list(archives.iterdir()))
+        print(f"enliven {of}: {count} archives in {archives}; files and metadata checked", flush=True)
+        if not asked.no_trial:
+            lines = try_out(archives, of)
+            (asked.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            print("\n".join(lines))
+    except ReleaseError as error:
+        print(f"release: {error}", file=sys.stderr)
+        return 1
+    if is_development(of):
+        print("a development build: it has no tag, and is not to be published")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

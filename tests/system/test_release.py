@@ -1,0 +1,137 @@
+"""What `make release` builds and refuses. It also tries the wheels, which takes minutes and a network."""
+
+import importlib.util
+import shutil
+import subprocess
+import zipfile
+from email.parser import Parser
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SPEC = importlib.util.spec_from_file_location("release", ROOT / "scripts" / "release.py")
+release = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(release)
+ITS = release.version()
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory) -> Path:
+    """The sdists and wheels of the two packages that differ most in how they are built."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("this is no checkout of git, so nothing says which files belong to the packages")
+    place = tmp_path_factory.mktemp("archives")
+    for folder in ("edge", "viewer"):
+        release.build(folder, place)
+    return place
+
+
+def metadata(archives: Path, package: str):
+    """The metadata of a wheel."""
+    (wheel,) = archives.glob(f"{package}-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        return Parser().parsestr(archive.read(name).decode())
+
+
+@pytest.mark.parametrize("folder", ["edge", "viewer"])
+def test_archives_hold_the_files_of_the_checkout(archives, folder):
+    release.check_files(folder, archives)
+
+
+@pytest.mark.parametrize("package", ["enliven_edge", "enliven_viewer"])
+def test_a_wheel_from_an_sdist_requires_its_siblings_in_its_own_version(archives, package):
+    told = metadata(archives, package)
+    assert told["Version"] == ITS
+    assert f"enliven=={ITS}" in told.get_all("Requires-Dist")
+    assert told["License-File"] == "LICENSE"
+
+
+def test_a_wheel_without_a_file_is_refused(archives, tmp_path):
+    for path in archives.iterdir():
+        shutil.copy(path, tmp_path)
+    (wheel,) = tmp_path.glob("enliven_edge-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    del contents["enliven_edge/firmware_configs/sensors/kinect1.toml"]
+    contents["enliven_edge/notes.txt"] = b""
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for name, data in contents.items():
+            archive.writestr(name, data)
+    with pytest.raises(release.ReleaseError, match=r"lacks .*kinect1.toml.*has .*notes.txt"):
+        release.check_files("edge", tmp_path)
+
+
+def test_every_package_has_the_version_of_the_source():
+    from enliven import __version__
+
+    assert __version__ == ITS, "the packages are installed in an older version: make setup-dev"
+    done = subprocess.run(["git", "-C", ROOT, "grep", "-l", "^version = "], capture_output=True, text=True)
+    assert set(done.stdout.split()) <= {"docs/example-sensor/pyproject.toml"}
+
+
+def test_each_folder_has_its_own_copy_of_what_an_sdist_needs():
+    licence = (ROOT / "LICENSE").read_text()
+    hooks = []
+    for folder in release.PACKAGES:
+        assert (ROOT / folder / "LICENSE").read_text() == licence
+        if folder != "shared":
+            text = (ROOT / folder / "hatch_build.py").read_text()
+            hooks.append(text[text.index("class SiblingVersions") :])
+    assert len(set(hooks)) == 1
+
+
+CHANGELOG = """# Changelog
+
+## [Unreleased]
+
+## [0.3.0] - 2027-01-02
+
+### Added
+
+- A thing.
+
+## [0.2.0] - 2026-12-01
+
+- Another.
+"""
+
+
+def test_the_notes_are_the_section_of_the_version():
+    assert release.section(CHANGELOG, "0.3.0") == "### Added\n\n- A thing.\n"
+    assert release.section(CHANGELOG, "0.2.0") == "- Another.\n"
+
+
+@pytest.mark.parametrize("of", ["0.4.0", "0.2", "0.4.0.dev0"])
+def test_a_version_without_notes_is_refused(of):
+    with pytest.raises(release.ReleaseError, match="says nothing of"):
+        release.section(CHANGELOG, of)
+
+
+@pytest.fixture
+def repository(tmp_path, monkeypatch):
+    """A repository with one commit that the script takes for the checkout."""
+
+    def git(*words: str) -> None:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
+        subprocess.run(["git", *who, *words], cwd=tmp_path, check=True, capture_output=True)
+
+    (tmp_path / "VERSION").write_text("0.3.0\n")
+    git("init", "-q")
+    git("add", "-A")
+    git("commit", "-qm", "All")
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    return tmp_path, git
+
+
+def test_a_release_is_of_a_commit_with_its_tag(repository):
+    folder, git = repository
+    release.check_commit("0.3.0.dev0")
+    with pytest.raises(release.ReleaseError, match=r"no tag v0.3.0. Type: git tag -a v0.3.0"):
+        release.check_commit("0.3.0")
+    git("tag", "-a", "v0.3.0", "-m", "enliven 0.3.0")
+    release.check_commit("0.3.0")
+    (folder / "VERSION").write_text("0.4.0\n")
+    with pytest.raises(release.ReleaseError, match="not committed"):
+        release.check_commit("0.3.0")
