@@ -19,10 +19,12 @@ _BELOW = 0.86
 """Height of the cut over that up to which the legs are apart: nothing else is cut through there."""
 _AIR = 10.0
 """Pixels of air around a leg, and as far as the stroke begins beside it: well outside of it."""
-_REACH = 26.0
-"""Pixels by which the stroke begins and ends beside the leg."""
-_TOP = 0.04
-"""Share of the height of a chair that counts as its top."""
+_REACH = 24.0
+"""Pixels by which the stroke begins and ends beside the leg: the next leg is farther away."""
+_HIGH = 0.35
+"""Share of the height of a chair above which a part is put: over the seat."""
+_AS_FAR = 0.03
+"""Share of the height of a chair by which the place may be nearer or farther: the two still meet."""
 _KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []  # the legs of the last surfaces: asked for in every picture
 _KEPT = 4
 """Surfaces of which the legs are kept: the chair, and what is cut off it."""
@@ -67,29 +69,31 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
-    """Returns the leg that has the most room around it in the picture, and the stroke across it."""
-    rest, now = chair.mesh.vertices, _pixels(editor, chair)
-    legs = legs_of(chair.mesh)
-    boxes = [_box(now[leg]) for leg in legs]
-    index = max(range(len(legs)), key=lambda k: _room(boxes, k))
-    leg = legs[index]
+    """Returns the leg that is nearest to the eye while the chair stands still, and the stroke across it."""
+    rest, now, legs = chair.mesh.vertices, _pixels(editor, chair), legs_of(chair.mesh)
+    leg = min(legs, key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
     heights = rest[leg, 1] - rest[:, 1].min()
     cut = leg[heights <= _BELOW * heights.max()]
-    box = _box(now[cut])
     edge = now[cut[np.argsort(-rest[cut, 1])[: max(len(cut) // 6, 3)]]]
     low, high = edge.min(0), edge.max(0)
     y = float((low[1] + high[1]) / 2)
     path = ((float(low[0]) - _REACH, y), (float(high[0]) + _REACH, y))
-    return Target(box=_aired(box), path=path)
+    return Target(box=_aired(_box(now[cut])), path=path)
 
 
 def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
-    """Returns the part that was cut off, and the way from it to the top of the chair."""
-    own, there = _pixels(editor, piece), _pixels(editor, chair)
-    heights = chair.mesh.vertices[:, 1]
-    top = there[heights >= heights.max() - _TOP * np.ptp(heights)].mean(0)
+    """Returns the part that was cut off, and the way from it to a high place of the chair as far away.
+
+    A drag keeps the distance from the eye, so that only at such a place the two meet.
+    """
+    own, distance = editor.lens.project(editor.posed(piece.id).vertices)
+    there, distances = editor.lens.project(editor.posed(chair.id).vertices)
+    heights = chair.mesh.vertices[:, 1] - chair.mesh.vertices[:, 1].min()
+    near = np.abs(distances - distance.mean()) < _AS_FAR * heights.max()
+    high = heights > _HIGH * heights.max()
+    end = int(np.argmax(np.where(high & near, heights, -1.0) if (high & near).any() else heights))
     start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]  # on its surface
-    path = tuple((float(x), float(y)) for x, y in (start, top))
+    path = tuple((float(x), float(y)) for x, y in (start, there[end]))
     return Target(box=_aired(_box(own)), path=path)
 
 
@@ -114,10 +118,3 @@ def _box(pixels: Float) -> Rectangle:
 def _aired(box: Rectangle) -> Rectangle:
     left, top, right, bottom = box
     return left - _AIR, top - _AIR, right + _AIR, bottom + _AIR
-
-
-def _room(boxes: list[Rectangle], index: int) -> float:
-    """Pixels to the next leg at the left or right; of equally much, the lowest in the picture is nearest."""
-    left, _, right, bottom = boxes[index]
-    gaps = [max(one[0] - right, left - one[2]) for k, one in enumerate(boxes) if k != index]
-    return min([*gaps, 2 * _REACH]) + 1e-3 * bottom

@@ -252,7 +252,7 @@ TOUR = (
         _look_at_chair,
     ),
     TourStep(
-        "Put it on its head",
+        "Put it somewhere else",
         "\uf047",
         (
             _WORKSHOP,

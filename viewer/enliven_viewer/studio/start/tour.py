@@ -31,6 +31,7 @@ class Tour:
         reviewing: whether a step is looked at again that was done before; it stays until *Next*.
         shows: whether the tour does the step for the artist; demonstration: its hand, while that moves.
         target: where the tour points.
+        card: where the card was drawn last, in the window's pixels; card_key: what was said then.
     """
 
     def __init__(self, desk: Desk, widgets: DrawnWidgets, number: int = 0) -> None:
@@ -39,6 +40,8 @@ class Tour:
         self.shows = False
         self.demonstration: Demonstration | None = None
         self.target = Target()
+        self.card: Point | None = None
+        self.card_key: tuple[object, ...] = ()
         self._shown: TourPart | None = None
         self._rested, self._hand = 0.0, (0.0, 0.0)
         self._missing = 0.0

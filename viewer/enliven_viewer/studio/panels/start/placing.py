@@ -19,6 +19,8 @@ def place_card(
     window: Rectangle,
     meant: Rectangle | None,
     others: Sequence[Rectangle] = (),
+    picture: Rectangle | None = None,
+    before: tuple[float, float] | None = None,
 ) -> tuple[float, float]:
     """Returns the top left of the card: beside what is meant, or in a corner, where it covers least.
 
@@ -26,16 +28,15 @@ def place_card(
         size: width and height of the card.
         window: where the card may be.
         others: what it should not cover either.
+        picture: the corners of the picture come first.
+        before: where the card was; it stays there unless it covers what is meant.
     """
+    if before is not None and not _cost(before, size, meant, ()):
+        return before
     left, top, right, bottom = window
     wide, high = size
     furthest = max(right - wide - _EDGE, left + _EDGE), max(bottom - high - _EDGE, top + _EDGE)
-    corners = [
-        (furthest[0], furthest[1]),
-        (furthest[0], top + _EDGE),
-        (left + _EDGE, furthest[1]),
-        (left + _EDGE, top + _EDGE),
-    ]
+    corners = [*(_corners(size, picture) if picture is not None else []), *_corners(size, window)]
     if meant is None:
         return min(corners, key=lambda at: _cost(at, size, None, others))
     middle = (meant[0] + meant[2] - wide) / 2, (meant[1] + meant[3] - high) / 2
@@ -50,6 +51,14 @@ def place_card(
     ]
     # Of places that are as good the first is taken: the nearest ones.
     return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
+
+
+def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
+    """The top left of a card in each corner of an area, those at the right first."""
+    left, top, right, bottom = area
+    across = max(right - size[0] - _EDGE, left + _EDGE), left + _EDGE
+    down = max(bottom - size[1] - _EDGE, top + _EDGE), top + _EDGE
+    return [(x, y) for x in across for y in down]
 
 
 def _cost(

@@ -73,7 +73,7 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
     if shape is not None:
         workspace.widgets["tour outline"] = shape
         _outline(draw, shape, calm=workspace.preferences.less_motion)
-        if card is not None:
+        if card is not None and tour.target.box is None:
             _pointer(draw, card, shape)
     if tour.target.path and not dialogue:
         _way(draw, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
@@ -99,12 +99,21 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     wide = min(_CARD, size.x - 20)
     high = _height(tour, wide)
     window = 0.0, MENU if places.viewport.y else 0.0, size.x, size.y
-    others = [(one.x, one.y, one.x + one.width, one.y + one.height) for one in (places.side, places.tools)]
+    others = [
+        (one.x, one.y, one.x + one.width, one.y + one.height)
+        for one in (places.side, places.tools, places.timeline)
+    ]
     kept = (tour.covered((area.x, area.y)), workspace.widgets.get("performer inset"))
     others += [one for one in kept if one is not None]
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
-    x, y = place_card((wide, high), window, _with_way(tour, area, shape), others)
+    picture = area.x, area.y, area.x + area.width, area.y + area.height
+    # What is said changes, the card may move; while it is the same, its buttons stay under the pointer.
+    key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
+    before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
+    meant = _with_way(tour, area, shape)
+    x, y = place_card((wide, high), window, meant, others, picture, before)
+    tour.card, tour.card_key = (x, y), key
     imgui.set_next_window_pos(ImVec2(x, y))
     imgui.set_next_window_size(ImVec2(wide, high))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.5)
@@ -218,7 +227,9 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     words = imgui.calc_text_size(_sentence(tour))
     wide, high = words.x * grown + 24, words.y * grown + 16
     x = min(max(shape[0], 8.0), size.x - wide - 8.0)
-    y = shape[3] + 14 if shape[3] + 14 + high < size.y else shape[1] - 14 - high
+    above, below = shape[1] - 14 - high, shape[3] + 14
+    is_field = shape[2] - shape[0] > size.x / 3  # the buttons are below a field
+    y = above if is_field or below + high > size.y else below
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(DARK), 8.0)
     draw.add_rect(ImVec2(x, y), ImVec2(x + wide, y + high), packed(ACCENT, 0.7), 8.0, 1.5)
     draw.add_text(imgui.get_font(), _SENTENCE, ImVec2(x + 12, y + 8), packed(INK), _sentence(tour))
