@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from studio_driver import STEP, Action, Click, Do, Drag, Near, Wait, Widget, steps
+from studio_driver import STEP, Action, Click, Do, Drag, Near, Pixel, Wait, Widget, steps, where
 from studio_driver.filming import WindowStage
 
 from enliven.takes import plays
@@ -30,9 +30,11 @@ PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 CALM = 0.02
 """Seconds of sleep a picture while the stage is waited for: it needs the processor."""
+LONG_STEP = 0.12
+"""Seconds of a picture where none is looked at: ticks, hands and views arrive after few of them."""
 said: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
-hurried = [True]
+stages: list[WindowStage] = []
 
 
 def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterator[Action]:
@@ -107,14 +109,16 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield from leave_and_resume(workspace)
     yield from meets(workspace, "the leg", picture=True)
     said["plays before"] = editor.playing
-    yield from cut(workspace)
+    yield from follow_the_arrow(workspace)
     yield from until(workspace, lambda: len(editor.project.graphs) == 2, "two parts")
+    pieces = sorted(len(one.mesh.vertices) for one in editor.project.graphs.values())
+    said["pieces"] = pieces
     said["plays after"] = editor.playing
     yield from meets(workspace, "tool carry")
     said["dance on"] = [plays(editor.project, one) for one in editor.project.graphs.values()]
     yield Click(Widget("tool carry"))
     yield from meets(workspace, "the piece", picture=True)
-    yield from carry(workspace)
+    yield from follow_the_arrow(workspace, shift=True)
     yield from until(workspace, lambda: len(editor.project.graphs) == 1, "one again")
     said["plays merged"] = editor.playing
     yield Wait(0.5)
@@ -150,34 +154,18 @@ def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
     said["resumed"] = [number, workspace.tour.number]
 
 
-class Along:
-    """Places of the tour's way in the picture."""
-
-
-def way(workspace: Workspace) -> list[tuple[float, float]]:
-    """The way that the tour shows, in pixels of the picture."""
-    return [tuple(point) for point in workspace.tour.target.path]
-
-
-def cut(workspace: Workspace) -> Iterator[Action]:
-    """Drag across the leg, where the arrow is."""
-    chair = next(iter(workspace.editor.project.graphs.values()))
-    leg = workspace.editor.posed(chair.id)
-    pixels = workspace.editor.lens.project(leg.vertices)[0]
-    said["leg"] = [pixels.tolist()[0], [list(point) for point in way(workspace)]]
-    yield Drag(on_picture(workspace), 0.6)
-
-
-def carry(workspace: Workspace) -> Iterator[Action]:
-    """Drag the piece onto the chair with Shift."""
-    yield Drag(on_picture(workspace), 0.8, shift=True)
+def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[Action]:
+    """Go to the begin of the arrow, where the chair holds still, and drag along it."""
+    for _ in range(16):  # the view may still be gliding there
+        yield Do(lambda _: stages[0].move(where(on_picture(workspace)[0], stages[0])))
+    yield Wait(2 * STEP)
+    said["holds still"] = said.get("holds still", True) and not workspace.editor.playing
+    yield Drag(on_picture(workspace), 0.8, shift=shift)
 
 
 def on_picture(workspace: Workspace) -> tuple[Near, ...]:
-    """The ends of the way as places of the driver."""
-    from studio_driver import Pixel
-
-    return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in way(workspace))
+    """The ends of the arrow as places of the driver."""
+    return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in workspace.tour.target.path)
 
 
 def by_showing(workspace: Workspace) -> Iterator[Action]:
@@ -188,10 +176,10 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
         if tour.number != number and tour.ticked <= 0.0 and not tour.shows:
             number = tour.number
             yield Wait(2 * STEP)
+            said["titles"].append(tour.title)
             yield Click(Widget("tour show"))
             yield Wait(0.7)
             yield from shot(f"show {number + 1}")
-            said["titles"].append(tour.title)
         yield from until(
             workspace,
             lambda: tour.step is None or (tour.number != number and tour.ticked <= 0.0),  # noqa: B023
@@ -220,13 +208,13 @@ def work(workspace: Workspace, how: str) -> Iterator[Action]:
 def main() -> None:
     os.chdir(sys.argv[1])
     pictures = Path(sys.argv[3]) if len(sys.argv) > 3 else None
-    width, height = map(int, (sys.argv[4] if len(sys.argv) > 4 else "1360x820").split("x"))
+    width, height = map(int, (sys.argv[4] if len(sys.argv) > 4 else "1000x640").split("x"))
     small = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     settings = StudioSettings(render=RenderSettings() if pictures else small, width=width, height=height)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]) / "own")
     workspace.preferences.text_size = float(sys.argv[5]) if len(sys.argv) > 5 else 1.0
     workspace.starting = True
-    window = StudioWindow(workspace, STEP)
+    window = StudioWindow(workspace, STEP if pictures else LONG_STEP)
     going: list[tuple[WindowStage, Iterator[None]]] = []
 
     def before(window: StudioWindow) -> None:
@@ -235,6 +223,7 @@ def main() -> None:
         if not going:
             stage = WindowStage(window)
             stage.pace = 0.1
+            stages.append(stage)
             going.append((stage, steps(work(workspace, sys.argv[2]), stage)))
         stage, todo = going[0]
         stage.settle()

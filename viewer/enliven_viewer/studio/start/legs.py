@@ -13,9 +13,11 @@ from enliven_viewer.studio.start.target import Rectangle, Target
 
 _HEIGHTS = np.linspace(0.05, 0.4, 15)
 """Shares of the height of a chair below which its legs are looked for: seats are higher."""
+_STANDS = 0.02
+"""Share of the height of a chair within which a leg begins over the floor."""
 _LEAST_VERTICES = 12
 """Fewer are a splinter, not a leg."""
-_BELOW = 0.86
+_BELOW = 0.72
 """Height of the cut over that up to which the legs are apart: nothing else is cut through there."""
 _AIR = 10.0
 """Pixels of air around a leg, and as far as the stroke begins beside it: well outside of it."""
@@ -48,9 +50,9 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
     tall = max(float(heights.max()), 1e-6)
     best: tuple[Int, ...] = ()
     for share in _HEIGHTS:
-        parts = _parts(mesh, heights < share * tall)
+        parts = [one for one in _parts(mesh, heights < share * tall) if heights[one].min() < _STANDS * tall]
         if len(parts) >= max(len(best), 2):  # the highest of equally many
-            best = parts
+            best = tuple(parts)
     if best:
         return best
     return (np.flatnonzero(heights <= 0.2 * tall),)

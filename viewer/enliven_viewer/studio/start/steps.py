@@ -107,8 +107,15 @@ def _piece(toured: Toured) -> Target:
     return piece_to_carry(toured.desk.editor, piece, chair)
 
 
+def _dance(toured: Toured) -> None:
+    """Let what was recorded play."""
+    if toured.dances:
+        toured.desk.editor.playing = True
+
+
 def _look_at_chair(toured: Toured) -> None:
-    """Bring the chair into the picture, with room to draw beside it."""
+    """Bring the dancing chair into the picture, with room to draw beside it."""
+    _dance(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:
         box = bounds_of([extent])
@@ -136,12 +143,6 @@ _WORKSHOP = TourPart(
     _widget("room Animate"),
     lambda t, before: t.has_workshop,
     _go("Animate"),
-)
-_PLAY = TourPart(
-    "Click the triangle: the chair dances.",
-    _widget("play"),
-    lambda t, before: t.desk.editor.playing or t.desk.input.busy or not t.dances,
-    _act("view.play"),
 )
 _STAGE = TourPart(
     "Click “Perform”: here is the stage.",
@@ -239,7 +240,6 @@ TOUR = (
         "\uf0c4",
         (
             _WORKSHOP,
-            _PLAY,
             _SCISSORS,
             TourPart(
                 "Drag across the leg, along the arrow: the chair holds still for you.",
@@ -271,6 +271,7 @@ TOUR = (
             ),
         ),
         lambda t: len(t.chairs) > 1,
+        _dance,
     ),
     TourStep(
         "Keep your chair",

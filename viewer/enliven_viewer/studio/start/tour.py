@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from enliven_viewer.studio.start.demonstration import Demonstration
 from enliven_viewer.studio.start.legs import chair_in_picture
 from enliven_viewer.studio.start.steps import ENDING, TOUR, TourPart, TourStep
@@ -13,6 +15,8 @@ _STAYS_S = 1.2
 """Seconds that a step stays after it was done, with a tick, before the next one is shown."""
 _AGAIN_S = 6.0
 """Seconds without an effect after which the tour shows a part once more: the stage may have been busy."""
+_NEAR = 30.0
+"""Pixels around what is meant in the picture within which the pointer makes a dancing chair hold still."""
 _MISSING_S = 2.0
 """Seconds for which a step lacks what it needs before the tour goes back: a dancer is lost for a moment."""
 
@@ -46,7 +50,7 @@ class Tour:
         self._rested, self._hand = 0.0, (0.0, 0.0)
         self._missing = 0.0
         self._before = self._toured.counts
-        self._is_new = True
+        self._is_new, self._holds_still = True, False
         while self.number and not TOUR[self.number].ready(self._toured):
             self.number -= 1
 
@@ -123,6 +127,7 @@ class Tour:
         part = self.part
         self.target = Target() if part is None else part.target(self._toured)
         self._widgets.want(self.target.widgets)
+        self._hold_still()
         self._show_on(seconds, origin)
 
     def skip(self) -> None:
@@ -141,6 +146,28 @@ class Tour:
         """Let the tour do the step; the hand begins at a pixel of the window."""
         if self.part is not None and not self.shows:
             self.shows, self._hand, self._shown = True, start, None
+
+    def _hold_still(self) -> None:
+        """Let what plays stand still while the pointer is near: a dancing leg is hard to hit."""
+        editor, hands = self._toured.desk.editor, self._toured.desk.input
+        if hands.busy or self.demonstration is not None:
+            return
+        path, box = self.target.path, self.target.box
+        near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
+        if near and editor.playing:
+            editor.playing, self._holds_still = False, True
+        elif not near:
+            self._let_play()
+
+    def _let_play(self) -> None:
+        """Let what was made to stand still play on."""
+        if self._holds_still:
+            self._toured.desk.editor.playing, self._holds_still = True, False
+
+    def leave(self) -> None:
+        """Leave the studio as it was found."""
+        self._stop_showing()
+        self._let_play()
 
     def _go(self, number: int) -> None:
         self._stop_showing()
@@ -191,3 +218,10 @@ class Tour:
         if self.demonstration is not None:
             self.demonstration.cancel()
             self.demonstration = None
+
+
+def _is_near(at: Point, box: Rectangle, begin: Point) -> bool:
+    """Returns whether a pixel is in a box with some room around it, or near the begin of a drag."""
+    left, top, right, bottom = box
+    inside = left - _NEAR < at[0] < right + _NEAR and top - _NEAR < at[1] < bottom + _NEAR
+    return inside or math.dist(at, begin) < _NEAR

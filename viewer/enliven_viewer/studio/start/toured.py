@@ -36,6 +36,7 @@ class Hands(Protocol):
     """The input over the picture: pointer, buttons and tools."""
 
     tool: Tool
+    at: Point
 
     def take(self, name: str) -> None:
         """Make another tool the active one."""

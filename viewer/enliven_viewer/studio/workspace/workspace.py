@@ -319,6 +319,8 @@ class Workspace:
 
     def end_tour(self) -> None:
         """Put the tour away; it resumes where it was."""
+        if self.tour is not None:
+            self.tour.leave()
         self.tour, self.preferences.toured = None, True
         self.preferences.save()
 
