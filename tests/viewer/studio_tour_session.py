@@ -123,6 +123,10 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     said["plays merged"] = editor.playing
     yield Wait(0.5)
     yield from shot("09b merged")
+    if "menu all" in workspace.widgets:
+        yield from meets(workspace, "menu all")
+        yield Click(Widget("menu all"))
+        yield Wait(0.2)
     yield from meets(workspace, "menu File")
     yield Click(Widget("menu File"))
     yield from meets(workspace, "menu File/Save")
@@ -147,11 +151,19 @@ def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
     number = workspace.tour.number
     yield Click(Widget("tour later"))
     yield from until(workspace, lambda: workspace.tour is None, "no tour")
-    yield Click(Widget("menu Help"))
-    yield Wait(0.2)
+    yield from open_menu(workspace, "menu Help")
     yield Click(Widget("menu Help/Take the tour"))
     yield from until(workspace, lambda: workspace.tour is not None, "the tour again")
     said["resumed"] = [number, workspace.tour.number]
+
+
+def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
+    """Open a menu, in a narrow window through the one that has all."""
+    if "menu all" in workspace.widgets:
+        yield Click(Widget("menu all"))
+        yield Wait(0.2)
+    yield Click(Widget(name))
+    yield Wait(0.2)
 
 
 def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[Action]:

@@ -45,6 +45,8 @@ def place_card(
         (meant[2] + _GAP, middle[1]),
         (middle[0], meant[3] + _GAP),
         (middle[0], meant[1] - high - _GAP),
+        (meant[0] - wide - _GAP, meant[3] + _GAP),
+        (meant[2] + _GAP, meant[3] + _GAP),
     ]
     clamped = [
         (min(max(x, left + _EDGE), furthest[0]), min(max(y, top + _EDGE), furthest[1])) for x, y in beside

@@ -36,8 +36,10 @@ _DASH = 9.0
 """Pixels of a dash of the way to drag, and of the gap after it."""
 _HAND = 30.0
 """Pixels of the hand that shows a step."""
-_POINTS_AT = 150.0
-"""Pixels: an arrow from the card is drawn to what is no farther than this, and to the rest by its end."""
+_POINTS_AT = 56.0
+"""Pixels of an arrow at most: a longer one would cross what is beside the thing that is meant."""
+_TIP = (380.0, 58.0)
+"""Pixels to both sides of a widget, and below its middle, where its tooltip appears under the pointer."""
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -105,6 +107,9 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     ]
     kept = (tour.covered((area.x, area.y)), workspace.widgets.get("performer inset"))
     others += [one for one in kept if one is not None]
+    if shape is not None and tour.target.box is None:
+        middle = (shape[1] + shape[3]) / 2
+        others += [(shape[0] - _TIP[0], middle, shape[2] + _TIP[0], middle + _TIP[1])]
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
