@@ -146,8 +146,11 @@ def main() -> None:
     workspace.starting = True
     window = StudioWindow(workspace)
 
+    fine = [False]
+
     def after(window: StudioWindow) -> None:
-        while wanted:
+        was_fine, fine[0] = fine[0], bool(wanted)
+        while wanted and was_fine:  # the picture in which it was wanted was begun with few pixels
             Image.fromarray(window.pixels()).save(pictures / f"{wanted.pop()}.png")
         if "missing" in said:
             workspace.store.forget()

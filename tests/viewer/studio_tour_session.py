@@ -213,6 +213,11 @@ def work(workspace: Workspace, how: str) -> Iterator[Action]:
     yield Click(Widget("tour close"))
     yield Wait(0.2)
     said["closed"] = [workspace.tour is None, workspace.preferences.toured, workspace.preferences.tour_step]
+    yield Click(Widget("room Perform"))
+    yield Wait(0.2)
+    yield Click(Widget("leave"))
+    yield Wait(0.2)
+    said["left the stage"] = workspace.perform.live is None
     said["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["done"] = True
 

@@ -63,7 +63,7 @@ def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path
     assert said["dance on"] == [True, True]
     chair, project = kept_chair(tmp_path / "Hopping chair.enliven")
     assert plays(project, chair) and not said["dirty"] and not said["toasts"]
-    assert said["closed"] == [True, True, 0]
+    assert said["closed"] == [True, True, 0] and said["left the stage"]
 
 
 def test_show_me_does_every_step(tmp_path: Path) -> None:
