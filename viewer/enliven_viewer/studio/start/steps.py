@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.studio.start.legs import chair_in_picture, leg_to_cut, piece_to_carry
 from enliven_viewer.studio.start.target import Target
-from enliven_viewer.studio.start.toured import Counts, Toured
+from enliven_viewer.studio.start.toured import TourCounts, Toured
 
 _ENOUGH = 3.0
 """Seconds of dancing before the tour says how to stop: a swing of the arms, and back."""
 _ROOM = 1.5
-"""Size of the picture over that of the chair whose leg is cut."""
+"""Size of the picture over that of the chair, before a leg is cut."""
 _FILE = "My dancing chair"
 """The name that the tour gives the file, if it does that step itself."""
 
@@ -37,7 +37,7 @@ class TourPart:
 
     text: str
     target: Callable[[Toured], Target]
-    done: Callable[[Toured, Counts], bool]
+    done: Callable[[Toured, TourCounts], bool]
     command: Callable[[Toured], object] = _nothing
     shift: bool = False
     types: str = ""
@@ -66,7 +66,7 @@ class TourStep:
     ready: Callable[[Toured], bool] = lambda toured: True
     begin: Callable[[Toured], object] = _nothing
 
-    def part(self, toured: Toured, before: Counts) -> TourPart | None:
+    def part(self, toured: Toured, before: TourCounts) -> TourPart | None:
         """The part that is to be done; None once the step is done."""
         if self.parts[-1].done(toured, before):
             return None

@@ -69,25 +69,42 @@ class Desk(Protocol):
     """The part of the workspace that the tour sees and uses."""
 
     @property
-    def editor(self) -> Editor: ...
+    def editor(self) -> Editor:
+        """The editor."""
+
     @property
-    def actions(self) -> ActionTable: ...
+    def actions(self) -> ActionTable:
+        """Every action."""
+
     @property
-    def store(self) -> SavedFile: ...
+    def store(self) -> SavedFile:
+        """The file of the project."""
+
     @property
-    def perform(self) -> PerformSession: ...
+    def perform(self) -> PerformSession:
+        """The link to a stage."""
+
     @property
-    def input(self) -> Hands: ...
+    def input(self) -> Hands:
+        """The input over the picture."""
+
     @property
-    def asking(self) -> str: ...
+    def asking(self) -> str:
+        """The dialogue that is open, or empty."""
+
     @property
-    def browser(self) -> NameField | None: ...
-    def attempt(self, command: Callable[[], object]) -> bool: ...
-    def chosen(self, path: Path) -> None: ...
+    def browser(self) -> NameField | None:
+        """The contents of a dialogue about files."""
+
+    def attempt(self, command: Callable[[], object]) -> bool:
+        """Call a function; show an error as a message and return False."""
+
+    def chosen(self, path: Path) -> None:
+        """Choose a file in the dialogue."""
 
 
 @dataclass(frozen=True)
-class Counts:
+class TourCounts:
     """How often things were done, to see what is new since a step began."""
 
     chairs: int
@@ -110,10 +127,10 @@ class Toured:
         return tuple(self.desk.editor.project.graphs.values())
 
     @property
-    def counts(self) -> Counts:
+    def counts(self) -> TourCounts:
         """The counts now."""
         merges = sum(name.startswith("merge") for name in self.desk.editor.history.names)
-        return Counts(len(self.chairs), merges)
+        return TourCounts(len(self.chairs), merges)
 
     @property
     def chair(self) -> GraphShape | None:
