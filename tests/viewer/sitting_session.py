@@ -103,11 +103,6 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: perform.connected and perform.performers, "a performer")
     ctx.yield_(10)
     shot("a performer is there")
-    if "scan" not in perform.standing:
-        said["put by hand"] = True
-        click("waits scan")
-        if "scan" not in perform.standing and not perform.sender.states.get("scan"):
-            click("put")
     until(lambda: "scan" in perform.standing, "the scan on the performer's stage")
     shot("the scan beside the performer")
     press("possess", lambda: perform.holders)
