@@ -43,6 +43,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 said["missing"] = [what, scan.said.phase, perform.standing, perform.sender.states, toasts]
+                said["missing"] += [perform.meant, perform.performers, workspace.actions.recent]
+                said["missing"] += [perform.live and perform.live.document.edge.message]
                 raise TimeoutError(what)
             ctx.yield_()
             time.sleep(PAUSE)
@@ -59,7 +61,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         end = time.monotonic() + PATIENCE
         while not done() and time.monotonic() < end:
             click(name)
-            for _ in range(40):
+            for _ in range(15):
                 if not done():
                     ctx.yield_()
                     time.sleep(PAUSE)

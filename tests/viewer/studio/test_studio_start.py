@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from in_a_window import in_a_window
+from strokes import limb
 from studio_driver import HeadlessStage, Key, play
 
 from enliven.formats.project import read_project
 from enliven.modeling.edits import rig_of
+from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples import load_sample
 from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
@@ -175,43 +177,37 @@ def test_the_tour_goes_back_if_what_a_step_needs_is_lost(workspace: Workspace) -
     assert workspace.tour.number == 0
 
 
+@pytest.fixture
+def limb_there(workspace: Workspace) -> np.ndarray:
+    """(V, 2) pixels of a shape that is there alone, and plays."""
+    outline = limb(np.array([[0.0, 1.4], [0.0, 1.0], [0.0, 0.5]]), np.array([0.07, 0.06, 0.05]))
+    shape = shape_from_stroke(outline, id="limb")
+    workspace.editor.edit("add", lambda project: project.with_characters(shape))
+    HeadlessStage(workspace)
+    return workspace.editor.lens.project(workspace.editor.posed("limb").vertices)[0]
+
+
 @pytest.mark.parametrize("tool", ["cut", "carry"])
 @pytest.mark.parametrize("was_playing", [True, False])
 def test_what_plays_holds_still_during_a_stroke_and_goes_on(
-    workspace: Workspace, tool: str, was_playing: bool
+    workspace: Workspace, limb_there: np.ndarray, tool: str, was_playing: bool
 ) -> None:
-    workspace.actions.do("sample.cactus")
-    stage = HeadlessStage(workspace)
     editor, hands = workspace.editor, workspace.input
-    editor.playing = was_playing
+    editor.time, editor.playing = 1.3, was_playing
     hands.take(tool)
-    at = editor.lens.project(editor.standing[0].vertices)[0].mean(0)
-    hands.press((float(at[0]), float(at[1])))
+    x, y = limb_there.mean(0).tolist()
+    wide = 20.0 + float(np.ptp(limb_there[:, 0]))
+    hands.press((x - wide * (tool == "cut"), y))
     assert not editor.playing
-    hands.move((float(at[0]) + 9.0, float(at[1])))
-    hands.release((float(at[0]) + 9.0, float(at[1])))
-    assert editor.playing == was_playing and stage.workspace is workspace
-    hands.press((float(at[0]), float(at[1])))
+    for share in np.linspace(0.1, 1.0, 9):
+        editor.advance(0.05)
+        hands.move((float(x - wide + 2 * share * wide), y))
+    hands.release((x + wide, y))
+    assert editor.playing == was_playing and editor.time == pytest.approx(1.3)
+    assert len(editor.project.characters) == 1 + (tool == "cut")
+    hands.press((x, y))
     hands.drop()
     assert editor.playing == was_playing, "also where the stroke is dropped"
-
-
-def test_a_dancing_character_is_cut_at_the_pose_that_is_seen(workspace: Workspace) -> None:
-    workspace.actions.do("sample.cactus")
-    HeadlessStage(workspace)
-    editor, hands = workspace.editor, workspace.input
-    editor.time, editor.playing = 1.3, True
-    before = editor.standing[0].vertices.copy()
-    hands.take("cut")
-    low, high = (editor.lens.project(before)[0].min(0), editor.lens.project(before)[0].max(0))
-    y = float(0.5 * (low[1] + high[1]))
-    hands.press((float(low[0]) - 20, y))
-    for share in np.linspace(0.1, 1.0, 12):
-        editor.advance(0.05)
-        hands.move((float(low[0] - 20 + share * (high[0] - low[0] + 40)), y))
-    hands.release((float(high[0]) + 20, y))
-    assert len(editor.project.characters) > 1 and editor.playing
-    assert editor.time == pytest.approx(1.3)
 
 
 def test_the_legs_of_the_armchair_are_found() -> None:
