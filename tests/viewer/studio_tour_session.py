@@ -1,64 +1,141 @@
-"""Takes the tour in the real window, from the start page on; prints how far it came as JSON."""
+"""Takes the tour in the real window, by hand or by "Show me"; prints how far it came as JSON.
+
+xvfb-run -a .venv/bin/python tests/viewer/studio_tour_session.py FOLDER hand|show [PICTURES [SIZE [TEXT]]]
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-
-import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from strokes import limb
-from studio_driver import (
-    STEP,
-    Action,
-    Click,
-    Do,
-    Drag,
-    JointPlace,
-    Key,
-    OnBone,
-    Pixel,
-    SourceJoint,
-    Spot,
-    Wait,
-    Widget,
-    steps,
-)
+from studio_driver import STEP, Action, Click, Do, Drag, Near, Pixel, Wait, Widget, steps, where
 from studio_driver.filming import WindowStage
 
+from enliven.takes import plays
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {"done": False, "steps": []}
+PATIENCE = 150.0
+"""Seconds in which anything has happened: kernels may have to be compiled first."""
+CALM = 0.02
+"""Seconds of sleep a picture while the stage is waited for: it needs the processor."""
+LONG_STEP = 0.25
+"""Seconds of a picture where none is looked at: ticks, hands and views arrive after few of them."""
+said: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
+stages: list[WindowStage] = []
 
 
-def deeds(workspace: Workspace) -> Iterator[list[Action]]:
-    """What each step of the tour asks for."""
-    way = limb(np.array([[0.0, 0.0], [0.0, -0.45], [0.0, -0.9]]), np.array([0.07, 0.05, 0.03]))
-    outline = tuple(Spot(x + 0.1, y + 1.4) for x, y in way[:: max(len(way) // 24, 1)])
-    yield [Key("1"), Wait(0.8), Key("s"), Drag((*outline, outline[0]), 2.0)]
-    yield [Drag((Pixel(0.2, 0.3), Pixel(0.3, 0.34)), 0.6, button=2 - 1), Key("1"), Wait(0.6)]
-    name = next(iter(workspace.editor.project.characters))
-    yield [Key("i"), Click(OnBone(name, 1, 0.5))]
-    ends = [Click(SourceJoint(k)) for k in (0, 6)] + [Click(JointPlace(name, k)) for k in (0, 2)]
-    yield [Click(Widget("take wave")), Wait(0.2), *ends]
-    yield [Key("space"), Wait(0.5), Key("space"), Key("home")]
-    yield [Key("q"), Click(OnBone(name, 1, 0.5)), Key("ctrl+d")]
-    yield [Key("f"), Wait(0.8), Key("g"), Drag((JointPlace(f"{name} 2", 0), JointPlace(name, 2)), 1.0)]
-    yield [Key("ctrl+z")]
-    yield [Key("ctrl+k"), Wait(0.2), Do(typed("larger")), Wait(0.2), Key("enter")]
-    yield [Key("ctrl+s"), Wait(0.3), Key("enter")]
+def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterator[Action]:
+    """Wait for something, by the clock on the wall."""
+    end = time.monotonic() + PATIENCE
+    while not done():
+        if time.monotonic() > end:
+            tour = workspace.tour
+            said["missing"] = [
+                what,
+                tour and [tour.number, tour.text, tour.ticked],
+                [toast.text for toast in workspace.editor.toasts.shown],
+                [workspace.perform.room, workspace.perform.standing, workspace.perform.recording.phase],
+            ]
+            yield Do(lambda _: wanted.append("stuck"))
+            yield Wait(0.1)
+            raise TimeoutError(what)
+        yield Do(lambda _: time.sleep(CALM))
+
+
+def shot(name: str) -> Iterator[Action]:
+    """Take a picture, if pictures are wanted."""
+    yield Do(lambda _: wanted.append(name))
+    yield Wait(STEP)
+
+
+def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator[Action]:
+    """Wait for the outline of a part, and note it and what it has to enclose."""
+    shown = lambda: "tour outline" in workspace.widgets  # noqa: E731
+    if not picture:
+        fits = lambda: shown() and name in workspace.tour.target.widgets  # noqa: E731
+        yield from until(workspace, fits, f"the outline of {name}")
+        yield Wait(3 * STEP)  # scrolled into sight by then
+        there = workspace.widget(name)
+    else:
+        fits = lambda: shown() and workspace.tour.target.path  # noqa: E731
+        yield from until(workspace, fits, f"the way in the picture to {name}")
+        there = None
+    said["outlines"].append([name, workspace.widgets["tour outline"], there])
+    said["texts"].append(workspace.tour.text)
+    yield from shot(f"{len(said['outlines']):02d} {name.replace('/', ' ')}")
+
+
+def by_hand(workspace: Workspace) -> Iterator[Action]:
+    """What a child does who reads each sentence."""
+    editor, perform = workspace.editor, workspace.perform
+    yield from meets(workspace, "do Armchair")
+    yield Click(Widget("do Armchair"))
+    began = time.monotonic()
+    yield from meets(workspace, "recorded person")
+    yield Click(Widget("recorded person"))
+    yield from until(workspace, lambda: "stage state" in workspace.tour.target.widgets, "the waiting")
+    yield Wait(0.5)
+    yield from shot("02b waiting")
+    yield from meets(workspace, "possess")
+    yield Click(Widget("possess"))
+    yield from until(workspace, lambda: perform.holders, "a dancer in the chair")
+    said["into the chair in s"] = time.monotonic() - began
+    yield from meets(workspace, "record")
+    yield Click(Widget("record"))
+    yield Wait(0.8)
+    yield from shot("04b counting")
+    yield from until(workspace, lambda: "does what" in workspace.tour.text, "the dance")
+    yield from shot("04c dancing")
+    yield from until(workspace, lambda: "Stop" in workspace.tour.text, "enough of it")
+    yield from meets(workspace, "record")
+    yield Click(Widget("record"))
+    yield from meets(workspace, "room Animate")
+    yield Click(Widget("room Animate"))
+    yield from meets(workspace, "tool cut")
+    yield Click(Widget("tool cut"))
+    yield from leave_and_resume(workspace)
+    yield from meets(workspace, "the leg", picture=True)
+    said["plays before"] = editor.playing
+    yield from follow_the_arrow(workspace)
+    yield from until(workspace, lambda: len(editor.project.graphs) == 2, "two parts")
+    pieces = sorted(len(one.mesh.vertices) for one in editor.project.graphs.values())
+    said["pieces"] = pieces
+    said["plays after"] = editor.playing
+    yield from meets(workspace, "tool carry")
+    said["dance on"] = [plays(editor.project, one) for one in editor.project.graphs.values()]
+    yield Click(Widget("tool carry"))
+    yield from meets(workspace, "the piece", picture=True)
+    yield from follow_the_arrow(workspace, shift=True)
+    yield from until(workspace, lambda: len(editor.project.graphs) == 1, "one again")
+    said["plays merged"] = editor.playing
+    yield Wait(0.5)
+    yield from shot("09b merged")
+    if "menu all" in workspace.widgets:
+        yield from meets(workspace, "menu all")
+        yield Click(Widget("menu all"))
+        yield Wait(0.2)
+    yield from meets(workspace, "menu File")
+    yield Click(Widget("menu File"))
+    yield from meets(workspace, "menu File/Save")
+    yield Click(Widget("menu File/Save"))
+    yield from meets(workspace, "file name")
+    yield Do(typed("Hopping chair"))
+    yield Wait(0.3)
+    yield from meets(workspace, "dialog Save")
+    yield Click(Widget("dialog Save"))
 
 
 def typed(text: str):  # type: ignore[no-untyped-def]
@@ -68,43 +145,94 @@ def typed(text: str):  # type: ignore[no-untyped-def]
     return lambda workspace: imgui.get_io().add_input_characters_utf8(text)
 
 
-def work(workspace: Workspace) -> Iterator[Action]:
-    """The start page, the tour by its button, and the deed of each step."""
-    yield Wait(0.3)
-    yield Do(lambda _: wanted.append("start"))
-    yield Wait(0.1)
-    yield Click(Widget("do Take the tour"))
+def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
+    """Leave the tour in its middle, and take it again from the menu."""
+    yield from until(workspace, lambda: "tour later" in workspace.widgets, "the card")
+    number = workspace.tour.number
+    yield Click(Widget("tour later"))
+    yield from until(workspace, lambda: workspace.tour is None, "no tour")
+    yield from open_menu(workspace, "menu Help")
+    yield Click(Widget("menu Help/Take the tour"))
+    yield from until(workspace, lambda: workspace.tour is not None, "the tour again")
+    said["resumed"] = [number, workspace.tour.number]
+
+
+def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
+    """Open a menu, in a narrow window through the one that has all."""
+    if "menu all" in workspace.widgets:
+        yield Click(Widget("menu all"))
+        yield Wait(0.2)
+    yield Click(Widget(name))
     yield Wait(0.2)
-    doing = deeds(workspace)
+
+
+def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[Action]:
+    """Go to the begin of the arrow, where the chair holds still, and drag along it."""
+    for _ in range(16):  # the view may still be gliding there
+        yield Do(lambda _: stages[0].move(where(on_picture(workspace)[0], stages[0])))
+    yield Wait(2 * STEP)
+    said["holds still"] = said.get("holds still", True) and not workspace.editor.playing
+    yield Drag(on_picture(workspace), 0.8, shift=shift)
+
+
+def on_picture(workspace: Workspace) -> tuple[Near, ...]:
+    """The ends of the arrow as places of the driver."""
+    return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in workspace.tour.target.path)
+
+
+def by_showing(workspace: Workspace) -> Iterator[Action]:
+    """Press "Show me" in each step."""
+    number = -1
     while workspace.tour is not None and workspace.tour.step is not None:
-        number, title = workspace.tour.number, workspace.tour.step.title
-        yield Do(lambda _, number=number: wanted.append(f"step {number + 1}"))
-        yield Wait(0.1)
-        said["at"] = title
-        yield from next(doing)
-        for _ in range(80):
-            if workspace.tour is None or workspace.tour.number != number:
-                break
-            yield Wait(0.1)
-        else:
-            said["stuck"] = [title, [toast.text for toast in workspace.editor.toasts.shown]]
-            yield Do(lambda _: wanted.append("stuck"))
-            yield Wait(0.1)
-            return
-        said["steps"].append(title)
-    yield Do(lambda _: wanted.append("after"))
-    yield Wait(0.1)
+        tour = workspace.tour
+        if tour.number != number and tour.ticked <= 0.0 and not tour.shows:
+            number = tour.number
+            yield Wait(2 * STEP)
+            said["titles"].append(tour.title)
+            yield Click(Widget("tour show"))
+            yield Wait(0.7)
+            yield from shot(f"show {number + 1}")
+        yield from until(
+            workspace,
+            lambda: tour.step is None or (tour.number != number and tour.ticked <= 0.0),  # noqa: B023
+            f"the end of step {number + 1}",
+        )
+
+
+def work(workspace: Workspace, how: str) -> Iterator[Action]:
+    """The start page, the tour by its button, and what is done in each step."""
+    yield Wait(0.3)
+    yield from shot("00 start")
+    yield Click(Widget("do Take the tour"))
+    yield from (by_hand if how == "hand" else by_showing)(workspace)
+    yield from until(workspace, lambda: workspace.tour and workspace.tour.step is None, "the end")
+    yield Wait(0.3)
+    yield from shot("12 end")
+    said["file"] = str(workspace.store.path)
+    said["dirty"] = workspace.store.dirty
+    yield Click(Widget("tour close"))
+    yield Wait(0.2)
+    said["closed"] = [workspace.tour is None, workspace.preferences.toured, workspace.preferences.tour_step]
+    yield Click(Widget("room Perform"))
+    yield Wait(0.2)
+    yield Click(Widget("leave"))
+    yield Wait(0.2)
+    said["left the stage"] = workspace.perform.live is None
+    said["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["done"] = True
 
 
 def main() -> None:
     os.chdir(sys.argv[1])
-    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    size = (1280, 720) if len(sys.argv) > 2 else (1000, 620)
-    settings = StudioSettings(render=render, width=size[0], height=size[1])
-    workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
+    pictures = Path(sys.argv[3]) if len(sys.argv) > 3 else None
+    width, height = map(int, (sys.argv[4] if len(sys.argv) > 4 else "1000x640").split("x"))
+    small = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    settings = StudioSettings(render=RenderSettings() if pictures else small, width=width, height=height)
+    workspace = Workspace.new(Editor(settings), Path(sys.argv[1]) / "own")
+    workspace.preferences.text_size = float(sys.argv[5]) if len(sys.argv) > 5 else 1.0
     workspace.starting = True
-    window = StudioWindow(workspace, STEP)
+    workspace.editor.show_meshes = pictures is not None  # most of the time of a picture
+    window = StudioWindow(workspace, STEP if pictures else LONG_STEP)
     going: list[tuple[WindowStage, Iterator[None]]] = []
 
     def before(window: StudioWindow) -> None:
@@ -113,26 +241,26 @@ def main() -> None:
         if not going:
             stage = WindowStage(window)
             stage.pace = 0.1
-            going.append((stage, steps(work(workspace), stage)))
+            stages.append(stage)
+            going.append((stage, steps(work(workspace, sys.argv[2]), stage)))
         stage, todo = going[0]
         stage.settle()
-        if next(todo, StopIteration) is StopIteration:
+        try:
+            next(todo)
+        except (StopIteration, TimeoutError):
             workspace.store.forget()
             window.close()
 
     def after(window: StudioWindow) -> None:
         while wanted:
             name = wanted.pop()
-            pixels = window.pixels()
-            said[f"spread {name}"] = float(pixels.std())
-            if len(sys.argv) > 2:
+            if pictures is not None:
                 from PIL import Image
 
-                Image.fromarray(pixels).save(Path(sys.argv[2]) / f"{name}.png")
+                Image.fromarray(window.pixels()).save(pictures / f"{name}.png")
 
-    with coarse_pixels(lambda: bool(wanted)):
+    with coarse_pixels(lambda: bool(wanted) and pictures is not None):
         window.run(before=before, after=after, seconds=380)
-    said["toured"] = workspace.preferences.toured
     print(json.dumps(said))
 
 

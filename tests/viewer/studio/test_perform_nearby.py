@@ -7,6 +7,7 @@ from patience import PATIENCE
 
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.workspace.files import add_sample
 
 
 @pytest.mark.parametrize(
@@ -28,3 +29,16 @@ def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, sa
         time.sleep(0.02)
     (toast,) = (toast for toast in editor.toasts.shown if toast.bad)
     assert said in toast.text and toast.mend and "enliven:" not in toast.text
+
+
+def test_what_stood_on_a_stage_of_this_machine_goes_onto_the_next(tmp_path):
+    editor = Editor()
+    perform = PerformSession(editor, tmp_path)
+    perform.connect_nearby("--sensor", "kinekt")
+    add_sample(editor, "chair")
+    perform.sender.stands("chair", editor.project.character("chair"))
+    assert not perform.waiting
+    perform.disconnect()
+    assert perform.waiting == ("chair",)
+    perform.disconnect()
+    assert perform.waiting == ("chair",), "leaving again changes nothing"

@@ -1,30 +1,103 @@
-"""The first minutes: the start page, samples, and the tour, taken in the real window."""
+"""The first minutes: the start page, samples, and the tour, taken in the real window and without one."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from in_a_window import in_a_window
+from strokes import limb
 from studio_driver import HeadlessStage, Key, play
 
+from enliven.formats.project import read_project
 from enliven.modeling.edits import rig_of
+from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven.samples import load_sample
+from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.start import TOUR, Toured
+from enliven_viewer.studio.panels.start import place_card
+from enliven_viewer.studio.start import TOUR, legs_of
+from enliven_viewer.studio.start.steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_tour_session.py"
+MEANT = (
+    *("do Armchair", "recorded person", "possess", "record", "record", "room Animate", "tool cut"),
+    *("the leg", "tool carry", "the piece", "menu File", "menu File/Save", "file name", "dialog Save"),
+)
+"""The widgets and places of the picture that the tour has to point at, one after the other."""
+FORBIDDEN = (
+    *("chain", "root", "node", "vertex", "vertices", "skeleton", "mesh", "bone", "joint", "rig", "layer"),
+    *("take", "edge", "sensor", "track", "project", "performer", "possessed", "deform", "graph", "keyframe"),
+)
+"""Words that a child of nine does not know in this sense."""
+MOST_WORDS = 15
 
 
-def test_the_tour_is_done_step_by_step_from_the_start_page(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
+def encloses(outline: list[float], rectangle: list[float]) -> bool:
+    """Returns whether an outline goes around a rectangle of pixels, and not around much more."""
+    around = outline[0] <= rectangle[0] and outline[1] <= rectangle[1]
+    around = around and outline[2] >= rectangle[2] and outline[3] >= rectangle[3]
+    return around and max(np.abs(np.subtract(outline, rectangle))) < 12
+
+
+def kept_chair(path: Path):
+    """The only chair of a saved file, and the project."""
+    project = read_project(path)
+    (chair,) = project.graphs.values()
+    return chair, project
+
+
+def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path: Path) -> None:
+    said = in_a_window(SESSION, str(tmp_path), "hand")
     assert said["done"], json.dumps(said)
-    assert said["steps"] == [step.title for step in TOUR] and said["toured"]
-    assert all(said[f"spread step {number + 1}"] > 5 for number in range(len(TOUR)))
-    assert (tmp_path / "Untitled.enliven").is_file()
+    assert tuple(name for name, _, _ in said["outlines"]) == MEANT
+    for name, outline, widget in said["outlines"]:
+        assert widget is None or encloses(outline, widget), name
+    assert said["into the chair in s"] < 60.0, "the performance begins in the first minute"
+    assert said["resumed"][0] == said["resumed"][1] == 4, "left in the middle, and resumed there"
+    assert said["plays before"] and said["holds still"] and said["plays after"] and said["plays merged"]
+    assert said["pieces"][0] < 1000 < said["pieces"][1], "one leg was cut off"
+    assert said["dance on"] == [True, True]
+    chair, project = kept_chair(tmp_path / "Hopping chair.enliven")
+    assert plays(project, chair) and not said["dirty"] and not said["toasts"]
+    assert said["closed"] == [True, True, 0] and said["left the stage"]
+
+
+def test_show_me_does_every_step(tmp_path: Path) -> None:
+    said = in_a_window(SESSION, str(tmp_path), "show")
+    assert said["done"], json.dumps(said)
+    assert said["titles"] == [step.title for step in TOUR]
+    chair, project = kept_chair(tmp_path / "My dancing chair.enliven")
+    assert plays(project, chair) and not said["dirty"] and not said["toasts"]
+    lowest = chair.mesh.vertices[legs_of(chair.mesh)[0], 1].min()
+    assert len(legs_of(chair.mesh)) == 3 and lowest < 0.05, "it stands on three legs"
+
+
+@pytest.mark.parametrize("text", [part.text for step in TOUR for part in step.parts] + [ENDING[1]])
+def test_each_sentence_is_short_and_of_known_words(text: str) -> None:
+    for sentence in re.split(r"(?<=[.!?]) ", text):
+        assert len(sentence.split()) <= MOST_WORDS, sentence
+    words = re.findall(r"[a-z]+", text.lower())
+    assert not {*words} & {*FORBIDDEN}, text
+
+
+def test_titles_are_a_few_known_words() -> None:
+    for title in [*(step.title for step in TOUR), ENDING[0]]:
+        words = re.findall(r"[a-z]+", title.lower())
+        assert len(words) <= 5 and not {*words} & ({*FORBIDDEN} - {"take"}), title
+
+
+def test_each_button_that_the_tour_names_has_that_name(workspace: Workspace) -> None:
+    known = {action.entry for action in workspace.actions} | {action.menu for action in workspace.actions}
+    known |= {"A recorded person", "Possess", "Record", "Stop", "Perform", "Animate"}
+    for step in TOUR:
+        for part in step.parts:
+            assert {*re.findall("“(.+?)”", part.text)} <= known, part.text
 
 
 @pytest.fixture
@@ -32,39 +105,131 @@ def workspace(tmp_path) -> Workspace:
     return Workspace.new(Editor(), tmp_path)
 
 
-def test_no_step_is_done_before_its_deed(workspace: Workspace) -> None:
-    toured = Toured(workspace.editor, workspace.actions, workspace.store)
-    for step in TOUR:
-        now = step.look(toured)
-        assert not step.done(now, step.look(toured)), step.title
-
-
 def test_a_step_goes_on_a_moment_after_its_deed_and_not_by_another(workspace: Workspace) -> None:
     workspace.actions.do("help.tour")
     tour = workspace.tour
     assert tour is not None and tour.number == 0
     workspace.actions.do("view.play")
+    workspace.actions.do("sample.cactus")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked == 0.0, "playing is not drawing"
+    assert tour.number == 0 and tour.ticked == 0.0, "a cactus is no chair"
     workspace.actions.do("sample.chair")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked > 0.0, "a tick first"
+    assert tour.number == 0 and tour.ticked > 0.0 and not tour.text, "a tick first"
     workspace.watch_tour(5.0)
-    assert tour.number == 1
-    for _ in TOUR[1:]:
-        tour.skip()
     workspace.watch_tour(0.1)
-    assert workspace.tour is None and workspace.preferences.toured
+    assert tour.number == 1 and tour.target.widgets[0] == "recorded person"
+    workspace.perform.room = "Model"
+    workspace.watch_tour(0.1)
+    assert tour.target.widgets == ("room Perform",), "the way back to where the step goes on"
 
 
-def test_the_tour_names_the_keys_that_the_artist_has(workspace: Workspace) -> None:
+def test_back_shows_a_done_step_and_next_goes_on(workspace: Workspace) -> None:
     workspace.actions.do("help.tour")
-    assert workspace.tour is not None and "Press S." in workspace.tour.text
-    workspace.actions.give("tool.sketch", "ctrl+f8")
-    assert "Press Ctrl+F8." in workspace.tour.text
-    for _ in TOUR:
-        assert "{" not in workspace.tour.text, workspace.tour.text
-        workspace.tour.skip()
+    workspace.actions.do("sample.chair")
+    for _ in range(3):
+        workspace.watch_tour(2.0)
+    tour = workspace.tour
+    assert tour is not None and tour.number == 1
+    tour.back()
+    for _ in range(3):
+        workspace.watch_tour(2.0)
+    assert tour.number == 0 and tour.reviewing, "it stays until Next"
+    tour.skip()
+    workspace.watch_tour(0.1)
+    assert tour.number == 1 and not tour.reviewing
+    tour.skip()
+    workspace.watch_tour(0.1)
+    assert TOUR[tour.number].title == "Take the scissors", "no step is shown that cannot be done"
+
+
+def test_the_tour_is_left_and_resumed_where_that_can_be_done(workspace: Workspace, tmp_path: Path) -> None:
+    workspace.actions.do("help.tour")
+    workspace.actions.do("sample.chair")
+    workspace.tour.skip()
+    workspace.tour.skip()
+    workspace.watch_tour(0.1)
+    number = workspace.tour.number
+    workspace.end_tour()
+    assert workspace.tour is None and workspace.preferences.toured
+    workspace.actions.do("help.tour")
+    assert workspace.tour.number == number, "in the same window"
+    later = Workspace.new(Editor(), tmp_path)
+    assert later.preferences.tour_step == number
+    later.actions.do("help.tour")
+    assert later.tour.number == 0, "without a chair it begins with one"
+    later.actions.do("help.tour")
+    assert later.tour.number == 0, "begun again while it is taken"
+
+
+def test_the_tour_goes_back_if_what_a_step_needs_is_lost(workspace: Workspace) -> None:
+    workspace.actions.do("help.tour")
+    workspace.actions.do("sample.chair")
+    workspace.tour.skip()
+    workspace.tour.skip()
+    workspace.watch_tour(0.1)
+    assert workspace.tour.number > 1
+    workspace.actions.do("edit.undo")
+    workspace.watch_tour(0.5)
+    assert workspace.tour.number > 1, "not at once"
+    for _ in range(6):
+        workspace.watch_tour(0.5)
+    assert workspace.tour.number == 0
+
+
+@pytest.fixture
+def limb_there(workspace: Workspace) -> np.ndarray:
+    """(V, 2) pixels of a shape that is there alone, and plays."""
+    outline = limb(np.array([[0.0, 1.4], [0.0, 1.0], [0.0, 0.5]]), np.array([0.07, 0.06, 0.05]))
+    shape = shape_from_stroke(outline, id="limb")
+    workspace.editor.edit("add", lambda project: project.with_characters(shape))
+    HeadlessStage(workspace)
+    return workspace.editor.lens.project(workspace.editor.posed("limb").vertices)[0]
+
+
+@pytest.mark.parametrize("tool", ["cut", "carry"])
+@pytest.mark.parametrize("was_playing", [True, False])
+def test_what_plays_holds_still_during_a_stroke_and_goes_on(
+    workspace: Workspace, limb_there: np.ndarray, tool: str, was_playing: bool
+) -> None:
+    editor, hands = workspace.editor, workspace.input
+    editor.time, editor.playing = 1.3, was_playing
+    hands.take(tool)
+    x, y = limb_there.mean(0).tolist()
+    wide = 20.0 + float(np.ptp(limb_there[:, 0]))
+    hands.press((x - wide * (tool == "cut"), y))
+    assert not editor.playing
+    for share in np.linspace(0.1, 1.0, 9):
+        editor.advance(0.05)
+        hands.move((float(x - wide + 2 * share * wide), y))
+    hands.release((x + wide, y))
+    assert editor.playing == was_playing and editor.time == pytest.approx(1.3)
+    assert len(editor.project.characters) == 1 + (tool == "cut")
+    hands.press((x, y))
+    hands.drop()
+    assert editor.playing == was_playing, "also where the stroke is dropped"
+
+
+def test_the_legs_of_the_armchair_are_found() -> None:
+    mesh = load_sample("chair")
+    legs = legs_of(mesh)
+    assert len(legs) == 4
+    middles = np.array([mesh.vertices[leg].mean(0) for leg in legs])
+    assert (np.abs(middles[:, 0]) > 0.15).all() and (middles[:, 1] < 0.2).all()
+
+
+@pytest.mark.parametrize("window", [(1360.0, 820.0), (640.0, 360.0)])
+def test_the_card_covers_nothing_that_is_meant(window: tuple[float, float]) -> None:
+    size = (300.0, 130.0)
+    places = [(x, y) for x in np.linspace(0, window[0] - 90, 7) for y in np.linspace(0, window[1] - 30, 7)]
+    for x, y in places:
+        meant = (x, y, x + 90.0, y + 30.0)
+        left, top = place_card(size, (0.0, 23.0, *window), meant)
+        apart = left >= meant[2] or left + 300.0 <= x or top >= meant[3] or top + 130.0 <= y
+        inside = left >= 0 and top >= 23.0 and left + 300.0 <= window[0] and top + 130.0 <= window[1]
+        assert apart and inside, (x, y, left, top)
+        again = place_card(size, (0.0, 23.0, *window), meant, before=(left, top))
+        assert again == (left, top), "it stays where it is"
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -29,6 +29,7 @@ class _Kept(msgspec.Struct):
     text_size: float = 1.0
     less_motion: bool = False
     toured: bool = False
+    tour_step: int = 0
     performer: bool = True
     timeline_height: float = 0.0
 
@@ -44,7 +45,7 @@ class Preferences:
         recent: paths of projects and models that were opened or saved last, the newest first.
         text_size: size of the text and of the layout over the usual.
         less_motion: the view turns at once, without gliding.
-        toured: whether the tour was finished or put away.
+        toured: whether the tour was finished or put away; tour_step: the number of the step it resumes at.
         performer: performers are seen in a corner of the picture as their camera sees them.
         timeline_height: pixels that the timeline was given; 0 for the usual height.
     """
@@ -53,7 +54,7 @@ class Preferences:
         self.path = (folder or own_folder()) / _NAME
         kept = self._read()
         self.keys, self.recent = dict(kept.keys), list(kept.recent)
-        self.text_size, self.toured = kept.text_size, kept.toured
+        self.text_size, self.toured, self.tour_step = kept.text_size, kept.toured, max(kept.tour_step, 0)
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
 

@@ -20,6 +20,7 @@ from enliven_viewer.studio.layout import draw_panels, places_of
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
+    draw_tour,
     load_fonts,
 )
 from enliven_viewer.studio.panels.stage import (
@@ -195,6 +196,7 @@ class StudioWindow:
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
         still = still and not self._idle_loop.loss
+        still = still and (self.workspace.tour is None or not self.workspace.tour.moves)
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
@@ -222,7 +224,7 @@ class StudioWindow:
             self._idle_loop.advance(workspace.perform.live, editor.camera, elapsed, orbits=orbits)
         workspace.sound.follow()
         workspace.scan.advance()
-        workspace.watch_tour(elapsed)
+        workspace.watch_tour(elapsed, (area.x, area.y))
         assert self._pictures is not None
         self._pictures.draw(area)
 
@@ -243,7 +245,10 @@ class StudioWindow:
             draw_scan_over(self.workspace, places.viewport)
         asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
         draw_dialogs(self.workspace)
-        self._listen(places.viewport, keys=not asking)
+        if not (self.audience or self.opening.bare):
+            draw_tour(self.workspace, places)
+        if self.workspace.tour is None or self.workspace.tour.demonstration is None:
+            self._listen(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.desktop is not None:
             self.desktop.follow()

@@ -153,8 +153,14 @@ class PerformSession:
         )
 
     def disconnect(self) -> None:
-        """Let the edge go; what was recorded until now is kept."""
+        """Let the edge go; what was recorded until now is kept.
+
+        The stage of an edge of this machine ends with it: what stood there goes onto the next stage.
+        """
         self.recording.stop()
+        if self._nearby is not None:
+            stood = (name for name, state in self.sender.states.items() if not state.startswith("refused"))
+            self._soon = tuple(dict.fromkeys((*self._soon, *stood)))
         self.cameras.close()
         for guest in self.guests:
             guest.close()
@@ -327,6 +333,11 @@ class PerformSession:
         if not self.connected:
             said = f"{name} goes onto the stage as soon as there is one"
             self.editor.toasts.say(said, "Connect to a camera at the right, or to a recorded person.")
+
+    @property
+    def waiting(self) -> tuple[str, ...]:
+        """The characters that go onto the next stage."""
+        return self._soon
 
     def _put_awaited(self) -> None:
         """Put on the stage what waited for one."""

@@ -1,4 +1,4 @@
-"""The first minutes: a tour that sees each step done by the artist, and goes on."""
+"""The first minutes: a tour that points at each step, sees it done by the artist, or shows it."""
 
 import lazy_loader
 

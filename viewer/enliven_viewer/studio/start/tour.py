@@ -1,162 +1,58 @@
-"""A tour of three minutes: each step says what to do, sees it done, and goes on."""
+"""The tour as far as it has come: it sees each step done, goes on, goes back, and can be left and resumed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Protocol
+import math
 
-import numpy as np
+from enliven_viewer.studio.start.demonstration import Demonstration
+from enliven_viewer.studio.start.legs import chair_in_picture
+from enliven_viewer.studio.start.steps import ENDING, TOUR, TourPart, TourStep
+from enliven_viewer.studio.start.target import DrawnWidgets, Rectangle, Target
+from enliven_viewer.studio.start.toured import Desk, Toured
+from enliven_viewer.studio.viewport import Point
 
-from enliven_viewer.studio.actions import ActionTable
-from enliven_viewer.studio.editor import Editor
-
-_TURNED = 0.97
-"""Cosine of about 14 degrees: a view that was turned by more was turned on purpose."""
-_STAYS = 1.2
-"""Seconds that a step stays after its deed, with a tick, before the next one is shown."""
-
-
-class Saved(Protocol):
-    """The file of the project."""
-
-    @property
-    def named(self) -> bool:
-        """Whether it has a file."""
-
-    @property
-    def dirty(self) -> bool:
-        """Whether something is not saved."""
-
-
-@dataclass(frozen=True)
-class Toured:
-    """What the steps of the tour look at."""
-
-    editor: Editor
-    actions: ActionTable
-    store: Saved
-
-    @property
-    def characters(self) -> int:
-        """How many characters there are."""
-        return len(self.editor.project.characters)
-
-    @property
-    def handles(self) -> int:
-        """How many joints and control points there are."""
-        return sum(len(one.handles) for one in self.editor.project.characters.values())
-
-    @property
-    def layers(self) -> int:
-        """How many layers play."""
-        return sum(len(one.playing) for one in self.editor.project.characters.values())
-
-    @property
-    def merges(self) -> int:
-        """How often two characters were made one."""
-        return sum(name.startswith("merge") for name in self.editor.history.names)
-
-
-@dataclass(frozen=True)
-class TourStep:
-    """A step of the tour.
-
-    Attributes:
-        title: what is to be done, in a few words.
-        text: how, with the keys as ``{id of an action}``.
-        look: what is looked at when the step begins, and again in every picture.
-        done: whether the first and the last of these say that it was done.
-    """
-
-    title: str
-    text: str
-    look: Callable[[Toured], Any]
-    done: Callable[[Any, Any], bool]
-
-
-def _more(before: int, now: int) -> bool:
-    return now > before
-
-
-TOUR = (
-    TourStep(
-        "Draw a tentacle",
-        "Press {tool.sketch}. Draw a long closed outline in the picture, and let go where you began.",
-        lambda t: t.characters,
-        _more,
-    ),
-    TourStep(
-        "Look around it",
-        "Drag in the picture with the right button. The wheel goes closer; {view.all} shows all.",
-        lambda t: t.editor.lens.forward,
-        lambda before, now: float(np.dot(before, now)) < _TURNED,
-    ),
-    TourStep(
-        "Let it bend",
-        "Press {tool.insert} and click on its bone: a node appears there. More nodes bend more softly.",
-        lambda t: t.handles,
-        _more,
-    ),
-    TourStep(
-        "Give it a motion",
-        "Under Takes at the right, click wave. In the picture of the take, click the two ends of its chain; "
-        "then click the same two ends on your tentacle.",
-        lambda t: t.layers,
-        _more,
-    ),
-    TourStep(
-        "Watch it move",
-        "Press {view.play}. Press it again to stop; drag on the timeline to go to any moment.",
-        lambda t: t.editor.playing,
-        lambda before, now: bool(now),
-    ),
-    TourStep(
-        "Make a second one",
-        "Press {tool.choose}, click your tentacle, and press {edit.duplicate}. The copy moves as well.",
-        lambda t: t.characters,
-        _more,
-    ),
-    TourStep(
-        "Make one of the two",
-        "Press {tool.carry} and drag the red root of the copy onto a node of the first. Both go on moving.",
-        lambda t: t.merges,
-        _more,
-    ),
-    TourStep(
-        "Change your mind",
-        "Press {edit.undo}: nothing is ever lost. {edit.history} lists all steps, and a click goes there.",
-        lambda t: t.editor.history.at,
-        lambda before, now: now < before,
-    ),
-    TourStep(
-        "Find anything",
-        "Press {help.palette}, type some letters of what you want, such as “larger”, and press Enter.",
-        lambda t: t.actions.recent[:2],
-        lambda before, now: now != before and now[1:] == ["help.palette"],
-    ),
-    TourStep(
-        "Keep it",
-        "Press {file.save}, type a name, and press Enter.",
-        lambda t: t.store.named and not t.store.dirty,
-        lambda before, now: bool(now),
-    ),
-)
-"""The steps, in their order; each can be done in a quarter of a minute."""
+_STAYS_S = 1.2
+"""Seconds that a step stays after it was done, with a tick, before the next one is shown."""
+_AGAIN_S = 6.0
+"""Seconds without an effect after which the tour shows a part once more: the stage may have been busy."""
+_NEAR = 30.0
+"""Pixels around what is meant in the picture within which the pointer makes a dancing chair hold still."""
+_MISSING_S = 2.0
+"""Seconds for which a step lacks what it needs before the tour goes back: a dancer is lost for a moment."""
 
 
 class Tour:
-    """The tour as far as it has come.
+    """The tour.
+
+    Args:
+        desk: the workspace.
+        widgets: where widgets are drawn.
+        number: of the step to resume at; the tour begins at an earlier one if that lacks what it needs.
 
     Attributes:
-        number: of the step that is to be done; that of no step once all are done.
+        number: of the step that is to be done; the count of the steps once all are.
         ticked: seconds for which the step that was just done still stays.
+        reviewing: whether a step is looked at again that was done before; it stays until *Next*.
+        shows: whether the tour does the step for the artist; demonstration: its hand, while that moves.
+        target: where the tour points.
+        card: where the card was drawn last, in the window's pixels; card_key: what was said then.
     """
 
-    def __init__(self, toured: Toured) -> None:
-        self._toured = toured
-        self.number, self.ticked = 0, 0.0
-        self._before = TOUR[0].look(toured)
+    def __init__(self, desk: Desk, widgets: DrawnWidgets, number: int = 0) -> None:
+        self._toured, self._widgets = Toured(desk), widgets
+        self.number, self.ticked, self.reviewing = min(number, len(TOUR) - 1), 0.0, False
+        self.shows = False
+        self.demonstration: Demonstration | None = None
+        self.target = Target()
+        self.card: Point | None = None
+        self.card_key: tuple[object, ...] = ()
+        self._shown: TourPart | None = None
+        self._rested, self._hand = 0.0, (0.0, 0.0)
+        self._missing = 0.0
+        self._before = self._toured.counts
+        self._is_new, self._holds_still = True, False
+        while self.number and not TOUR[self.number].ready(self._toured):
+            self.number -= 1
 
     @property
     def step(self) -> TourStep | None:
@@ -164,31 +60,168 @@ class Tour:
         return TOUR[self.number] if self.number < len(TOUR) else None
 
     @property
-    def text(self) -> str:
-        """How to do it, with the keys that the artist has."""
-        actions = self._toured.actions
-        keys = {action.id: actions.shown_key(action) or action.label for action in actions}
-        said = self.step.text if self.step is not None else ""
-        for name, key in keys.items():
-            said = said.replace(f"{{{name}}}", key)
-        return said
+    def part(self) -> TourPart | None:
+        """The part of the step that is to be done; None once it is done, or all are."""
+        step = self.step
+        return None if step is None or self.ticked > 0.0 else step.part(self._toured, self._before)
 
-    def watch(self, seconds: float) -> None:
-        """Look whether the step was done; to be called once a picture, so long after the one before."""
+    @property
+    def title(self) -> str:
+        """What the step is about, in a few words."""
+        return ENDING[0] if self.step is None else self.step.title
+
+    @property
+    def text(self) -> str:
+        """What to do now: one sentence; empty while a tick is shown."""
         if self.step is None:
+            return ENDING[1]
+        part = self.part
+        return "" if part is None else part.text
+
+    @property
+    def wants_samples(self) -> bool:
+        """Whether the start page has to be shown, since a sample is to be clicked on it."""
+        return any(name.startswith("do ") for name in self.target.widgets)
+
+    @property
+    def moves(self) -> bool:
+        """Whether something of it moves by itself, so that the window must not rest."""
+        return self.shows or self.ticked > 0.0
+
+    def outline(self, origin: Point) -> Rectangle | None:
+        """Where what is meant is now, in the window's pixels; None where it cannot be seen.
+
+        Args:
+            origin: the top left of the picture, in the window's pixels.
+        """
+        if self.target.box is not None:
+            left, top, right, bottom = self.target.box
+            return left + origin[0], top + origin[1], right + origin[0], bottom + origin[1]
+        found = self._widgets.find(self.target.widgets)
+        return None if found is None else found[1]
+
+    def covered(self, origin: Point) -> Rectangle | None:
+        """Where the chair is in the window's pixels, so that nothing is put over it; None without one."""
+        box = chair_in_picture(self._toured.desk.editor, self._toured.extent).box
+        if box is None:
+            return None
+        return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
+
+    def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
+        """Look whether the step was done; to be called once a picture, so long after the one before."""
+        step = self.step
+        if step is None:
+            self.target = Target()
             return
         if self.ticked > 0.0:
-            self.ticked -= seconds
-            if self.ticked <= 0.0:
-                self.skip()
-        elif self._is_done(self.step):
-            self.ticked = _STAYS
+            self._tick(seconds)
+        elif not self.reviewing:
+            if self._is_done(step):
+                self.ticked = _STAYS_S
+                self._stop_showing()
+            else:
+                self._look_for_needs(step, seconds)
+        if self._is_new and self.step is not None:
+            self._is_new = False
+            self.step.begin(self._toured)
+        part = self.part
+        self.target = Target() if part is None else part.target(self._toured)
+        self._widgets.want(self.target.widgets)
+        self._hold_still()
+        self._show_on(seconds, origin)
 
     def skip(self) -> None:
-        """Go on with the next step."""
-        self.number, self.ticked = self.number + 1, 0.0
-        if self.step is not None:
-            self._before = self.step.look(self._toured)
+        """Go on with the next step that has what it needs."""
+        self._go(self.number + 1)
+        while self.number < len(TOUR) - 1 and not TOUR[self.number].ready(self._toured):
+            self._go(self.number + 1)
+
+    def back(self) -> None:
+        """Look at the step before; if it was done already it stays until :meth:`skip`."""
+        self._go(max(self.number - 1, 0))
+        step = self.step
+        self.reviewing = step is not None and self._is_done(step)
+
+    def show(self, start: Point) -> None:
+        """Let the tour do the step; the hand begins at a pixel of the window."""
+        if self.part is not None and not self.shows:
+            self.shows, self._hand, self._shown = True, start, None
+
+    def _hold_still(self) -> None:
+        """Let what plays stand still while the pointer is near: a dancing leg is hard to hit."""
+        editor, hands = self._toured.desk.editor, self._toured.desk.input
+        if hands.busy or self.demonstration is not None:
+            return
+        path, box = self.target.path, self.target.box
+        near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
+        if near and editor.playing:
+            editor.playing, self._holds_still = False, True
+        elif not near:
+            self._let_play()
+
+    def _let_play(self) -> None:
+        """Let what was made to stand still play on."""
+        if self._holds_still:
+            self._toured.desk.editor.playing, self._holds_still = True, False
+
+    def leave(self) -> None:
+        """Leave the studio as it was found."""
+        self._stop_showing()
+        self._let_play()
+
+    def _go(self, number: int) -> None:
+        self._stop_showing()
+        self.number, self.ticked, self.reviewing, self._missing = number, 0.0, False, 0.0
+        self._before, self._is_new = self._toured.counts, True
+
+    def _tick(self, seconds: float) -> None:
+        self.ticked -= seconds
+        if self.ticked <= 0.0:
+            self._go(self.number + 1)
 
     def _is_done(self, step: TourStep) -> bool:
-        return step.done(self._before, step.look(self._toured))
+        return step.part(self._toured, self._before) is None
+
+    def _look_for_needs(self, step: TourStep, seconds: float) -> None:
+        """Go back where a step has lacked for a while what it needs."""
+        self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
+        if self._missing > _MISSING_S:
+            number = self.number
+            while number and not TOUR[number].ready(self._toured):
+                number -= 1
+            self._go(number)
+
+    def _show_on(self, seconds: float, origin: Point) -> None:
+        if not self.shows:
+            return
+        if self.demonstration is None:
+            self._show_next(seconds)
+            return
+        outline = self.outline(origin)
+        middle = None
+        if outline is not None:
+            middle = (outline[0] + outline[2]) / 2, (outline[1] + outline[3]) / 2
+        self.demonstration.advance(seconds, self.target, middle, origin)
+        if self.demonstration.ended:
+            self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
+
+    def _show_next(self, seconds: float) -> None:
+        """Begin with the next part of the step, once the last one had its effect."""
+        part, self._rested = self.part, self._rested + seconds
+        if part is None or part.waits or (part is self._shown and self._rested < _AGAIN_S):
+            return
+        self._shown = part
+        self.demonstration = Demonstration(self._toured, part, self._hand)
+
+    def _stop_showing(self) -> None:
+        self.shows = False
+        if self.demonstration is not None:
+            self.demonstration.cancel()
+            self.demonstration = None
+
+
+def _is_near(at: Point, box: Rectangle, begin: Point) -> bool:
+    """Returns whether a pixel is in a box with some room around it, or near the begin of a drag."""
+    left, top, right, bottom = box
+    inside = left - _NEAR < at[0] < right + _NEAR and top - _NEAR < at[1] < bottom + _NEAR
+    return inside or math.dist(at, begin) < _NEAR

@@ -52,12 +52,14 @@ class Tool:
         key: the letter that makes it the active tool.
         icon: its glyph in Font Awesome 4.
         hint: what to do next, one line.
+        plays_on: whether what plays stands still during a drag only, and goes on after it.
     """
 
     name: ClassVar[str] = ""
     label: ClassVar[str] = ""
     key: ClassVar[str] = ""
     icon: ClassVar[str] = ""
+    plays_on: ClassVar[bool] = False
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -140,6 +142,7 @@ class StrokeTool(Tool):
 
     apart: ClassVar[float] = 4.0
     """Pixels between two points of a stroke: finer than a hand draws."""
+    plays_on = True
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)

@@ -22,6 +22,7 @@ class CarryTool(Tool):
     """Moves a character parallel to the picture, and merges it where its root comes near a node or a bone."""
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
+    plays_on = True
 
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)

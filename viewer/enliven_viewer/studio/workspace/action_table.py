@@ -70,7 +70,7 @@ def _every(
         "Take the tour",
         (),
         lambda: ask("tour"),
-        about="Three minutes: each step sees what you do, and goes on.",
+        about="A chair dances, loses a leg, and is kept: each step sees what you do. Resumes where you left.",
     )
     yield Action(
         "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."

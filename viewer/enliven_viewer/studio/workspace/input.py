@@ -51,7 +51,7 @@ class ViewportInput:
         self.at: Point = (0.0, 0.0)
         self.first: Callable[[str], bool] = lambda key: False
         self._held: int | None = None
-        self._with_tool = self._over = False
+        self._with_tool = self._over = self._plays_on = False
         self.over: Handles | None = None
 
     def take(self, name: str) -> None:
@@ -64,6 +64,7 @@ class ViewportInput:
         if self._held is not None:
             return
         self._held, self.at = button, at
+        self._plays_on = self.tool.plays_on and self.editor.playing
         self._over = button == LEFT and self.over is not None and self.over.press(at)
         self._with_tool = not self._over and button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
 
@@ -91,7 +92,7 @@ class ViewportInput:
             self.over.release()
         elif self._with_tool:
             self.tool.release(Pointer(at, shift, ctrl))
-        self._held, self._with_tool, self._over = None, False, False
+        self._let_go()
 
     def wheel(self, up: float) -> None:
         """The wheel turned over the viewport."""
@@ -109,4 +110,10 @@ class ViewportInput:
     def drop(self) -> None:
         """Drop what was begun with a tool."""
         self.tool.cancel()
-        self._held, self._with_tool, self._over = None, False, False
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Forget the button; what played before a stroke of a tool goes on."""
+        if self._with_tool and self._plays_on:
+            self.editor.playing = True
+        self._held, self._with_tool, self._over, self._plays_on = None, False, False, False

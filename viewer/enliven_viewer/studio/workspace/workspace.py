@@ -23,7 +23,7 @@ from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.scan import ScanSession, scan_actions
 from enliven_viewer.studio.sound import SOUNDS, SoundPlayer, sound_actions
-from enliven_viewer.studio.start import Tour, Toured
+from enliven_viewer.studio.start import DrawnWidgets, Tour
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
@@ -74,6 +74,7 @@ class Workspace:
         depth: the tracker of depth that was opened.
         sound: plays what is performed along.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
+        drawn: the same, with the picture in which each was drawn, for the tour.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
         exporting: what the next export or film holds.
@@ -119,6 +120,7 @@ class Workspace:
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.store.recording = self.perform.recording
         self.widgets: dict[str, Rectangle] = {}
+        self.drawn = DrawnWidgets()
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
@@ -147,7 +149,7 @@ class Workspace:
         elif dialogue == "quit":
             self.ended = True
         elif dialogue == "tour":
-            self.starting, self.tour = False, Tour(Toured(self.editor, self.actions, self.store))
+            self._begin_tour()
         elif dialogue == "start":
             self.starting = not self.starting
         elif dialogue.startswith("sample "):
@@ -296,17 +298,29 @@ class Workspace:
     def _differences(self) -> tuple[Difference, ...]:
         return compare_projects(self.editor.history.project, self.store.saved_now())
 
-    def watch_tour(self, seconds: float) -> None:
-        """Let the tour see what was done; to be called once a picture, so long after the one before."""
+    def _begin_tour(self) -> None:
+        """Begin the tour, or resume it where it was left; begin it again while it is taken."""
+        number = 0 if self.tour is not None else self.preferences.tour_step
+        self.starting, self.tour = False, Tour(self, self.drawn, number)
+
+    def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Let the tour see what was done; to be called once a picture, so long after the one before.
+
+        Args:
+            origin: the top left of the picture, in the window's pixels.
+        """
         if self.tour is None:
             return
-        self.tour.watch(seconds)
-        if self.tour.step is None:
-            self.end_tour()
-            self.editor.toasts.say("That was the tour", "Ctrl+K finds all that you have not seen yet.")
+        self.tour.watch(seconds, origin)
+        number = 0 if self.tour.step is None else self.tour.number
+        if number != self.preferences.tour_step:
+            self.preferences.tour_step = number
+            self.preferences.save()
 
     def end_tour(self) -> None:
-        """Put the tour away."""
+        """Put the tour away; it resumes where it was."""
+        if self.tour is not None:
+            self.tour.leave()
         self.tour, self.preferences.toured = None, True
         self.preferences.save()
 
@@ -380,6 +394,12 @@ class Workspace:
 
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.widgets[name] = (low.x, low.y, high.x, high.y)
+        self.drawn.note(name, self.widgets[name])
+        if name in self.drawn.wanted and not self.drawn.left_alone and self.tour is not None:
+            clip = imgui.get_window_draw_list()
+            top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
+            if low.y < top or high.y > bottom:
+                imgui.set_scroll_here_y(0.5)  # what the tour means is scrolled into sight
 
     def _export(self, path: Path) -> None:
         """Write the file beside the window, since surfaces may have to be solved for it."""

@@ -33,13 +33,14 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
     """Draw the panel at the right: the two buttons that count stay at its top, the rest scrolls."""
     perform = workspace.perform
     with panel("perform", area):
-        if perform.live is None:
+        live = perform.live
+        if live is None:
             _stage(workspace, perform)
             return
         _primary(workspace, perform)
         imgui.begin_child("##rest")
-        _connected(workspace, perform, perform.live, area)
-        _performers(workspace, perform, perform.live)
+        _connected(workspace, perform, live, area)
+        _performers(workspace, perform, live)  # also in the picture in which the stage is left
         _characters(workspace, perform)
         if imgui.button("\uf030  Scan a thing...", _WHOLE):
             workspace.actions.do("scan.open")

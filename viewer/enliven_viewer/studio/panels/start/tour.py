@@ -1,0 +1,329 @@
+"""Draws the tour: a card with one sentence, an outline around what it means, an arrow, and its hand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.start.placing import Rectangle, place_card
+from enliven_viewer.studio.panels.style import packed, tinted
+from enliven_viewer.studio.places import MENU, Area, Places
+from enliven_viewer.studio.start import TOUR, Tour
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
+
+_CARD = 330.0
+"""Pixels, width of the card: a sentence in two lines, and four buttons."""
+_SENTENCE = 19.0
+"""Pixels of the sentence: read by a child, and by one who stands."""
+_ICON = 26.0
+"""Pixels of the icon of a step: as on the button that it means, and larger."""
+_BUTTON = 30.0
+"""Pixels of the height of the buttons: hit without aiming."""
+_DOT = 4.0
+"""Pixels, radius of the dot of a step."""
+_AIR = 5.0
+"""Pixels between what is meant and its outline."""
+_LINE = 3.0
+"""Pixels, width of the outline."""
+_PULSE_S = 1.4
+"""Seconds of one pulse of the outline: calm, and seen from the corner of the eye."""
+_HEAD = 11.0
+"""Pixels of the head of an arrow."""
+_DASH = 9.0
+"""Pixels of a dash of the way to drag, and of the gap after it."""
+_HAND = 30.0
+"""Pixels of the hand that shows a step."""
+_POINTS_AT = 56.0
+"""Pixels of an arrow at most: a longer one would cross what is beside the thing that is meant."""
+_TIP = (380.0, 58.0)
+"""Pixels to both sides of a widget, and below its middle, where its tooltip appears under the pointer."""
+_FLAGS = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_scrollbar
+    | imgui.WindowFlags_.no_focus_on_appearing
+)
+_DONE = "Done!"
+_REVIEWED = "You did this already."
+_SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = "Show me", "Back", "Skip", "Next", "Later", "Close"
+
+
+def draw_tour(workspace: Workspace, places: Places) -> None:
+    """Draw the tour over everything."""
+    area = places.viewport
+    tour = workspace.tour
+    workspace.drawn.picture += 1
+    workspace.drawn.left_alone |= bool(imgui.get_io().mouse_wheel)
+    workspace.widgets.pop("tour outline", None)
+    if tour is None:
+        return
+    meant = tour.outline((area.x, area.y))
+    dialogue = bool(workspace.asking)
+    if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
+        meant = None  # it lies below the dialogue
+    shape = _grown(meant) if meant is not None else None
+    if dialogue:
+        card = _bubble(tour, shape)
+    else:
+        card = _card(workspace, tour, places, shape)
+    draw = imgui.get_foreground_draw_list()
+    if shape is not None:
+        workspace.widgets["tour outline"] = shape
+        _outline(draw, shape, calm=workspace.preferences.less_motion)
+        if card is not None and tour.target.box is None:
+            _pointer(draw, card, shape)
+    if tour.target.path and not dialogue:
+        _way(draw, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
+    _hand(workspace, tour)
+
+
+def _grown(meant: Rectangle) -> Rectangle:
+    """The outline around a rectangle, within the window."""
+    size = imgui.get_io().display_size
+    left, top, right, bottom = meant
+    return (
+        max(left - _AIR, 0.0),
+        max(top - _AIR, 0.0),
+        min(right + _AIR, size.x),
+        min(bottom + _AIR, size.y),
+    )
+
+
+def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
+    """Draw the card, beside what it means."""
+    area = places.viewport
+    size = imgui.get_io().display_size
+    wide = min(_CARD, size.x - 20)
+    high = _height(tour, wide)
+    window = 0.0, MENU if places.viewport.y else 0.0, size.x, size.y
+    others = [
+        (one.x, one.y, one.x + one.width, one.y + one.height)
+        for one in (places.side, places.tools, places.timeline)
+    ]
+    kept = (tour.covered((area.x, area.y)), workspace.widgets.get("performer inset"))
+    others += [one for one in kept if one is not None]
+    if shape is not None and tour.target.box is None:
+        middle = (shape[1] + shape[3]) / 2
+        others += [(shape[0] - _TIP[0], middle, shape[2] + _TIP[0], middle + _TIP[1])]
+    page = workspace.drawn.find(("start page",))
+    others += [page[1]] if page is not None else []
+    picture = area.x, area.y, area.x + area.width, area.y + area.height
+    # What is said changes, the card may move; while it is the same, its buttons stay under the pointer.
+    key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
+    before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
+    meant = _with_way(tour, area, shape)
+    x, y = place_card((wide, high), window, meant, others, picture, before)
+    tour.card, tour.card_key = (x, y), key
+    imgui.set_next_window_pos(ImVec2(x, y))
+    imgui.set_next_window_size(ImVec2(wide, high))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.5)
+    imgui.push_style_color(imgui.Col_.border, packed(ACCENT, 0.7))
+    imgui.begin("Tour", None, _FLAGS)
+    _words(tour)
+    _dots(tour)
+    _buttons(workspace, tour)
+    imgui.end()
+    imgui.pop_style_color()
+    imgui.pop_style_var()
+    workspace.widgets["tour card"] = (x, y, x + wide, y + high)
+    return x, y, x + wide, y + high
+
+
+def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
+    """The outline together with the way to drag."""
+    if shape is None or not tour.target.path:
+        return shape
+    across = [area.x + x for x, _ in tour.target.path]
+    down = [area.y + y for _, y in tour.target.path]
+    return min(shape[0], *across), min(shape[1], *down), max(shape[2], *across), max(shape[3], *down)
+
+
+def _sentence(tour: Tour) -> str:
+    if tour.ticked > 0.0:
+        return _DONE
+    return tour.text or _REVIEWED
+
+
+def _height(tour: Tour, wide: float) -> float:
+    """Pixels of the height of the card; ImGui's own way knows it one picture late, and cuts it."""
+    style = imgui.get_style()
+    room = wide - 2 * style.window_padding.x
+    grown = _SENTENCE / imgui.get_font_size()
+    words = imgui.calc_text_size(_sentence(tour), wrap_width=room / grown).y * grown
+    inner = _ICON + words + 2 * _DOT + 4 + _BUTTON
+    return float(2 * style.window_padding.y + inner + 3 * style.item_spacing.y)
+
+
+def _words(tour: Tour) -> None:
+    done = tour.ticked > 0.0 or tour.step is None
+    tint = GOOD if done else ACCENT
+    icon = "\uf00c" if done or tour.step is None else tour.step.icon
+    draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
+    draw.add_text(imgui.get_font(), _ICON - 4, ImVec2(at.x, at.y), packed(tint), icon)
+    draw.add_text(imgui.get_font(), _SENTENCE, ImVec2(at.x + _ICON + 12, at.y + 2), packed(tint), tour.title)
+    imgui.dummy(ImVec2(1, _ICON))
+    imgui.push_font(None, _SENTENCE)
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(_sentence(tour))
+    imgui.pop_text_wrap_pos()
+    imgui.pop_font()
+
+
+def _dots(tour: Tour) -> None:
+    """A dot for each step; those that were done are filled."""
+    draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
+    for number in range(len(TOUR)):
+        middle = ImVec2(at.x + _DOT + number * 4 * _DOT, at.y + _DOT + 2)
+        if number < tour.number or (number == tour.number and tour.ticked > 0.0):
+            draw.add_circle_filled(middle, _DOT, packed(GOOD))
+        elif number == tour.number:
+            draw.add_circle_filled(middle, _DOT + 1, packed(ACCENT))
+        else:
+            draw.add_circle_filled(middle, _DOT - 1, packed(QUIET, 0.45))
+    imgui.dummy(ImVec2(1, 2 * _DOT + 4))
+
+
+def _buttons(workspace: Workspace, tour: Tour) -> None:
+    """Show me, back, skip or next, and later."""
+    spacing = imgui.get_style().item_spacing.x
+    each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
+    size = ImVec2(each, _BUTTON)
+    if tour.step is None:
+        with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+            if imgui.button(_CLOSE, ImVec2(-1, _BUTTON)):
+                workspace.end_tour()
+        workspace.remember("tour close")
+        return
+    part = tour.part
+    imgui.begin_disabled(part is None or tour.shows or part.waits)
+    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+        if imgui.button(_SHOW, size):
+            mouse = imgui.get_io().mouse_pos
+            tour.show((mouse.x, mouse.y))
+    imgui.end_disabled()
+    workspace.remember("tour show")
+    imgui.same_line()
+    imgui.begin_disabled(tour.number == 0)
+    if imgui.button(_BACK, size):
+        tour.back()
+    imgui.end_disabled()
+    workspace.remember("tour back")
+    imgui.same_line()
+    if imgui.button(f"{_NEXT if tour.reviewing else _SKIP}###tour skip", size):
+        tour.skip()
+    workspace.remember("tour skip")
+    imgui.same_line()
+    if imgui.button(_LATER, size):
+        workspace.end_tour()
+    workspace.remember("tour later")
+
+
+def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
+    """Draw the sentence alone, next to what it means in a dialogue: windows below cannot be clicked."""
+    if shape is None:
+        return None
+    draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
+    grown = _SENTENCE / imgui.get_font_size()
+    words = imgui.calc_text_size(_sentence(tour))
+    wide, high = words.x * grown + 24, words.y * grown + 16
+    x = min(max(shape[0], 8.0), size.x - wide - 8.0)
+    above, below = shape[1] - 14 - high, shape[3] + 14
+    is_field = shape[2] - shape[0] > size.x / 3  # the buttons are below a field
+    y = above if is_field or below + high > size.y else below
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(DARK), 8.0)
+    draw.add_rect(ImVec2(x, y), ImVec2(x + wide, y + high), packed(ACCENT, 0.7), 8.0, 1.5)
+    draw.add_text(imgui.get_font(), _SENTENCE, ImVec2(x + 12, y + 8), packed(INK), _sentence(tour))
+    return None
+
+
+def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
+    """Draw an outline that pulses, with a soft glow."""
+    swell = 0.0 if calm else 0.5 + 0.5 * math.sin(2 * math.pi * imgui.get_time() / _PULSE_S)
+    left, top, right, bottom = shape
+    for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
+        low, high = ImVec2(left - more, top - more), ImVec2(right + more, bottom + more)
+        draw.add_rect(low, high, packed(ACCENT, opacity), 9.0 + more, _LINE)
+    draw.add_rect(ImVec2(left, top), ImVec2(right, bottom), packed(ACCENT), 8.0, _LINE)
+
+
+def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
+    """Draw an arrow from the card to the outline."""
+    start, end = _nearest(card, shape)
+    length = math.dist(start, end)
+    if length < _HEAD:
+        return
+    # A long arrow begins near its end: it says where to look, and crosses nothing.
+    share = max(1.0 - _POINTS_AT / length, 0.0)
+    begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+    draw.add_line(ImVec2(*begin), ImVec2(*end), packed(ACCENT), _LINE)
+    _arrow_head(draw, begin, end)
+
+
+def _nearest(card: Rectangle, shape: Rectangle) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The nearest places of two rectangles to each other."""
+    start, end = [0.0, 0.0], [0.0, 0.0]
+    for axis in (0, 1):
+        low, high = max(card[axis], shape[axis]), min(card[axis + 2], shape[axis + 2])
+        if low <= high:
+            start[axis] = end[axis] = (low + high) / 2
+        elif card[axis + 2] < shape[axis]:
+            start[axis], end[axis] = card[axis + 2], shape[axis]
+        else:
+            start[axis], end[axis] = card[axis], shape[axis + 2]
+    return (start[0], start[1]), (end[0], end[1])
+
+
+def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[float, float]) -> None:
+    angle = math.atan2(end[1] - start[1], end[0] - start[0])
+    sides = [
+        ImVec2(end[0] - _HEAD * math.cos(angle + turn), end[1] - _HEAD * math.sin(angle + turn))
+        for turn in (0.5, -0.5)
+    ]
+    draw.add_triangle_filled(ImVec2(*end), sides[0], sides[1], packed(ACCENT))
+
+
+def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
+    """Draw the way to drag: dashes, with a dot where it begins and an arrow where it ends."""
+    for start, end in itertools.pairwise(points):
+        length = math.dist((start.x, start.y), (end.x, end.y))
+        if length < 1.0:
+            continue
+        across, down = (end.x - start.x) / length, (end.y - start.y) / length
+        at = 0.0
+        while at < length - _HEAD:
+            stop = min(at + _DASH, length - _HEAD)
+            low = ImVec2(start.x + at * across, start.y + at * down)
+            high = ImVec2(start.x + stop * across, start.y + stop * down)
+            draw.add_line(low, high, packed(DARK, 0.7), _LINE + 3)
+            draw.add_line(low, high, packed(ACCENT), _LINE)
+            at += 2 * _DASH
+        _arrow_head(draw, (start.x, start.y), (end.x, end.y))
+    draw.add_circle_filled(points[0], 7.0, packed(DARK, 0.7))
+    draw.add_circle_filled(points[0], 5.0, packed(ACCENT))
+
+
+def _hand(workspace: Workspace, tour: Tour) -> None:
+    """Draw the hand that shows a step, and pass on what it types."""
+    showing = tour.demonstration
+    if showing is None:
+        return
+    typed = showing.take_typed()
+    if typed:
+        imgui.get_io().add_input_characters_utf8(typed)
+    draw = imgui.get_foreground_draw_list()
+    x, y = showing.hand
+    if showing.presses:
+        draw.add_circle(ImVec2(x, y), 15.0, packed(ACCENT), 0, 3.0)
+    for dx, dy, colour in ((1.5, 2.0, packed(DARK)), (0.0, 0.0, packed(INK))):
+        at = ImVec2(x - 0.36 * _HAND + dx, y - 0.1 * _HAND + dy)
+        draw.add_text(imgui.get_font(), _HAND, at, colour, "\uf0a6")
+    if showing.shift:
+        text = "Shift"
+        draw.add_rect_filled(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(DARK), 6.0)
+        draw.add_rect(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(INK), 6.0, 1.5)
+        draw.add_text(ImVec2(x + 30, y + 27), packed(INK), text)

@@ -1,0 +1,304 @@
+"""The steps of the tour: a table of what each says, where it points, and how it is seen and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.studio.start.legs import chair_in_picture, leg_to_cut, piece_to_carry
+from enliven_viewer.studio.start.target import Target
+from enliven_viewer.studio.start.toured import TourCounts, Toured
+
+_ENOUGH = 3.0
+"""Seconds of dancing before the tour says how to stop: a swing of the arms, and back."""
+_ROOM = 1.5
+"""Size of the picture over that of the chair, before a leg is cut."""
+_FILE = "My dancing chair"
+"""The name that the tour gives the file, if it does that step itself."""
+
+
+def _nothing(toured: Toured) -> None:
+    """Wait: there is nothing to do."""
+
+
+@dataclass(frozen=True)
+class TourPart:
+    """One thing to do; the first part of a step that is not done yet is what the tour says.
+
+    Attributes:
+        text: one sentence.
+        target: returns where it points.
+        done: whether it is done, given the counts at the begin of the step.
+        command: does what a click on the target does.
+        shift: whether Shift is held while the path of the target is dragged.
+        types: the name that is typed into a field; empty for none.
+    """
+
+    text: str
+    target: Callable[[Toured], Target]
+    done: Callable[[Toured, TourCounts], bool]
+    command: Callable[[Toured], object] = _nothing
+    shift: bool = False
+    types: str = ""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it only waits for something that goes on by itself."""
+        return self.command is _nothing and not self.types
+
+
+@dataclass(frozen=True)
+class TourStep:
+    """A step of the tour: it is done once its last part is.
+
+    Attributes:
+        title: a few words.
+        icon: its glyph in Font Awesome 4.
+        parts: what is done in it.
+        ready: whether what it needs is there; else the tour goes back to the step that brings it.
+        begin: called when the step begins.
+    """
+
+    title: str
+    icon: str
+    parts: tuple[TourPart, ...]
+    ready: Callable[[Toured], bool] = lambda toured: True
+    begin: Callable[[Toured], object] = _nothing
+
+    def part(self, toured: Toured, before: TourCounts) -> TourPart | None:
+        """The part that is to be done; None once the step is done."""
+        if self.parts[-1].done(toured, before):
+            return None
+        return next(part for part in self.parts if not part.done(toured, before))
+
+
+def _widget(*names: str) -> Callable[[Toured], Target]:
+    return lambda toured: Target(names)
+
+
+def _act(action: str) -> Callable[[Toured], object]:
+    return lambda toured: toured.desk.actions.do(action)
+
+
+def _go(room: str) -> Callable[[Toured], object]:
+    return lambda toured: setattr(toured.desk.perform, "room", room)
+
+
+def _call_dancer(toured: Toured) -> None:
+    toured.desk.attempt(lambda: toured.desk.perform.connect_nearby("--loop"))
+
+
+def _step_in(toured: Toured) -> None:
+    if toured.chair is not None:
+        toured.desk.editor.choose(toured.chair.id)
+    toured.desk.actions.do("perform.possess_alone")
+
+
+def _leg(toured: Toured) -> Target:
+    chair = toured.chair
+    return Target() if chair is None else leg_to_cut(toured.desk.editor, chair)
+
+
+def _piece(toured: Toured) -> Target:
+    chair, piece = toured.chair, toured.piece
+    if chair is None or piece is None:
+        return Target()
+    return piece_to_carry(toured.desk.editor, piece, chair)
+
+
+def _dance(toured: Toured) -> None:
+    """Let what was recorded play."""
+    if toured.dances:
+        toured.desk.editor.playing = True
+
+
+def _look_at_chair(toured: Toured) -> None:
+    """Bring the dancing chair into the picture, with room to draw beside it."""
+    _dance(toured)
+    extent, editor = toured.extent, toured.desk.editor
+    if extent is not None:
+        box = bounds_of([extent])
+        if box is not None:
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), reset=False, room=_ROOM)
+
+
+def _save(toured: Toured) -> None:
+    browser = toured.desk.browser
+    if browser is not None:
+        toured.desk.attempt(lambda: toured.desk.chosen(browser.chosen()))
+
+
+def _has_name(toured: Toured) -> bool:
+    browser = toured.desk.browser
+    return browser is not None and browser.name.partition(".")[0] not in ("", "Untitled")
+
+
+def _drag(toured: Toured) -> None:
+    """Drag along the path of the target."""
+
+
+_WORKSHOP = TourPart(
+    "Click “Animate”: here you can change your chair.",
+    _widget("room Animate"),
+    lambda t, before: t.has_workshop,
+    _go("Animate"),
+)
+_STAGE = TourPart(
+    "Click “Perform”: here is the stage.",
+    _widget("room Perform"),
+    lambda t, before: t.desk.perform.room == "Perform",
+    _go("Perform"),
+)
+_SCISSORS = TourPart(
+    "Click “Cut”: these are your scissors.",
+    _widget("tool cut"),
+    lambda t, before: t.has_tool("cut"),
+    _act("tool.cut"),
+)
+
+TOUR = (
+    TourStep(
+        "Get a chair",
+        "\uf067",
+        (
+            _WORKSHOP,
+            TourPart(
+                "Click “Armchair”: it comes onto the stage.",
+                _widget("do Armchair"),
+                lambda t, before: len(t.chairs) > before.chairs or (bool(t.chairs) and not t.dances),
+                _act("sample.chair"),
+            ),
+        ),
+    ),
+    TourStep(
+        "Call a dancer",
+        "\uf007",
+        (
+            _STAGE,
+            TourPart(
+                "Click “A recorded person”, or a camera of yours above it.",
+                _widget("recorded person", "leave", "scan back"),
+                lambda t, before: t.has_stage,
+                _call_dancer,
+            ),
+            TourPart(
+                "The dancer is coming. Wait a little.",
+                _widget("stage state"),
+                lambda t, before: t.has_dancer,
+            ),
+        ),
+        lambda t: bool(t.chairs),
+    ),
+    TourStep(
+        "Step into the chair",
+        "\uf090",
+        (
+            _STAGE,
+            TourPart(
+                "Click “Possess”: the dancer slips into the chair.",
+                _widget("possess", "scan back"),
+                lambda t, before: t.is_held,
+                _step_in,
+            ),
+        ),
+        lambda t: t.has_dancer,
+    ),
+    TourStep(
+        "Keep the dance",
+        "\uf111",
+        (
+            _STAGE,
+            TourPart(
+                "Click “Record”, and count along: three, two, one.",
+                _widget("record", "scan back"),
+                lambda t, before: t.records or t.dances,
+                _act("perform.record_or_end_the_recording"),
+            ),
+            TourPart(
+                "Look: the chair does what the dancer does.",
+                lambda t: chair_in_picture(t.desk.editor, t.extent),
+                lambda t, before: t.recorded_s > _ENOUGH or t.dances,
+            ),
+            TourPart(
+                "Click “Stop” when you have seen enough.",
+                _widget("record", "scan back"),
+                lambda t, before: t.dances and not t.records,
+                _act("perform.record_or_end_the_recording"),
+            ),
+        ),
+        lambda t: t.is_held or t.records or t.dances,
+    ),
+    TourStep(
+        "Take the scissors",
+        "\uf0c4",
+        (_WORKSHOP, _SCISSORS),
+        lambda t: bool(t.chairs),
+    ),
+    TourStep(
+        "Cut a leg off",
+        "\uf0c4",
+        (
+            _WORKSHOP,
+            _SCISSORS,
+            TourPart(
+                "Drag across the leg, along the arrow: the chair holds still for you.",
+                _leg,
+                lambda t, before: len(t.chairs) > before.chairs,
+                _drag,
+            ),
+        ),
+        lambda t: bool(t.chairs),
+        _look_at_chair,
+    ),
+    TourStep(
+        "Put it somewhere else",
+        "\uf047",
+        (
+            _WORKSHOP,
+            TourPart(
+                "Click “Move, merge”: now you can carry the leg.",
+                _widget("tool carry"),
+                lambda t, before: t.has_tool("carry"),
+                _act("tool.carry"),
+            ),
+            TourPart(
+                "Hold the Shift key, and drag the leg along the arrow.",
+                _piece,
+                lambda t, before: t.counts.merges > before.merges,
+                _drag,
+                shift=True,
+            ),
+        ),
+        lambda t: len(t.chairs) > 1,
+        _dance,
+    ),
+    TourStep(
+        "Keep your chair",
+        "\uf0c7",
+        (
+            TourPart(
+                "Click “File”, and then “Save”.",
+                _widget("menu File/Save", "menu File", "menu all"),
+                lambda t, before: t.desk.asking in ("save as", "changed"),
+                _act("file.save"),
+            ),
+            TourPart(
+                "Type a name for your chair.",
+                _widget("file name"),
+                lambda t, before: _has_name(t),
+                types=_FILE,
+            ),
+            TourPart(
+                "Click “Save”: now nothing is lost.",
+                _widget("dialog Save"),
+                lambda t, before: t.is_saved,
+                _save,
+            ),
+        ),
+    ),
+)
+"""The steps, in their order; each can be done in a quarter of a minute."""
+
+ENDING = ("You did it", "Your chair is kept. Open it again, and it dances.")
+"""Title and sentence once all steps are done."""

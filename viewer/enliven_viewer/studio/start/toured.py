@@ -1,0 +1,214 @@
+"""The studio as the tour sees it: the chair, who holds it, whether it dances, what was cut and merged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from enliven.arrays import Float, Float32
+from enliven.document import GraphShape
+from enliven.takes import plays
+from enliven_viewer.studio.actions import ActionTable
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.tools import Tool
+from enliven_viewer.studio.viewport import Point
+
+_WORKSHOPS = ("Animate", "Model")
+"""The workspaces that have tools."""
+
+
+class SavedFile(Protocol):
+    """The file of the project."""
+
+    @property
+    def named(self) -> bool:
+        """Whether it has a file."""
+
+    @property
+    def dirty(self) -> bool:
+        """Whether something is not saved."""
+
+
+class Hands(Protocol):
+    """The input over the picture: pointer, buttons and tools."""
+
+    tool: Tool
+    at: Point
+
+    def take(self, name: str) -> None:
+        """Make another tool the active one."""
+
+    def press(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
+        """Press a button, at a pixel of the picture."""
+
+    def move(self, at: Point, *, shift: bool = False) -> None:
+        """Move the pointer to a pixel of the picture."""
+
+    def release(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
+        """Release the button."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a button is held."""
+
+
+class NameField(Protocol):
+    """The part of a dialogue about files that the tour fills in."""
+
+    folder: Path
+    name: str
+
+    def chosen(self) -> Path:
+        """The path that is chosen."""
+
+
+class Desk(Protocol):
+    """The part of the workspace that the tour sees and uses."""
+
+    @property
+    def editor(self) -> Editor:
+        """The editor."""
+
+    @property
+    def actions(self) -> ActionTable:
+        """Every action."""
+
+    @property
+    def store(self) -> SavedFile:
+        """The file of the project."""
+
+    @property
+    def perform(self) -> PerformSession:
+        """The link to a stage."""
+
+    @property
+    def input(self) -> Hands:
+        """The input over the picture."""
+
+    @property
+    def asking(self) -> str:
+        """The dialogue that is open, or empty."""
+
+    @property
+    def browser(self) -> NameField | None:
+        """The contents of a dialogue about files."""
+
+    def attempt(self, command: Callable[[], object]) -> bool:
+        """Call a function; show an error as a message and return False."""
+
+    def chosen(self, path: Path) -> None:
+        """Choose a file in the dialogue."""
+
+
+@dataclass(frozen=True)
+class TourCounts:
+    """How often things were done, to see what is new since a step began."""
+
+    chairs: int
+    merges: int
+
+
+@dataclass(frozen=True)
+class Toured:
+    """The state of the studio, in the terms of the tour.
+
+    Attributes:
+        desk: the workspace.
+    """
+
+    desk: Desk
+
+    @property
+    def chairs(self) -> tuple[GraphShape, ...]:
+        """The characters that a dancer can step into, and the parts that were cut off them."""
+        return tuple(self.desk.editor.project.graphs.values())
+
+    @property
+    def counts(self) -> TourCounts:
+        """The counts now."""
+        merges = sum(name.startswith("merge") for name in self.desk.editor.history.names)
+        return TourCounts(len(self.chairs), merges)
+
+    @property
+    def chair(self) -> GraphShape | None:
+        """The chair of the tour: the held one, or else the largest; None without one."""
+        held = self._held()
+        chairs = sorted(self.chairs, key=lambda one: (one.id in held, _size(one)))
+        return chairs[-1] if chairs else None
+
+    @property
+    def piece(self) -> GraphShape | None:
+        """The smallest part that was cut off the chair; None without one."""
+        pieces = [one for one in self.chairs if one is not self.chair]
+        return min(pieces, key=_size) if pieces else None
+
+    @property
+    def has_workshop(self) -> bool:
+        """Whether the tools are in reach."""
+        return self.desk.perform.room in _WORKSHOPS
+
+    @property
+    def has_stage(self) -> bool:
+        """Whether a dancer has been asked for."""
+        return self.desk.perform.live is not None
+
+    @property
+    def has_dancer(self) -> bool:
+        """Whether a dancer is in view, and the chair stands on the dancer's stage."""
+        perform, chair = self.desk.perform, self.chair
+        there = chair is not None and chair.id in perform.standing
+        return there and perform.connected and bool(perform.performers)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a dancer is in the chair."""
+        return bool(self._held())
+
+    @property
+    def dances(self) -> bool:
+        """Whether the chair has a motion of its own."""
+        chair = self.chair
+        return chair is not None and plays(self.desk.editor.project, chair)
+
+    @property
+    def records(self) -> bool:
+        """Whether a recording is counted in or runs."""
+        return self.desk.perform.recording.phase != "idle"
+
+    @property
+    def recorded_s(self) -> float:
+        """Seconds of the running recording; 0 without one."""
+        recording = self.desk.perform.recording
+        return recording.seconds if recording.phase == "recording" else 0.0
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether everything is in the project's file."""
+        return self.desk.store.named and not self.desk.store.dirty
+
+    @property
+    def extent(self) -> Float | Float32 | None:
+        """(N, 3) metres, places on the chair as it is shown: live, or as it plays; None without one."""
+        chair, perform = self.chair, self.desk.perform
+        if chair is None:
+            return None
+        live = () if perform.scene is None else perform.scene.actors
+        for actor in live if chair.id in perform.hidden else ():
+            if actor.character.id == chair.id:
+                return actor.extent
+        return self.desk.editor.posed(chair.id).extent
+
+    def has_tool(self, name: str) -> bool:
+        """Whether a tool is the active one."""
+        return self.desk.input.tool.name == name
+
+    def _held(self) -> Sequence[str]:
+        known = self.desk.editor.project.graphs
+        return [one.character for one in self.desk.perform.holders if one.character in known]
+
+
+def _size(one: GraphShape) -> int:
+    return len(one.mesh.vertices)
