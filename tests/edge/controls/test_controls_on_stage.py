@@ -62,9 +62,9 @@ class Say:
     def __init__(self) -> None:
         self.words: list[str] = []
 
-    def poll(self) -> list[str]:
-        said, self.words = self.words, []
-        return said
+    def take(self) -> list[Press]:
+        presses, self.words = [Press(word, word) for word in self.words], []
+        return presses
 
     def show(self, lamps: Lamps) -> None:
         self.lamps = lamps
