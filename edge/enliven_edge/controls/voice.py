@@ -158,13 +158,16 @@ class Recogniser:
     Args:
         phrases: lower case words, such as "puppet take it".
         where: for errors.
+        other: recognises other speech; None makes one, which takes a second.
 
     Raises:
         InputError: for a word that is not in the model's dictionary.
         ResourceError: where pocketsphinx is not installed.
     """
 
-    def __init__(self, phrases: Sequence[str], where: str = "voice") -> None:
+    def __init__(
+        self, phrases: Sequence[str], where: str = "voice", other: OtherSpeech | None = None
+    ) -> None:
         need("pocketsphinx", "voice", where)
         sphinx: Any = importlib.import_module("pocketsphinx")
         self._phrases = frozenset(phrases)
@@ -181,7 +184,7 @@ class Recogniser:
         self._ends = sphinx.Endpointer()
         self._bytes = 0
         self._utterance = bytearray()
-        self._other = OtherSpeech(where)
+        self._other = other or OtherSpeech(where)
         self._not_understood: list[str] = []
 
     @property
