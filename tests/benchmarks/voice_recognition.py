@@ -1,6 +1,8 @@
 """Counts hits, misses and false alarms of spoken commands: synthetic voices, speeds, noise and other speech.
 
-.venv/bin/python tests/benchmarks/voice_recognition.py     (needs espeak-ng; flite adds recorded voices)
+.venv/bin/python tests/benchmarks/voice_recognition.py [NUMBER OF A VOICE]
+
+It needs espeak-ng; flite adds recorded voices.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ OTHER = (
 )  # fmt: skip
 """Speech that is no phrase, also with the name before it."""
 NOISE = (20.0, 200.0)
-"""Loudness of the room (standard deviation; speech peaks at 9,000): a quiet one, and 33 dB below the peaks."""
+"""Loudness of the room (standard deviation; speech peaks at 9,000): quiet, and 33 dB below the peaks."""
 
 
 def speak(text: str, voice: tuple[str, ...], folder: Path) -> np.ndarray:
@@ -84,7 +86,8 @@ def noises() -> dict[str, np.ndarray]:
 
 
 def main() -> int:
-    voices = [voice for voice in VOICES if shutil.which(voice[0])]
+    chosen = VOICES if len(sys.argv) < 2 else VOICES[int(sys.argv[1]) :][:1]
+    voices = [voice for voice in chosen if shutil.which(voice[0])]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for noise in NOISE:

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from deeds import scripted
 from imgui_bundle import ImVec2, imgui
 from PIL import Image
@@ -67,7 +66,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
 
     click("room Perform")
     shot("1 no stage")
-    perform.connect_nearby("--recording", depth, "--loop", "--settings", settings)
+    perform.connect_nearby("--recording", depth, "--loop", "--speed", "0.7", "--settings", settings)
     until(lambda: perform.connected and voice.state and physics.state, "the stage")
     until(lambda: perform.performers, "a performer")
     said["phrases"] = len(voice.phrases)
@@ -81,10 +80,14 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     shot("4 phrases")
     ctx.key_press(int(imgui.Key.escape))
     workspace.actions.do("scan.open")
+    until(lambda: perform.performers, "the performer once more")
+    until(lambda: not perform.performers, "the camera that is carried about")
     until(lambda: scan.active, "a scan", lambda: workspace.actions.do("scan.start"))
     until(lambda: scan.said.fused > 8 and scan.surface, "a surface")
     shot("5 scanning")
-    until(lambda: scan.said.phase in ("finishing", "done"), "the end", lambda: workspace.actions.do("scan.done"))
+    until(
+        lambda: scan.said.phase in ("finishing", "done"), "the end", lambda: workspace.actions.do("scan.done")
+    )
     until(lambda: "scan" in editor.project.characters and "scan" in perform.standing, "the scan on the stage")
     click("room Perform")
     editor.choose("scan")
@@ -109,7 +112,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     shot("8 recording")
     if perform.recording.phase != "idle":
         perform.recording.record()
-    said["recorded"] = [len(editor.project.bodies) + len(editor.project.takes), "scan" in editor.project.graphs]
+    said["recorded"] = [
+        len(editor.project.bodies) + len(editor.project.takes),
+        "scan" in editor.project.graphs,
+    ]
     workspace.actions.do("perform.physics_nothing_loose")
     until(lambda: not len(perform.scene.props.shapes), "an empty floor")
     workspace.actions.do("perform.open_the_microphone_or_close_it")
