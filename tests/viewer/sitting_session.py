@@ -66,7 +66,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
 
     click("room Perform")
     shot("1 no stage")
-    perform.connect_nearby("--recording", depth, "--loop", "--speed", "0.7", "--settings", settings)
+    perform.connect_nearby("--recording", depth, "--loop", "--settings", settings)
     until(lambda: perform.connected and voice.state and physics.state, "the stage")
     until(lambda: perform.performers, "a performer")
     said["phrases"] = len(voice.phrases)
@@ -83,7 +83,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     until(lambda: perform.performers, "the performer once more")
     until(lambda: not perform.performers, "the camera that is carried about")
     until(lambda: scan.active, "a scan", lambda: workspace.actions.do("scan.start"))
-    until(lambda: scan.said.fused > 8 and scan.surface, "a surface")
+    until(lambda: scan.said.fused > 5 and scan.surface, "a surface")
     shot("5 scanning")
     until(
         lambda: scan.said.phase in ("finishing", "done"), "the end", lambda: workspace.actions.do("scan.done")

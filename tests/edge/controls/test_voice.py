@@ -61,6 +61,7 @@ def other() -> OtherSpeech:
 @pytest.fixture
 def recogniser(other: OtherSpeech) -> Recogniser:
     """A recogniser that heard nothing before: it adapts to the sound level of what it hears."""
+    other.forget()  # what the test before said last
     return Recogniser(list(SETTINGS.map), other=other)
 
 

@@ -57,13 +57,13 @@ def rehearsal(path: Path) -> None:
 
 
 def carried_and_performed(path: Path) -> None:
-    """Writes recorded depth: a person performs, then the camera is carried round a chair three times."""
+    """Writes recorded depth: a person performs, then the camera is carried round a chair, twice each."""
     person = list(Recording(shipped_recording()).frames())
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
     carried = [scan.frame(index) for index in range(0, scan.frames, 5)]
     with Recorder(path) as recorder:
         later = 0
-        for frames in (person, carried, carried, carried):
+        for frames in (person, person, carried, carried):
             for frame in frames:
                 recorder.write_frame(replace(frame, time_ns=later + frame.time_ns - frames[0].time_ns))
             later += frames[-1].time_ns - frames[0].time_ns + 33_000_000
