@@ -10,9 +10,11 @@ from enliven.matching import ScreenView
 from enliven.wire import (
     Browse,
     CharacterPart,
+    Listen,
     Lock,
     Look,
     Order,
+    PlayPhysics,
     Possess,
     PutCharacter,
     Release,
@@ -25,6 +27,8 @@ from enliven_edge.network import Handler
 
 if TYPE_CHECKING:
     from enliven_edge.arrivals import Arrivals
+    from enliven_edge.controls import Controls
+    from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.stage import HandSizing, Stage
     from enliven_edge.tracking import Tracker
@@ -41,6 +45,8 @@ class Served(Protocol):
     scans: Scans
     tracker: Tracker
     sizing: HandSizing
+    controls: Controls
+    physics: PhysicsSwitch
 
 
 def handlers_of(edge: Served) -> dict[type[Order], Handler]:
@@ -62,6 +68,9 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
         Resize: Handler(lambda order: edge.sizing.ask(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),
+        # Strangers must not open a microphone.
+        Listen: Handler(lambda order: edge.controls.listen(order.on), lambda order: _ONE, who="this machine"),
+        PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _ONE),
     }
 
 

@@ -6,7 +6,6 @@ import logging
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from enliven.commands import parent_is_gone
 from enliven.errors import InputError, ResourceError
@@ -18,14 +17,12 @@ from enliven_edge.controls import Call, Controls, Lamps, lamps_of
 from enliven_edge.glance import Glance
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
+from enliven_edge.physics import PhysicsSwitch
 from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of, is_device
 from enliven_edge.stage import HandSizing, Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
-
-if TYPE_CHECKING:
-    from enliven_edge.physics import Playground
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +39,7 @@ class Edge:
             text for all characters, or one each by their ids.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: monitors the sensor and the tracking; None makes one.
-        physics: loose things among the characters, or None.
+        physics: loose objects among the characters, which viewers switch on and off; None makes one.
         controls: pedals and the like, beside the viewers; the caller closes them.
         arrivals: puts the characters that clients send on the stage; None makes one.
         scans: what viewers scan with the sensor; None makes one.
@@ -63,14 +60,14 @@ class Edge:
         parts: str | Mapping[str, str] = "all",
         stop_after: float | None = None,
         health: HealthMonitor | None = None,
-        physics: Playground | None = None,
+        physics: PhysicsSwitch | None = None,
         controls: Controls | None = None,
         arrivals: Arrivals | None = None,
         scans: Scans | None = None,
         once: bool = False,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
-        self.health, self.physics = health or HealthMonitor(), physics
+        self.health, self.physics = health or HealthMonitor(), physics or PhysicsSwitch()
         self.health.follow_device(is_device(sensor))
         self.controls = controls or Controls([])
         self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
@@ -151,11 +148,12 @@ class Edge:
         self.scans.poll(self.outlet)
         characters = self.stage.characters
         self.outlet.show(characters, self.arrivals.revisions)
-        if self.physics is not None:
-            self.physics.show(characters)
+        self.physics.show(characters)
+        if (change := self.physics.change()) is not None:
+            self.outlet.send(change, 0)
 
     def _with_props(self, tick: Tick) -> Tick:
-        return tick if self.physics is None else replace(tick, props=self.physics.step(tick))
+        return replace(tick, props=self.physics.step(tick))
 
     def _judge(self, tick: Tick) -> None:
         """Measures and judges a frame that was published, and says so in the heartbeat."""
@@ -214,7 +212,9 @@ class Edge:
 
     def _listen(self) -> None:
         """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
-        self.controls.apply_commands(self.stage, self.carry_out, self._call)
+        self.controls.apply_commands(
+            self.stage, self.carry_out, self._call, lambda message: self.outlet.send(message, 0)
+        )
         self.controls.show(self._lamps())
         self.outlet.poll_requests(self.handlers)
 

@@ -164,6 +164,7 @@ def serve(
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free
+    from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
@@ -176,7 +177,7 @@ def serve(
         need("mujoco", "physics", "--physics")
     need_free(chosen.wire)
     with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
-        controls = stack.enter_context(open_controls(chosen.controls, folder))
+        controls = stack.enter_context(open_controls(chosen.controls, folder, hides_talk=chosen.wire.open))
         sensors = opened(sources, stack, wait_for_sensor)
         live = any(source.sensor != "replay" for source in sources)
         if not live:
@@ -196,7 +197,7 @@ def serve(
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,
-            physics=playground,
+            physics=PhysicsSwitch(chosen.physics, live=live, playground=playground),
             controls=controls,
             once=once,
             health=HealthMonitor(

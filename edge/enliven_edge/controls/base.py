@@ -9,9 +9,10 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, get_args
 
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError
 from enliven.person import parts_named
 from enliven.wire import Browse, Lock, Order, Possess, Release, Resize
 from enliven_edge.controls.panel_protocol import Lamps
@@ -125,12 +126,29 @@ class Device(ABC):
         """Whether the device behind an open port has answered as expected; only then it counts as present."""
         return True
 
+    def take_not_understood(self) -> list[str]:
+        """Returns the speech since the last call that is no phrase of a voice control."""
+        return []
+
     def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
         """Sets what its lamps show from now on; called from another thread than the rest."""
 
     @abstractmethod
     def close(self) -> None:
         """Releases the device; may be called at any time, also twice."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """One press of a key, or one utterance.
+
+    Attributes:
+        key: what the device sent: a line, a byte, a button, or words.
+        command: that it means; empty for speech that is no phrase.
+    """
+
+    key: str
+    command: Command = ""
 
 
 class Debouncer:
@@ -171,7 +189,9 @@ class ControlReader:
         self.name = name
         self._device, self._words, self._retry = device, dict(words), retry
         self._debouncer = Debouncer(debounce)
-        self._said: deque[Command] = deque(maxlen=_WAITING)
+        self._said: deque[Press] = deque(maxlen=_WAITING)
+        self._paused = threading.Event()
+        self._why: EnlivenError | None = None
         self._strangers: set[str] = set()
         self._there = False
         self._stopped = threading.Event()
@@ -183,12 +203,38 @@ class ControlReader:
         """Whether its device is present and read: earlier presses are lost."""
         return self._there
 
+    @property
+    def why(self) -> EnlivenError | None:
+        """The reason why its device cannot be opened; None while it can, or while nobody knows."""
+        return self._why
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether its device is released until :meth:`pause` is called with False."""
+        return self._paused.is_set()
+
+    def pause(self, paused: bool) -> None:
+        """Releases the device, or opens it again."""
+        if paused:
+            self._paused.set()
+        else:
+            self._paused.clear()
+
+    @property
+    def phrases(self) -> dict[str, Command]:
+        """The command of each key."""
+        return dict(self._words)
+
     def poll(self) -> list[Command]:
         """Returns the commands since the last call, the oldest first; never waits."""
-        said = []
+        return [press.command for press in self.take() if press.command]
+
+    def take(self) -> list[Press]:
+        """Returns the presses since the last call, also speech that is no phrase; never waits."""
+        presses = []
         while self._said:
-            said.append(self._said.popleft())
-        return said
+            presses.append(self._said.popleft())
+        return presses
 
     def show(self, lamps: Lamps) -> None:
         """Sets what the device's lamps show from now on."""
@@ -203,8 +249,12 @@ class ControlReader:
         """Opens the device, reads until it is gone, waits, and repeats; logs each change once."""
         told = False
         while not self._stopped.is_set():
+            if self._paused.is_set():
+                self._stopped.wait(PATIENCE)
+                continue
             try:
                 self._device.open()
+                self._why = None
                 self._read()
             except EOFError:
                 log.info("control %s has ended", self.name)
@@ -214,27 +264,29 @@ class ControlReader:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
                 told = True
+                self._why = error if isinstance(error, EnlivenError) else None
             finally:
                 self._there = False
                 self._device.close()
             self._stopped.wait(self._retry)
 
     def _read(self) -> None:
-        """Reads until the device is gone or :meth:`close`."""
-        while not self._stopped.is_set():
+        """Reads until the device is gone, :meth:`pause` or :meth:`close`."""
+        while not self._stopped.is_set() and not self._paused.is_set():
             if not self._there and self._device.answers:
                 log.info("control %s is there", self.name)
                 self._there = True
             for key in self._device.read():
                 if self._debouncer.counts(key, time.monotonic()):
                     self._press(key)
+            self._said.extend(map(Press, self._device.take_not_understood()))
 
     def _press(self, key: str) -> None:
         """Queues the command of a key; an unknown key is logged once, to be written into the map."""
         word = self._words.get(key)
         if word is not None:
             log.debug("control %s: %r, %s", self.name, key, word)
-            self._said.append(word)
+            self._said.append(Press(key, word))
         elif key not in self._strangers and len(self._strangers) < _STRANGERS:
             self._strangers.add(key)
             log.info("control %s sent %r, which its map does not have", self.name, key)

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 from enliven.errors import EnlivenError, InputError
-from enliven.wire import Order
+from enliven.wire import MAX_PHRASES, HeardMessage, Order, VoiceMessage
 from enliven_edge.closing import Closing
-from enliven_edge.controls.base import CALLS, WORDS, Call, Command, ControlReader, Device, checked_map, orders
+from enliven_edge.controls.base import (
+    CALLS,
+    WORDS,
+    Call,
+    Command,
+    ControlReader,
+    Device,
+    Press,
+    checked_map,
+    orders,
+)
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
@@ -18,30 +29,146 @@ from enliven_edge.stage import Stage
 log = logging.getLogger(__name__)
 
 
-class Controls(Closing):
-    """Carries out the commands of several controls on the stage."""
+PHRASES = {
+    "puppet take it": "possess",
+    "puppet join in": "join",
+    "puppet let it go": "release",
+    "puppet show another": "next",
+    "puppet follow my pose": "follow",
+    "puppet change your size": "scale",
+    "puppet use my legs": "possess legs",
+    "puppet use the upper body": "possess upper body",
+    "puppet use everything": "possess all",
+    "puppet start recording": "record",
+    "puppet stop recording": "stop",
+}
+"""The phrases of a microphone that a window opens at an edge without a voice of its own in its settings."""
+_MOST_LETTERS = 160
+"""Letters of a sentence that the wire carries."""
 
-    def __init__(self, controls: Sequence[ControlReader]) -> None:
-        self._controls = list(controls)
+
+class _Start(threading.Thread):
+    """Loads the speech models, which takes about a second, while the edge goes on."""
+
+    def __init__(self) -> None:
+        super().__init__(name="start of the voice", daemon=True)
+        self.result: ControlReader | EnlivenError | None = None
+
+    def run(self) -> None:
+        settings = ControlSettings("voice", dict(PHRASES))
+        try:
+            device = device_of("voice", settings)
+        except EnlivenError as error:
+            self.result = error
+        else:
+            self.result = ControlReader("voice", device, PHRASES, settings.debounce, settings.retry)
+
+
+class Controls(Closing):
+    """Carries out the commands of several controls on the stage.
+
+    Args:
+        voices: the names of the controls that listen to speech.
+        hides_talk: whether speech that is no phrase is reported without its words: strangers may watch.
+    """
+
+    def __init__(
+        self, controls: Sequence[ControlReader], voices: Collection[str] = (), *, hides_talk: bool = False
+    ) -> None:
+        self._controls, self._voices, self._hides_talk = list(controls), set(voices), hides_talk
+        self._start: _Start | None = None
+        self._failure: EnlivenError | None = None
+        self._state: VoiceMessage | None = None
 
     def apply_commands(
-        self, stage: Stage, carry_out: Callable[[Order], None], call: Callable[[Call, str], None]
+        self,
+        stage: Stage,
+        carry_out: Callable[[Order], None],
+        call: Callable[[Call, str], None],
+        tell: Callable[[HeardMessage | VoiceMessage], None] = lambda message: None,
     ) -> None:
         """Carries out the commands since the last time; a command that fails is logged.
 
         Args:
             call: tells windows what they are to do, and which control says so.
+            tell: tells windows what a voice control heard, and whether it listens.
         """
+        self._finish_start()
         for control in self._controls:
-            for word in control.poll():
-                log.info("%s: %s", control.name, word)
-                if word in CALLS:
-                    call(cast(Call, word), control.name)
-                for order in orders(word, stage):
-                    try:
-                        carry_out(order)
-                    except EnlivenError as error:
-                        log.warning("%s: %s was refused: %s", control.name, word, error)
+            for press in control.take():
+                refused = self._apply(control, press, stage, carry_out, call) if press.command else ""
+                if control.name in self._voices:
+                    tell(self._heard(control, press, refused))
+        state = self._voice_state()
+        if state != self._state:
+            self._state = state
+            tell(state)
+
+    def _apply(
+        self,
+        control: ControlReader,
+        press: Press,
+        stage: Stage,
+        carry_out: Callable[[Order], None],
+        call: Callable[[Call, str], None],
+    ) -> str:
+        """Carries out a command; returns why the stage refused it, or nothing."""
+        word, refused = press.command, ""
+        log.info("%s: %s", control.name, word)
+        if word in CALLS:
+            call(cast(Call, word), control.name)
+        for order in orders(word, stage):
+            try:
+                carry_out(order)
+            except EnlivenError as error:
+                log.warning("%s: %s was refused: %s", control.name, word, error)
+                refused = error.what
+        return refused
+
+    def _heard(self, control: ControlReader, press: Press, refused: str) -> HeardMessage:
+        """Returns what windows are told of an utterance."""
+        words = press.key if press.command or not self._hides_talk else ""
+        cut = words[:_MOST_LETTERS], bool(press.command), press.command[:_MOST_LETTERS]
+        return HeardMessage(control.name[:64] or "voice", *cut, refused[:_MOST_LETTERS])
+
+    def listen(self, on: bool) -> None:
+        """Opens the microphone of every voice control, or of a new one if there is none; or closes them."""
+        voices = [control for control in self._controls if control.name in self._voices]
+        for control in voices:
+            control.pause(not on)
+        if not on:
+            self._failure = self._start = None
+        elif not voices and self._start is None:
+            self._failure, self._start = None, _Start()
+            self._start.start()
+
+    def _finish_start(self) -> None:
+        """Takes the voice control that has been started, or the reason why there is none."""
+        if self._start is None or self._start.result is None:
+            return
+        result, self._start = self._start.result, None
+        if isinstance(result, EnlivenError):
+            self._failure = result
+        else:
+            self._controls.append(result)
+            self._voices.add(result.name)
+
+    def _voice_state(self) -> VoiceMessage:
+        """Returns what windows are told of the microphone."""
+        voices = [control for control in self._controls if control.name in self._voices]
+        known = {phrase: word for control in voices for phrase, word in control.phrases.items()} or PHRASES
+        phrases = [phrase[:_MOST_LETTERS] for phrase in known][:MAX_PHRASES]
+        actions = [word[:_MOST_LETTERS] for word in known.values()][:MAX_PHRASES]
+        if any(control.there for control in voices):
+            return VoiceMessage("listening", phrases=phrases, actions=actions)
+        why = self._failure or next((one.why for one in voices if one.why is not None), None)
+        if self._start is None and why is None and all(one.is_paused for one in voices):
+            return VoiceMessage("off", phrases=phrases, actions=actions)
+        if why is None or any(one.is_paused for one in voices):
+            state: Literal["off", "starting"] = "off" if any(one.is_paused for one in voices) else "starting"
+            return VoiceMessage(state, phrases=phrases, actions=actions)
+        what, mend = why.what[:_MOST_LETTERS], (why.mend or "")[:_MOST_LETTERS]
+        return VoiceMessage("missing", what, mend, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
         """Shows the state of the stage; a lamp changes to "no edge" where this is not called for a second."""
@@ -64,11 +191,14 @@ class Controls(Closing):
             control.close()
 
 
-def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> Controls:
+def open_controls(
+    settings: Mapping[str, ControlSettings], folder: Path | None = None, *, hides_talk: bool = False
+) -> Controls:
     """Opens all controls of a settings file.
 
     Args:
         folder: of the file, where its paths begin.
+        hides_talk: whether windows are told of speech that is no phrase without its words.
 
     Raises:
         InputError: for a map or a key that cannot be meant.
@@ -80,7 +210,9 @@ def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None =
         [
             ControlReader(name, device, words_of(name, one), one.debounce, one.retry)
             for name, one, device in ready
-        ]
+        ],
+        [name for name, one in settings.items() if one.kind == "voice"],
+        hides_talk=hides_talk,
     )
 
 

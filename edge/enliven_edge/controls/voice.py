@@ -12,6 +12,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Device
+from enliven_edge.controls.other_speech import OtherSpeech
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
 
@@ -84,17 +85,37 @@ class Microphone:
         self._samples, self._opened = 0, False
 
     def open(self, frame_bytes: int) -> None:
-        """Opens the microphone; raises PortAudio's own error where there is none."""
+        """Opens the microphone.
+
+        Raises:
+            ResourceError: if there is none, or another program keeps it.
+        """
         if self._opened:
             # PortAudio lists the devices once; only a new start finds what was plugged in since.
             self._library._terminate()
             self._library._initialize()
         self._opened = True
         self._samples = frame_bytes // 2
-        self._stream = self._library.RawInputStream(
-            samplerate=RATE, channels=1, dtype="int16", blocksize=self._samples, device=self._name or None
-        )
-        self._stream.start()
+        try:
+            self._stream = self._library.RawInputStream(
+                samplerate=RATE, channels=1, dtype="int16", blocksize=self._samples, device=self._name or None
+            )
+            self._stream.start()
+        except (ValueError, self._library.PortAudioError) as error:
+            raise self._reason() from error
+
+    def _reason(self) -> ResourceError:
+        """Returns why the microphone cannot be opened, in words for the people on the stage."""
+        inputs = [str(one["name"]) for one in self._library.query_devices() if one["max_input_channels"] > 0]
+        if not inputs:
+            return ResourceError(
+                "no microphone is connected", where="voice", mend="Plug one in; it is found by itself."
+            )
+        if self._name and not any(self._name.lower() in one.lower() for one in inputs):
+            mend = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]
+            return ResourceError(f"no microphone is called {self._name!r}"[:160], where="voice", mend=mend)
+        mend = "Close the programs that use it, or choose another in the system's sound settings."
+        return ResourceError("the microphone does not open", where="voice", mend=mend)
 
     def read(self) -> bytes:
         """Returns the next frame when it is complete."""
@@ -118,6 +139,13 @@ _TALK = (
     "here more once again next week left right over who why"
 )
 """Words that begin ordinary talk: an utterance that begins with no phrase's first word is talk."""
+_DEEDS = (
+    "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
+    "long little first great old work way people place back make take give tell find see want need know think"
+)
+"""Common words that may follow a name: speech to the puppet that is no phrase of the list."""
+_OTHER_WEIGHT = 1e-4
+"""Weight of a name with other words, of 1 for a phrase: with more, phrases are taken for other speech."""
 
 
 class Recogniser:
@@ -130,13 +158,16 @@ class Recogniser:
     Args:
         phrases: lower case words, such as "puppet take it".
         where: for errors.
+        other: recognises other speech; None makes one, which takes a second.
 
     Raises:
         InputError: for a word that is not in the model's dictionary.
         ResourceError: where pocketsphinx is not installed.
     """
 
-    def __init__(self, phrases: Sequence[str], where: str = "voice") -> None:
+    def __init__(
+        self, phrases: Sequence[str], where: str = "voice", other: OtherSpeech | None = None
+    ) -> None:
         need("pocketsphinx", "voice", where)
         sphinx: Any = importlib.import_module("pocketsphinx")
         self._phrases = frozenset(phrases)
@@ -152,6 +183,9 @@ class Recogniser:
         self._decoder.activate_search("commands")
         self._ends = sphinx.Endpointer()
         self._bytes = 0
+        self._utterance = bytearray()
+        self._other = other or OtherSpeech(where)
+        self._not_understood: list[str] = []
 
     @property
     def frame_bytes(self) -> int:
@@ -164,21 +198,40 @@ class Recogniser:
         Args:
             frame: :attr:`frame_bytes` of sound at :data:`RATE`.
         """
+        self.work()
         before = self._ends.in_speech
         speech = self._ends.process(frame)
         if self._ends.in_speech and not before:
             self._decoder.start_utt()
             self._bytes = 0
+            self._utterance.clear()
         if speech is not None:
             self._bytes += len(speech)
             if self._bytes < _LONGEST * RATE * 2:
                 self._decoder.process_raw(speech, False, False)
+                self._utterance += speech
         if before and not self._ends.in_speech:
             return self._ended()
         return None
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether other speech is still being recognised."""
+        return self._other.is_busy
+
+    def work(self) -> None:
+        """Goes on with recognising other speech; :meth:`feed` does it too."""
+        if (words := self._other.work()) is not None:
+            self._not_understood.append(words)
+
+    def take_not_understood(self) -> list[str]:
+        """Returns the words of other speech since the last call: of short utterances that are no phrase."""
+        words, self._not_understood = self._not_understood, []
+        return words
+
     def forget(self) -> None:
         """Resets the state after the sound's source changed: an unfinished utterance is dropped."""
+        self._other.forget()
         if self._ends.in_speech:
             self._decoder.end_utt()
         self._ends = type(self._ends)()
@@ -186,25 +239,36 @@ class Recogniser:
     def _ended(self) -> str | None:
         """Returns the utterance since the last silence, if it is a phrase."""
         self._decoder.end_utt()
-        found = self._decoder.hyp()
-        if found is None or self._bytes >= _LONGEST * RATE * 2:
+        best = self._decoder.hyp()
+        if self._bytes >= _LONGEST * RATE * 2:
             return None
-        log.debug("heard %r", found.hypstr)
-        return str(found.hypstr) if found.hypstr in self._phrases else None
+        if best is not None and best.hypstr in self._phrases:
+            log.debug("heard %r", best.hypstr)
+            return str(best.hypstr)
+        self._other.offer(bytes(self._utterance))
+        return None
 
 
 def _grammar(phrases: Sequence[str]) -> str:
-    """Returns the phrases in the JSpeech Grammar Format, and similar talk with other first words.
+    """Returns the phrases in the JSpeech Grammar Format, and similar talk.
 
-    A grammar must find something in whatever is said. Talk finds what begins otherwise.
+    A grammar must find something in whatever is said. Talk finds what begins otherwise; a name with other
+    words after it finds what is said to the puppet, but is no phrase.
     """
-    names = {phrase.split()[0] for phrase in phrases}
+    names = sorted({phrase.split()[0] for phrase in phrases})
     rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
     rest = f"[{' | '.join(rests)}]" if rests else ""
+    talk = [word for word in _TALK.split() if word not in names]
+    followers = {rest.split()[0] for rest in rests}
+    others = [word for word in dict.fromkeys((*talk, *_DEEDS.split())) if word not in followers]
+    known = " | ".join(f"/1.0/ {phrase}" for phrase in phrases)
     return (
         "#JSGF V1.0; grammar commands;"
-        f"public <command> = {' | '.join(phrases)} | <talk> [<talk>] {rest};"
-        f"<talk> = {' | '.join(word for word in _TALK.split() if word not in names)};"
+        f"public <command> = {known} | /1.0/ <talk> [<talk>] {rest} | "
+        f"/{_OTHER_WEIGHT}/ <name> <other> [<other>] [<other>];"
+        f"<name> = {' | '.join(names)};"
+        f"<other> = {' | '.join(others)};"
+        f"<talk> = {' | '.join(talk)};"
     )
 
 
@@ -231,8 +295,18 @@ class Voice(Device):
         self._source.open(self._recogniser.frame_bytes)
 
     def read(self) -> list[str]:
-        phrase = self._recogniser.feed(self._source.read())
+        try:
+            frame = self._source.read()
+        except EOFError:
+            if not self._recogniser.is_busy:
+                raise
+            self._recogniser.work()  # the last words of a recording
+            return []
+        phrase = self._recogniser.feed(frame)
         return [] if phrase is None else [phrase]
+
+    def take_not_understood(self) -> list[str]:
+        return self._recogniser.take_not_understood()
 
     def close(self) -> None:
         self._source.close()

@@ -57,6 +57,8 @@ MAX_LATEST = 4096
 """Most latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
 MAX_GLANCE = 128
 """Pixels of a side of the small picture of what a camera sees: it is shown in a corner of a window."""
+MAX_PHRASES = 64
+"""Phrases of a voice control: more than a performer remembers, or a recogniser tells apart."""
 MAX_HEALTH = 8
 """Health states of a heartbeat: more would exceed the size that older programs accept."""
 

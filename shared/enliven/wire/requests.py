@@ -210,6 +210,18 @@ class Scan(Order, frozen=True):
             raise ValueError("the lowest corner of the box lies above the highest")
 
 
+class Listen(Order, frozen=True):
+    """Opens the edge's microphone for spoken commands, or closes it; open it only from the edge's machine."""
+
+    on: bool
+
+
+class PlayPhysics(Order, frozen=True):
+    """Puts loose objects that characters can knock about on the stage; "none" removes them."""
+
+    world: Literal["none", "boxes", "dodgeball"]
+
+
 class Ping(Ask, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
@@ -259,6 +271,7 @@ SUPERSEDED = "superseded by a newer one"
 REQUESTS: list[type[Ask]] = [
     *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
     *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
+    *(Listen, PlayPhysics),
 ]
 """All requests that this program reads; a program that reads one more appends its class."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong

@@ -10,6 +10,7 @@ from enliven.wire.fields import (
     MAX_CHARACTERS,
     MAX_GLANCE,
     MAX_HEALTH,
+    MAX_PHRASES,
     MAX_PROPS,
     MAX_SETTINGS,
     MAX_TRANSFORM_BYTES,
@@ -317,6 +318,63 @@ class CallMessage(Struct, array_like=True, frozen=True):
 
     word: Literal["record", "stop", "again"]
     control: Name
+
+
+class HeardMessage(Struct, array_like=True, frozen=True):
+    """A microphone at the edge heard speech (topic "heard"); silence and noise send nothing.
+
+    Attributes:
+        control: the name of the voice control.
+        words: the phrase, or the words that were understood of other speech. Empty for other speech at an
+            edge that is open to other machines: talk in the room is not sent there.
+        understood: whether it is a phrase of the list.
+        action: the command that the phrase means; empty if it was not understood.
+        refused: why the stage did not carry out the command; empty if it did.
+    """
+
+    control: Name
+    words: Sentence = ""
+    understood: bool = False
+    action: Sentence = ""
+    refused: Sentence = ""
+
+
+class VoiceMessage(Struct, array_like=True, frozen=True):
+    """The state of the edge's voice control, sent when it changes (topic "voice").
+
+    Attributes:
+        state: "off": the microphone is closed; "starting"; "listening"; "missing": it cannot listen.
+        what: for "missing", the reason, one sentence.
+        mend: what to do about it, one sentence.
+        phrases: that it knows.
+        actions: the command of each phrase.
+    """
+
+    state: Literal["off", "starting", "listening", "missing"]
+    what: Sentence = ""
+    mend: Sentence = ""
+    phrases: Annotated[list[Sentence], Meta(max_length=MAX_PHRASES)] = field(default_factory=list)
+    actions: Annotated[list[Sentence], Meta(max_length=MAX_PHRASES)] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.phrases) != len(self.actions):
+            raise ValueError(f"there are {len(self.phrases)} phrases and {len(self.actions)} actions")
+
+
+class PhysicsMessage(Struct, array_like=True, frozen=True):
+    """The state of the edge's physics, sent when it changes (topic "physics").
+
+    Attributes:
+        world: the loose objects that are on the stage, or being prepared.
+        state: "off"; "preparing"; "on"; "missing": the library is not installed; "failed".
+        what: for "missing" and "failed", the reason, one sentence.
+        mend: what to do about it, one sentence.
+    """
+
+    world: Literal["none", "boxes", "dodgeball"]
+    state: Literal["off", "preparing", "on", "missing", "failed"]
+    what: Sentence = ""
+    mend: Sentence = ""
 
 
 class StatusMessage(Struct, array_like=True, frozen=True):

@@ -20,13 +20,16 @@ from enliven.wire.streams import (
     CallMessage,
     CameraMessage,
     CuesMessage,
+    HeardMessage,
     HoldMessage,
     MatchesMessage,
+    PhysicsMessage,
     PoseMessage,
     PropsMessage,
     SizeMessage,
     StageMessage,
     StatusMessage,
+    VoiceMessage,
 )
 
 
@@ -110,6 +113,9 @@ SCAN_PIECE = register(
 )
 CAMERA = register(Topic("camera", CameraMessage, "stream", 20 * 1024, 0, "newest", latched=True))
 CALLS = register(Topic("calls", CallMessage, "stream", 1024, 0, "every"))
+HEARD = register(Topic("heard", HeardMessage, "stream", 2 * 1024, 0, "every"))
+VOICE = register(Topic("voice", VoiceMessage, "stream", 96 * 1024, 0, "newest", latched=True))
+PHYSICS = register(Topic("physics", PhysicsMessage, "stream", 2 * 1024, 0, "newest", latched=True))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(
     Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)

@@ -14,7 +14,7 @@ import pytest
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.wire import CALLS
-from enliven_edge.controls.base import WORDS, checked_map
+from enliven_edge.controls.base import WORDS, Press, checked_map
 from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
@@ -62,9 +62,9 @@ class Say:
     def __init__(self) -> None:
         self.words: list[str] = []
 
-    def poll(self) -> list[str]:
-        said, self.words = self.words, []
-        return said
+    def take(self) -> list[Press]:
+        presses, self.words = [Press(word, word) for word in self.words], []
+        return presses
 
     def show(self, lamps: Lamps) -> None:
         self.lamps = lamps

@@ -18,10 +18,13 @@ from scipy.signal import resample_poly
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
+from enliven.wire import HeardMessage, VoiceMessage
 from enliven_edge.controls.control_set import open_controls
+from enliven_edge.controls.other_speech import OtherSpeech
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.voice import RATE, Recogniser, SoundRecording
 from enliven_edge.settings import EdgeSettings
+from enliven_edge.stage import Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -49,10 +52,17 @@ def said(text: str, voice: str = "en-us") -> bytes:
     return quiet.clip(-32768, 32767).astype(np.int16).tobytes()
 
 
+@pytest.fixture(scope="module")
+def other() -> OtherSpeech:
+    """The models for other speech, which take a second to load."""
+    return OtherSpeech()
+
+
 @pytest.fixture
-def recogniser() -> Recogniser:
+def recogniser(other: OtherSpeech) -> Recogniser:
     """A recogniser that heard nothing before: it adapts to the sound level of what it hears."""
-    return Recogniser(list(SETTINGS.map))
+    other.forget()  # what the test before said last
+    return Recogniser(list(SETTINGS.map), other=other)
 
 
 def heard(recogniser: Recogniser, sound: bytes) -> list[str]:
@@ -88,6 +98,21 @@ def test_talk_is_no_command(recogniser, talk):
     assert heard(recogniser, said(talk)) == []
 
 
+def not_understood(recogniser: Recogniser, sound: bytes) -> tuple[list[str], list[str]]:
+    phrases = heard(recogniser, sound)
+    while recogniser.is_busy:
+        recogniser.work()
+    return phrases, recogniser.take_not_understood()
+
+
+@spoken
+@pytest.mark.parametrize("text", ["look at the lights", "puppet walk away", "puppet sing a song"])
+def test_speech_that_is_no_phrase_is_reported_with_words(recogniser, text):
+    phrases, others = not_understood(recogniser, said(text))
+    assert phrases == [] and len(others) == 1 and len(others[0].split()) >= 2
+    assert not_understood(recogniser, said("puppet follow my pose")) == (["puppet follow my pose"], [])
+
+
 @pytest.mark.parametrize("kind", ["silence", "hiss", "hum", "claps"])
 def test_what_nobody_says_is_no_command(recogniser, kind):
     random, time = np.random.default_rng(1), np.arange(8 * RATE) / RATE
@@ -97,7 +122,45 @@ def test_what_nobody_says_is_no_command(recogniser, kind):
         "hum": 8000.0 * np.sin(2 * np.pi * 50.0 * time),
         "claps": random.normal(0.0, 9000.0, len(time)) * np.exp(-40.0 * (time % 0.7)),
     }[kind]
-    assert heard(recogniser, sound.clip(-32768, 32767).astype(np.int16).tobytes()) == []
+    assert not_understood(recogniser, sound.clip(-32768, 32767).astype(np.int16).tobytes()) == ([], [])
+
+
+@spoken
+def test_viewers_are_told_what_was_heard_and_what_it_set_off(tmp_path):
+    written(tmp_path / "say.wav", said("puppet follow my pose") + said("look at the lights"))
+    for hides_talk in (False, True):
+        settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
+        told: list[HeardMessage | VoiceMessage] = []
+        with open_controls({"voice": settings}, tmp_path, hides_talk=hides_talk) as controls:
+
+            def poll() -> bool:
+                controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, told.append)  # noqa: B023
+                return sum(isinstance(one, HeardMessage) for one in told) == 2  # noqa: B023
+
+            until(poll)
+        first, second = (one for one in told if isinstance(one, HeardMessage))
+        assert first == HeardMessage("voice", "puppet follow my pose", True, "follow")
+        assert not second.understood and bool(second.words) is not hides_talk
+        states = [one for one in told if isinstance(one, VoiceMessage)]
+        assert "listening" in {one.state for one in states} and len(states[0].phrases) == len(SETTINGS.map)
+
+
+def test_a_microphone_is_opened_and_closed_by_an_order_or_says_what_it_lacks():
+    pytest.importorskip("sounddevice", reason="sounddevice is not installed", exc_type=(ImportError, OSError))
+    told: list[VoiceMessage] = []
+
+    def poll(state: str) -> bool:
+        controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, told.append)
+        return told[-1].state == state
+
+    with open_controls({}) as controls:
+        assert poll("off") and "puppet take it" in told[-1].phrases
+        controls.listen(True)
+        until(lambda: poll("missing") or poll("listening"))
+        if told[-1].state == "missing":
+            assert told[-1].what and told[-1].mend
+        controls.listen(False)
+        until(lambda: poll("off"))
 
 
 def test_a_word_that_the_model_does_not_know_is_refused():

@@ -10,5 +10,6 @@ from .inset import (
     seen as seen,
     width_of as width_of,
 )
+from .physics import LOOSE_LABELS as LOOSE_LABELS, LOOSE_WORLDS as LOOSE_WORLDS
 from .recording import StageRecording as StageRecording
 from .session import ROOMS as ROOMS, PerformSession as PerformSession

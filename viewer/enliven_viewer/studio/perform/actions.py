@@ -9,6 +9,7 @@ from functools import partial
 
 from enliven_viewer.live import PARTS, LiveStage
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.perform.physics import LOOSE_LABELS
 from enliven_viewer.studio.perform.session import ROOMS, PerformSession
 
 
@@ -188,6 +189,25 @@ PERFORM_ACTIONS = (
         _HERE,
         ("Next match with the pose", "n", lambda live: live.browse(1)),
         ("Match before", "m", lambda live: live.browse(-1)),
+    ),
+    PerformAction(
+        "Open the microphone, or close it",
+        "",
+        lambda session: session.voice.toggle(session.client),
+        why_not=PerformSession.lacks_voice,
+        on=lambda session: session.voice.is_on,
+        about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
+    ),
+    *(
+        PerformAction(
+            f"Physics: {label}",
+            "",
+            lambda session, number=number: session.physics.ask(session.client, number),
+            why_not=PerformSession.lacks_physics,
+            on=lambda session, number=number: session.physics.number == number,
+            group="Physics",
+        )
+        for number, label in enumerate(LOOSE_LABELS)
     ),
     PerformAction(
         "See more of the bones",

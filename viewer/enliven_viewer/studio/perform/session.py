@@ -20,11 +20,13 @@ from enliven_viewer.studio.perform.close_up import CloseUp
 from enliven_viewer.studio.perform.guests import Guest, camera_of, together
 from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
+from enliven_viewer.studio.perform.physics import StagePhysics
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
 from enliven_viewer.studio.perform.sender import StageSender
 from enliven_viewer.studio.perform.sizes import StageSizes
 from enliven_viewer.studio.perform.twins import Telling, Twins
+from enliven_viewer.studio.perform.voice import StageVoice
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
@@ -45,6 +47,8 @@ class PerformSession:
         recording: from the stage onto the timeline.
         guests: other edges, which are seen and recorded as well.
         sizes: how large characters stand on the stage.
+        voice: spoken commands.
+        physics: loose objects on the stage.
         close_up: the view of the limb that is about to be held.
         address: what is typed into the field.
         cameras: those of this machine.
@@ -64,6 +68,7 @@ class PerformSession:
         )
         self.close_up = CloseUp(editor)
         self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
+        self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
         self.address, self.cameras = "", CameraSearch()
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
@@ -175,6 +180,8 @@ class PerformSession:
         self.editor.beside_box = None
         self.sender.forget()
         self.sizes.forget()
+        self.voice.forget()
+        self.physics.forget()
         self.recording.recorder = LiveRecorder()
 
     @property
@@ -260,6 +267,8 @@ class PerformSession:
                 self.sender.advance(self._client.stage, self.editor.project)
             self.recording.advance(seconds)
             self.sizes.advance(self._client, self.standing)
+            self.voice.advance(self._client, is_near=self.live is not None and self.live.near)
+            self.physics.advance(self._client)
         if self.live is None:
             return
         performs = self.room in ("Perform", "Play")
@@ -303,6 +312,14 @@ class PerformSession:
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
             return f"{self.live.making}. Wait until somebody is seen"
         return "The stage is silent. Look whether its camera's program runs"
+
+    def lacks_voice(self) -> str:
+        """Why the microphone cannot be switched, and what to do about it."""
+        return self.lacks_edge() or (f"{self.voice.status}. Update it" if self.voice.state is None else "")
+
+    def lacks_physics(self) -> str:
+        """Why the physics cannot be switched, and what to do about it."""
+        return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
         """Why nothing can be recorded beside the last recording, and what to do about it."""

@@ -53,7 +53,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     room = imgui.get_content_region_avail().x
     beside = _BESIDE if camera.depth and camera.can_start else 0.0
     if imgui.button(
-        f"{_fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
+        f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
         search.close()  # a look would keep the camera from the edge
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
@@ -98,7 +98,7 @@ def _look(search: CameraSearch) -> None:
     quiet(search.looked[1])
 
 
-def _fitting(text: str, room: float) -> str:
+def fitting(text: str, room: float) -> str:
     """Returns a text without its end, as far as there is room."""
     if imgui.calc_text_size(text).x <= room:
         return text

@@ -13,7 +13,7 @@ from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, GLASS, INK, Colour
+from enliven_viewer.theme import BAD, GLASS, GOOD, INK, WAIT, Colour
 
 _LARGE = 26.0
 """Pixels of the words about who holds what: read from three metres away."""
@@ -29,6 +29,8 @@ _BELOW = 64.0
 """Pixels above the bottom of the picture where the words begin in Play: above the live timeline."""
 _LOW = 14.0
 """Pixels above the bottom where they begin elsewhere."""
+_HEARD = 96.0
+"""Pixels from the top to the lower edge of the words that were heard: below the time of a recording."""
 _LEAST = 240.0
 """Pixels beside the performers in the corner that the words need; with less they lie over them."""
 
@@ -54,6 +56,7 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     if perform.room in ("Perform", "Play"):
         draw_holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
         draw_size(perform, draw, area)
+        draw_heard(perform, draw, area)
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -112,6 +115,13 @@ def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ig
         tint = (*(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)]), 1.0)
         _line(draw, area, bottom, holder.words, tint)
         bottom -= HOLDER
+
+
+def draw_heard(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw what the microphone heard in large words below the top; nothing else moves for them."""
+    words = perform.voice.words
+    if words:
+        _line(draw, area, area.y + _HEARD, words, GOOD if perform.voice.is_understood else WAIT)
 
 
 def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]

@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.live import PARTS, LiveStage, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
+from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
@@ -42,6 +43,8 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _connected(workspace, perform, live, area)
         _performers(workspace, perform, live)  # also in the picture in which the stage is left
         _characters(workspace, perform)
+        if perform.client is not None:
+            draw_physics(workspace, perform)
         if imgui.button("\uf030  Scan a thing...", _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
@@ -62,6 +65,8 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
     told("Step in: nobody else holds it then  (P)")
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
+    if perform.client is not None:
+        draw_voice(workspace, perform)
     imgui.separator()
 
 
@@ -125,6 +130,9 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     draw_cameras(workspace)
+    perform.voice.wanted = imgui.checkbox("Voice: open the microphone, too", perform.voice.wanted)[1]
+    workspace.remember("voice wanted")
+    told("Spoken commands, understood on this machine alone. The panel lists the phrases then")
     heading("A camera elsewhere")
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)

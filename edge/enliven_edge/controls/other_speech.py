@@ -1,0 +1,85 @@
+"""Recognises speech that is no phrase of the list, to show what was understood instead."""
+
+from __future__ import annotations
+
+import importlib
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+from enliven_edge.extras import need
+
+_STEP_BYTES = 960
+"""Bytes of 30 ms of sound, decoded at once: about 15 ms of work, so that the tracker does not wait."""
+_MIN_SOUNDS = 3
+"""Least speech sounds in an utterance: claps, thumps, tones and breath give two at most."""
+_MAX_WAITING = 2
+"""Utterances that wait to be recognised; older ones are dropped, since the performer speaks on."""
+
+
+class OtherSpeech:
+    """Listens a second time to an utterance that the grammar refused.
+
+    A loop of single speech sounds first tells speech from noise; then the model of common English gives
+    words. Each call of :meth:`work` does a little, because the library keeps Python from doing anything else.
+
+    Raises:
+        ResourceError: if pocketsphinx is not installed.
+    """
+
+    def __init__(self, where: str = "voice") -> None:
+        need("pocketsphinx", "voice", where)
+        sphinx: Any = importlib.import_module("pocketsphinx")
+        self._decoder = sphinx.Decoder(loglevel="FATAL", bestpath=False, fwdflat=False, allphone_ci=True)
+        self._words = str(self._decoder.current_search())
+        self._decoder.add_allphone_file("sounds", sphinx.get_model_path("en-us/en-us-phone.lm.bin"))
+        self._waiting: deque[bytes] = deque(maxlen=_MAX_WAITING)
+        self._work: Iterator[str | None] | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether an utterance waits or is being recognised."""
+        return bool(self._waiting) or self._work is not None
+
+    def offer(self, sound: bytes) -> None:
+        """Queues an utterance, 16 bits at 16 kHz."""
+        self._waiting.append(sound)
+
+    def work(self) -> str | None:
+        """Does a part of the work; returns the words of an utterance that ended with it, None for noise."""
+        if self._work is None:
+            if not self._waiting:
+                return None
+            self._work = self._recognise(self._waiting.popleft())
+        try:
+            return next(self._work)
+        except StopIteration:
+            self._work = None
+            return None
+
+    def forget(self) -> None:
+        """Drops what waits; the sound's source has changed."""
+        self._waiting.clear()
+        if self._work is not None:
+            for _ in self._work:
+                pass
+            self._work = None
+
+    def _recognise(self, sound: bytes) -> Iterator[str | None]:
+        """Yields None while it works, and at last the words if it is speech."""
+        yield from self._decode("sounds", sound)
+        sounds = [one.word for one in self._decoder.seg() or ()]
+        if sum(one.isalpha() and one != "SIL" for one in sounds) < _MIN_SOUNDS:
+            return
+        yield from self._decode(self._words, sound)
+        best = self._decoder.hyp()
+        if best is not None and best.hypstr.strip():
+            yield str(best.hypstr).strip()
+
+    def _decode(self, search: str, sound: bytes) -> Iterator[None]:
+        self._decoder.activate_search(search)
+        self._decoder.start_utt()
+        for place in range(0, len(sound), _STEP_BYTES):
+            self._decoder.process_raw(sound[place : place + _STEP_BYTES], False, False)
+            yield None
+        self._decoder.end_utt()

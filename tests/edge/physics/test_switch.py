@@ -1,0 +1,50 @@
+"""The physics of a running edge are switched on, off, and say what they lack."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+from patience import until
+
+from enliven.errors import ResourceError
+from enliven.frames import BodyFrame
+from enliven.wire import PhysicsMessage
+from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.physics.switch import PhysicsSwitch
+from enliven_edge.stage import Tick
+
+
+def tick(time_ns: int) -> Tick:
+    return Tick(BodyFrame([], time_ns, "test"))
+
+
+def test_boxes_come_and_go_while_the_edge_runs():
+    pytest.importorskip("mujoco", reason="mujoco is not installed (the extra 'physics')")
+    switch = PhysicsSwitch(PhysicsSettings(place="fixed"))
+    assert switch.change() == PhysicsMessage("none", "off") and switch.change() is None
+    switch.ask("boxes")
+    assert switch.change() == PhysicsMessage("boxes", "preparing") and switch.step(tick(1)) is None
+
+    def is_on() -> bool:
+        switch.show({})
+        return switch.change() == PhysicsMessage("boxes", "on")
+
+    until(is_on)
+    props = switch.step(tick(2))
+    assert props is not None and len(props.shapes) == 48
+    switch.ask("none")
+    empty = switch.step(tick(3))
+    assert empty is not None and len(empty.shapes) == 0, "viewers remove the last boxes"
+    assert switch.step(tick(4)) is None and switch.change() == PhysicsMessage("none", "off")
+
+
+def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else find(name))
+    switch = PhysicsSwitch()
+    with pytest.raises(ResourceError, match="mujoco"):
+        switch.ask("dodgeball")
+    state = switch.change()
+    assert state is not None and state.state == "missing"
+    assert "mujoco" in state.what and "enliven-edge[physics]" in state.mend

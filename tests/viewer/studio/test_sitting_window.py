@@ -1,0 +1,89 @@
+"""One sitting in the real window with the real edge: scan, voice, possession, physics and recording."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import shutil
+import subprocess
+import wave
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from in_a_window import in_a_window
+from scipy.signal import resample_poly
+
+from enliven.recording import Recorder, Recording
+from enliven.samples import load_sample
+from enliven_edge.doctor import shipped_recording
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+
+SESSION = Path(__file__).parents[1] / "sitting_session.py"
+PATH = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)
+RATE = 16000
+MINUTES = 5
+SETTINGS = """[controls.voice]
+kind = "voice"
+wav = "say.wav"
+[controls.voice.map]
+"puppet follow my pose" = "follow"
+"puppet show another" = "next"
+"""
+
+
+def speech(text: str, folder: Path) -> np.ndarray:
+    """Returns a sentence of a synthetic speaker, at 16 kHz."""
+    path = folder / "sentence.wav"
+    subprocess.run(["espeak-ng", "-v", "en-us", "-s", "140", "-w", str(path), text], check=True)
+    with wave.open(str(path)) as file:
+        rate, sound = file.getframerate(), np.frombuffer(file.readframes(file.getnframes()), np.int16)
+    common = math.gcd(rate, RATE)
+    return resample_poly(sound.astype(float), RATE // common, rate // common)
+
+
+def rehearsal(path: Path) -> None:
+    """Writes minutes in which a phrase of the list and another sentence take turns."""
+    room = np.random.default_rng(0).normal(0.0, 20.0, MINUTES * 60 * RATE)
+    texts = ("puppet follow my pose", "look at the lights")
+    sounds = [speech(text, path.parent) for text in texts]
+    for number, start in enumerate(range(2 * RATE, len(room) - 5 * RATE, 9 * RATE)):
+        sound = sounds[number % 2]
+        room[start : start + len(sound)] += sound
+    with wave.open(str(path), "wb") as file:
+        file.setparams((1, 2, RATE, 0, "NONE", ""))
+        file.writeframes(room.clip(-32768, 32767).astype(np.int16).tobytes())
+
+
+def carried_and_performed(path: Path) -> None:
+    """Writes recorded depth: a person performs, then the camera is carried round a chair, twice each."""
+    person = list(Recording(shipped_recording()).frames())
+    scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
+    carried = [scan.frame(index) for index in range(0, scan.frames, 5)]
+    with Recorder(path) as recorder:
+        later = 0
+        for frames in (person, person, carried, carried):
+            for frame in frames:
+                recorder.write_frame(replace(frame, time_ns=later + frame.time_ns - frames[0].time_ns))
+            later += frames[-1].time_ns - frames[0].time_ns + 33_000_000
+
+
+@pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng is not installed")
+@pytest.mark.parametrize("needs", [("pocketsphinx", "mujoco")])
+def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, ...], tmp_path: Path) -> None:
+    for library in needs:
+        if importlib.util.find_spec(library) is None:
+            pytest.skip(f"{library} is not installed")
+    carried_and_performed(tmp_path / "depth.mcap")
+    rehearsal(tmp_path / "say.wav")
+    (tmp_path / "edge.toml").write_text(SETTINGS)
+    words = [str(tmp_path), str(tmp_path / "depth.mcap"), str(tmp_path / "edge.toml")]
+    said = in_a_window(SESSION, *words, seconds=500.0)
+    assert said["done"], said.get("missing", said)
+    assert said["heard"].startswith("Heard: puppet follow my pose")
+    assert said["not understood"].startswith("Not understood: ")
+    assert said["phrases"] == 2
+    assert said["held"] and said["boxes"] == 48
+    assert said["recorded"][0] > 0
+    assert len(said["possess moved"]) == 1, "the primary button never moves"

@@ -1,0 +1,91 @@
+"""The microphone in the Perform panel, in space of its own: its switch, its state, and what it heard."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.stage.cameras import fitting
+from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
+from enliven_viewer.studio.perform import LOOSE_LABELS, PerformSession
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
+
+_MICROPHONE, _MUTED = "\uf130", "\uf131"
+"""Icons of Font Awesome 4."""
+_ROW = 40.0
+"""Pixels of height of the row: two lines of small text, whatever they say."""
+_SWITCH = 36.0
+"""Pixels of the side of the switch, hit without aiming."""
+_HELP = 24.0
+"""Pixels of the button that lists the phrases."""
+_REASON = 50.0
+"""Pixels of height for the state of the physics: three lines of small text."""
+_PHRASES = "phrases"
+"""The name of the popup with the phrases."""
+
+
+def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
+    """Draw the switch of the microphone, what it heard, and the list of phrases."""
+    voice = perform.voice
+    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    imgui.begin_child("##voice row", ImVec2(0, _ROW), 0, flags)
+    top = imgui.get_cursor_screen_pos()
+    listening = voice.state is not None and voice.state.state == "listening"
+    tint = GOOD if listening else BAD if voice.is_on and voice.state.state == "missing" else QUIET  # type: ignore[union-attr]
+    imgui.begin_disabled(voice.state is None)
+    with tinted(tint, imgui.Col_.text):
+        icon = _MICROPHONE if voice.is_on else _MUTED
+        if imgui.button(f"{icon}###voice", ImVec2(_SWITCH, _SWITCH)):
+            voice.toggle(perform.client)
+    imgui.end_disabled()
+    workspace.remember("voice")
+    told("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
+    room = imgui.get_window_size().x - _SWITCH - _HELP - 22
+    words = voice.words
+    colour = (GOOD if voice.is_understood else WAIT) if words else INK
+    lines = ((words or voice.status, colour), (voice.advice, QUIET))
+    with small():
+        for number, (text, tint) in enumerate(lines):
+            imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH + 8, top.y + 2 + 18 * number))
+            with tinted(tint, imgui.Col_.text):
+                imgui.text_unformatted(fitting(text, room))
+            told(text)
+    workspace.remember("voice state")
+    imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP, top.y + 6))
+    if imgui.button("?##phrases", ImVec2(_HELP, _HELP)):
+        imgui.open_popup(_PHRASES)
+    workspace.remember("voice phrases")
+    told("What you can say")
+    if imgui.begin_popup(_PHRASES):
+        for phrase, action in voice.phrases:
+            imgui.text_unformatted(phrase)
+            imgui.same_line(230)
+            with tinted(QUIET, imgui.Col_.text):
+                imgui.text_unformatted(action)
+        imgui.end_popup()
+    imgui.end_child()
+
+
+def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
+    """Draw the choice of loose objects, and what they need, in space that never grows."""
+    physics = perform.physics
+    heading("Physics")
+    imgui.begin_disabled(physics.state is None)
+    imgui.set_next_item_width(-1)
+    changed, number = imgui.combo("##physics", physics.number, list(LOOSE_LABELS))
+    imgui.end_disabled()
+    workspace.remember("physics")
+    told("Loose objects on the stage, which characters knock over")
+    if changed:
+        physics.ask(perform.client, number)
+    imgui.begin_child("##physics state", ImVec2(0, _REASON))
+    if physics.has_problem:
+        with small(), tinted(WAIT, imgui.Col_.text):
+            imgui.push_text_wrap_pos(0.0)
+            imgui.text_unformatted(physics.words)
+            imgui.pop_text_wrap_pos()
+    else:
+        quiet(physics.words)
+    imgui.end_child()
+    workspace.remember("physics state")

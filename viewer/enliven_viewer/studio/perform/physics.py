@@ -1,0 +1,71 @@
+"""Physics in the window: the loose objects on an edge's stage, switched on and off."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
+from enliven_viewer.link import EdgeClient
+from enliven_viewer.studio.editor import Editor
+
+LooseWorld = Literal["none", "boxes", "dodgeball"]
+LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
+LOOSE_LABELS = ("Nothing loose", "Towers of boxes", "Dodgeball")
+"""What people call each of :data:`LOOSE_WORLDS`."""
+_OLD_EDGE = "This stage's program is older: start it with --physics boxes."
+_HINTS = {
+    "off": "Boxes and balls that a character can knock over.",
+    "preparing": "The objects are being made ready.",
+    "on": "They appear once a performer stands still. Step in, and knock them over.",
+}
+
+
+class StagePhysics:
+    """Follows the physics of an edge, and switches it.
+
+    Attributes:
+        state: of the physics; None while the edge has not told it.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self.state: PhysicsMessage | None = None
+
+    def advance(self, client: EdgeClient) -> None:
+        """Takes in what the edge tells."""
+        client.take(PHYSICS)
+        self.state = client.latest(PHYSICS).get("")
+
+    def forget(self) -> None:
+        """Forgets what the edge told: the link is closed."""
+        self.state = None
+
+    @property
+    def number(self) -> int:
+        """Which of :data:`LOOSE_WORLDS` is on the stage."""
+        on = self.state is not None and self.state.state in ("preparing", "on")
+        return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
+
+    @property
+    def words(self) -> str:
+        """What it needs, or why it cannot be: two sentences at most."""
+        state = self.state
+        if state is None:
+            return _OLD_EDGE
+        if state.state in _HINTS:
+            return _HINTS[state.state]
+        return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"
+
+    @property
+    def has_problem(self) -> bool:
+        """Whether the words are a reason why there are no objects."""
+        return self.state is not None and self.state.state in ("missing", "failed")
+
+    def ask(self, client: EdgeClient | None, number: int) -> None:
+        """Puts one of :data:`LOOSE_WORLDS` on the stage."""
+        if client is not None and self.state is not None:
+            client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._answered)
+
+    def _answered(self, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self._editor.toasts.say("There is no physics on this stage", answer.reason)

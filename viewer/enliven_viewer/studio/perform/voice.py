@@ -1,0 +1,107 @@
+"""Spoken commands in the window: the state of the edge's microphone, and what it heard last."""
+
+from __future__ import annotations
+
+import time
+
+from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, VoiceMessage
+from enliven_viewer.link import EdgeClient
+from enliven_viewer.studio.editor import Editor
+
+SHOWN_S = 5.0
+"""Seconds for which an utterance is shown: read by a performer across the room, and gone before the next."""
+_OLD_EDGE = "This stage's program is older and has no switch for the microphone"
+_STATES = {
+    "off": "The microphone is off",
+    "starting": "The microphone is being opened",
+    "listening": "Listening",
+    "missing": "No microphone",
+}
+
+
+class StageVoice:
+    """Follows the voice control of an edge, and opens or closes its microphone.
+
+    Attributes:
+        wanted: whether the microphone of a stage that the window starts is opened once it runs.
+        state: of the microphone; None while the edge has not told it.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self.wanted = False
+        self.state: VoiceMessage | None = None
+        self._heard: HeardMessage | None = None
+        self._until = 0.0
+        self._asked: object = None
+
+    def advance(self, client: EdgeClient, *, is_near: bool) -> None:
+        """Takes in what the edge tells; opens the microphone of a stage of this window if it is wanted."""
+        for message in client.take(HEARD):
+            self._heard, self._until = message, time.monotonic() + SHOWN_S
+        client.take(VOICE)
+        self.state = client.latest(VOICE).get("")
+        instance = client.edges[0].instance
+        if is_near and self.wanted and self.state is not None and self._asked != instance:
+            self._asked = instance
+            self._ask(client, True)
+
+    def forget(self) -> None:
+        """Forgets what was heard: the link is closed."""
+        self.state = self._heard = self._asked = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the microphone is open, or is to be opened."""
+        return self.state is not None and self.state.state != "off"
+
+    @property
+    def is_understood(self) -> bool:
+        """Whether the utterance that is shown is a phrase of the list."""
+        return self._heard is not None and self._heard.understood
+
+    @property
+    def words(self) -> str:
+        """What was heard in the last seconds; empty for nothing."""
+        heard = self._heard
+        if heard is None or time.monotonic() > self._until:
+            return ""
+        if heard.understood:
+            return f"Heard: {heard.words}" + (f" ({heard.refused})" if heard.refused else "")
+        return f"Not understood: {heard.words}" if heard.words else "Not understood"
+
+    @property
+    def status(self) -> str:
+        """The state of the microphone in words."""
+        if self.state is None:
+            return _OLD_EDGE
+        reason = f": {self.state.what}" if self.state.what else ""
+        return f"{_STATES[self.state.state]}{reason}"
+
+    @property
+    def advice(self) -> str:
+        """What to do: to repair the microphone, or what to say."""
+        if self.state is None:
+            return ""
+        if self.state.state == "missing":
+            return self.state.mend
+        return f"Say: {', '.join(self.state.phrases[:2])} ..." if self.state.state == "listening" else ""
+
+    @property
+    def phrases(self) -> tuple[tuple[str, str], ...]:
+        """The phrases that it knows, each with its command."""
+        return () if self.state is None else tuple(zip(self.state.phrases, self.state.actions, strict=True))
+
+    def toggle(self, client: EdgeClient | None) -> None:
+        """Opens the microphone, or closes it."""
+        self.wanted = not self.is_on
+        if client is not None and self.state is not None:
+            self._ask(client, self.wanted)
+
+    def _ask(self, client: EdgeClient, on: bool) -> None:
+        client.ask(Listen(on), self._answered)
+
+    def _answered(self, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self.wanted = False
+            self._editor.toasts.say("The microphone stays as it is", answer.reason)
