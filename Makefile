@@ -32,8 +32,9 @@ test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would ru
 	@sh scripts/test_arm.sh $(ONLY)
 
 test-web: setup-dev ## exported files against three.js in Chromium (npm and chromium; pictures in out/web/pictures)
-	@npm install --silent --no-save --prefix out/web three@0.187.0
-	@.venv/bin/python -m pytest -n 0 tests/viewer/render/test_other_viewer.py tests/real/test_other_viewer_real.py $(ARGS)
+	@npm install --silent --no-save --prefix out/web three@0.187.0 gltfpack@1.3.0
+	@.venv/bin/python -m pytest -n 0 tests/viewer/render/test_other_viewer.py \
+		tests/real/test_other_viewer_real.py tests/shared/formats/test_meshopt.py $(ARGS)
 
 test-devices:    ## the panel's firmware, all of the camera drivers' contract, then devices in a guest (as root): ONLY=guest
 	@sh scripts/setup.sh devices
