@@ -11,7 +11,7 @@ from rich.progress import track
 
 from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError
-from enliven.files import need_folder
+from enliven.files import need_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -94,7 +94,7 @@ def _film(
             if n in picked:
                 kept.append(picture)
     if sheet is not None:
-        Image.fromarray(contact_sheet(kept, 4, 480)).save(sheet)
+        write_picture(sheet, Image.fromarray(contact_sheet(kept, 4, 480)))
 
 
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:

@@ -14,6 +14,7 @@ import typer
 
 from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
+from enliven.files import write_picture
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -218,4 +219,4 @@ def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
 
     from enliven_edge.inspection import captioned
 
-    Image.fromarray(captioned(_picture(frame), lines)).save(output)
+    write_picture(output, Image.fromarray(captioned(_picture(frame), lines)))

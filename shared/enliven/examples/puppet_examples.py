@@ -207,7 +207,7 @@ def frame_at(clip: Clip, seconds: float) -> int:
     Raises:
         InputError: for a time outside of the take.
     """
-    frames = float(np.float64(seconds) / clip.step)  # infinite for the largest of times
+    frames = float(seconds) / float(clip.step)  # infinite for the largest of times
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         what = f"{seconds:g} s is outside of the take"
