@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -30,6 +30,11 @@ test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test
 
 test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
+
+test-web: setup-dev ## exported files against three.js in Chromium (npm and chromium; pictures in out/web/pictures)
+	@npm install --silent --no-save --prefix out/web three@0.187.0 gltfpack@1.3.0
+	@.venv/bin/python -m pytest -n 0 tests/viewer/render/test_other_viewer.py \
+		tests/real/test_other_viewer_real.py tests/shared/formats/test_meshopt.py $(ARGS)
 
 test-devices:    ## the panel's firmware, all of the camera drivers' contract, then devices in a guest (as root): ONLY=guest
 	@sh scripts/setup.sh devices

@@ -98,6 +98,7 @@ def _other_failure(error: Exception) -> int:
     own copy in others.
     """
     if hasattr(error, "show") and hasattr(error, "exit_code"):
+        vars(error)["message"] = escaped(str(vars(error).get("message", "")))
         error.show()
         return int(error.exit_code)
     if os.environ.get("ENLIVEN_DEBUG"):

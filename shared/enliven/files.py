@@ -26,7 +26,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
 from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
@@ -348,6 +348,28 @@ def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     with replace_file(path, mend) as part, _explained(path, mend), part.open("r+b") as file:
         file.write(content)
+
+
+def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> None:
+    """Writes a picture of Pillow in the format of the path's ending, whole or not at all: :func:`write_file`.
+
+    Args:
+        options: of Pillow's writer.
+
+    Raises:
+        InputError: where Pillow knows no such ending.
+        ResourceError: where it cannot be written; then what was there is untouched.
+    """
+    from PIL import Image  # files of other kinds do not need it
+
+    kind = Image.registered_extensions().get(path.suffix.lower())
+    if kind not in Image.SAVE:
+        raise InputError(
+            f"cannot write {path.suffix or 'no'} pictures", where=str(path), mend="Known: png, jpg, webp."
+        )
+    encoded = io.BytesIO()
+    picture.save(encoded, kind, **options)
+    write_file(path, encoded.getvalue(), mend)
 
 
 @contextlib.contextmanager

@@ -65,6 +65,9 @@ DOORS: dict[str, Callable[[Path], Surface]] = {
     "edge, by its skeleton": _driven,
 }
 
+STILL = {"load_mesh", "possess", "session", "edge, by a graph"}
+"""Doors to a surface without its clips: mirrored joints are mirrored in it, and not by the clips."""
+
 
 def measures(surface: Surface) -> np.ndarray:
     """(2,) what no move, turn about the upright, size or order of vertices changes: width and area."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gltf_doors import DOORS, measures
+from gltf_doors import DOORS, STILL, measures
 from gltf_twins import TWINS
 
 from enliven.formats.gltf import read_gltf
+from enliven.meshes import load_mesh
 
 SUFFIXES = (".glb", ".vrm")
 
@@ -18,15 +19,16 @@ def test_every_door_shows_what_the_reader_reads(tmp_path, door):
         if name == "flat_matrix":  # some doors leave out faces that lie on one another
             continue
         path = made().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
-        mesh = read_gltf(path).shape.mesh
+        is_mirrored = name.startswith("mirrored") and door in STILL
+        mesh = load_mesh(path).mesh if is_mirrored else read_gltf(path).shape.mesh
         shown = measures(DOORS[door](path))
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
 
 
 def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
     twin = TWINS["waving"]()
-    twin.extension("EXT_meshopt_compression", True)
+    twin.extension("ACME_compression", True)
     path = twin.write(tmp_path / "a.glb")
     for door in DOORS.values():
-        with pytest.raises(Exception, match="EXT_meshopt_compression"):
+        with pytest.raises(Exception, match="ACME_compression"):
             door(path)

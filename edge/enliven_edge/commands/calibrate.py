@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from enliven.commands import progress_lines, say
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.progress import interruptible
@@ -82,9 +81,9 @@ def calibrate(
         collectors = _collectors(sensors, scenes, chosen, seconds)
         found = _found(collectors, chosen)
     for pair in found.pairs:
-        typer.echo(_sentence(pair))
+        say(_sentence(pair))
     if len(found.sensors) > 2:
-        typer.echo(f"going round: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg are left over")
+        say(f"going round: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg are left over")
     _write(found, collectors, output, accept_doubt)
 
 
@@ -108,9 +107,8 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
     from enliven_edge.fusion.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with (
-        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+        progress_lines("{task.description}") as progress,
         interruptible() as stop,
     ):
         task = progress.add_task("Compiling the tracker (kept for the next start)", total=None)
@@ -132,7 +130,7 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
         for collector in collectors:
             collector.stop()
             if collector.failure:
-                typer.echo(f"{collector.name}: {collector.failure}", err=True)
+                say(f"{collector.name}: {collector.failure}", err=True)
         progress.update(task, description="Comparing what the sensors saw")
         return calibrated([c.stream() for c in collectors], chosen.calibration)
 
@@ -167,4 +165,4 @@ def _write(found: Calibration, collectors: list[Collector], output: Path, accept
     remarks = [f"Where the sensors stand: enliven calibrate, {today}.", *doubt, *map(_sentence, found.pairs)]
     old = save_space(output, space, remarks)
     kept = f" (what was there is now {old})" if old else ""
-    typer.echo(f"{output} says where {len(space.sensors)} sensors stand{kept}")
+    say(f"{output} says where {len(space.sensors)} sensors stand{kept}")

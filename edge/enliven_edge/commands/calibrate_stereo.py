@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
-from enliven_edge.commands.progress import facts_table
 
 if TYPE_CHECKING:
     from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
@@ -80,9 +79,7 @@ def _print(board: CalibrationBoard, path: Path) -> None:
         path.write_bytes(board.pdf())
     except OSError as error:
         raise ResourceError(f"it cannot be written ({error.strerror or error})", where=str(path)) from None
-    typer.echo(
-        f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square"
-    )
+    say(f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square")
 
 
 def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt: bool) -> None:
@@ -106,7 +103,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     today = datetime.date.today().isoformat()
     head = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
     save_calibration(output, found, [*head, *facts])
-    typer.echo(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
+    say(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
 
 
 def _seen(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
@@ -160,7 +157,7 @@ def _take(
                     Image.fromarray(each.image).save(folder / f"{side}-{len(keeper.kept):03}.png")
             word = lacks or f"{len(keeper.kept)} of {pairs} kept"
             if word != said:
-                typer.echo(word)
+                say(word)
             said = word
     finally:
         images.close()
@@ -168,7 +165,7 @@ def _take(
 
 def _tell(judgement: Judgement) -> None:
     advice = [("to do", sentence) for sentence in judgement.advice]
-    Console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
+    plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 
 
 def _size(words: str, where: str) -> tuple[int, int]:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from enliven.commands import plain_console, plain_text, say
 from enliven.errors import InputError
 from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
@@ -49,7 +49,7 @@ def import_recording(
     """
     from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of, mirrored
 
-    console = Console()
+    console = plain_console()
     if list_readers:
         console.print(_reader_table())
         return
@@ -78,9 +78,9 @@ def import_recording(
         console=console,
     )
     size = output.stat().st_size / 1e6
-    typer.echo(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
+    say(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
     for note in notes:
-        typer.echo(f"Note: {note}.")
+        say(f"Note: {note}.")
 
 
 def _reader_table() -> Table:
@@ -88,5 +88,5 @@ def _reader_table() -> Table:
 
     table = Table("reader", "layout", "note")
     for reader in readers().values():
-        table.add_row(reader.name, reader.description, reader.note)
+        table.add_row(*map(plain_text, (reader.name, reader.description, reader.note)))
     return table

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import track
 
+from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError
-from enliven.files import need_folder
-from enliven_edge.commands.progress import facts_table
+from enliven.files import need_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -64,8 +63,8 @@ def inspect(
     else:
         rate, count = _rate(source, count), min(count, frames or count)
         _film(source, log, output, sheet, width, (rate, rate / slow), count)
-        typer.echo(f"{output}: {count} frames at {rate / slow:.3g} a second")
-    Console().print(facts_table(log.facts()))
+        say(f"{output}: {count} frames at {rate / slow:.3g} a second")
+    plain_console().print(facts_table(log.facts()))
 
 
 def _film(
@@ -95,7 +94,7 @@ def _film(
             if n in picked:
                 kept.append(picture)
     if sheet is not None:
-        Image.fromarray(contact_sheet(kept, 4, 480)).save(sheet)
+        write_picture(sheet, Image.fromarray(contact_sheet(kept, 4, 480)))
 
 
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from enliven.commands import progress_lines
 from enliven.document import unused
 from enliven_edge.stage import cast, name_of, parts_for
 from enliven_edge.stage.puppet import is_puppet
@@ -58,10 +59,6 @@ def _steps(first: str, total: int) -> Iterator[Callable[[str], None]]:
     if not sys.stderr.isatty():
         yield lambda step: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with progress_lines("{task.description}", bar=True) as progress:
         task = progress.add_task(first, total=total)
         yield lambda step: progress.update(task, advance=1, description=step)

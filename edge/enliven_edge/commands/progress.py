@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from enliven.commands import progress_lines
 from enliven.errors import InputError
 from enliven.files import replace_file
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
-    from rich.table import Table
 
     from enliven.frames import Frame
 
@@ -51,26 +51,8 @@ def interruptible() -> Iterator[threading.Event]:
 
 
 def frame_progress(console: Console) -> Progress:
-    """Returns a bar with the share done, the frames and the time; tasks need the field ``count``."""
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}: {task.fields[count]} frames"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )
-
-
-def facts_table(facts: Iterable[tuple[str, str]]) -> Table:
-    """Returns facts, each with its name, as a table without lines."""
-    from rich.table import Table
-
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for fact in facts:
-        table.add_row(*fact)
-    return table
+    """Returns a line with the frames and the time; tasks need the field ``count``."""
+    return progress_lines("{task.description}: {task.fields[count]} frames", console=console)
 
 
 @dataclass

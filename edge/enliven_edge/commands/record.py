@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from enliven.commands import plain_console, say
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
@@ -51,7 +51,7 @@ def record(
     from enliven_edge.recording import PartedRecorder
     from enliven_edge.sensors import kept_open, sensor_opener, sensor_options
 
-    console = Console()
+    console = plain_console()
     with (
         kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         PartedRecorder(output, compression_level=level, overwrite=overwrite) as recorder,
@@ -65,9 +65,9 @@ def record(
             progress.update(task, count=count)
     size = sum(path.stat().st_size for path in recorder.paths if path.exists())
     names = ", ".join(str(path) for path in recorder.paths)
-    typer.echo(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
+    say(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
     if recorder.lost:
-        typer.echo(f"Note: {recorder.lost} messages are missing: the disk was full.")
+        say(f"Note: {recorder.lost} messages are missing: the disk was full.")
     if recorder.failure is not None:
         raise recorder.failure
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.errors import InputError, ResourceError
-from enliven.files import need_folder
+from enliven.errors import InputError
+from enliven.files import need_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
@@ -151,7 +151,4 @@ def _write_sheet(mesh: Mesh, path: Path) -> None:
 
     from enliven_edge.scanning import sheet_of
 
-    try:
-        Image.fromarray(sheet_of(mesh)).save(path, "png")
-    except OSError as error:
-        raise ResourceError(f"cannot write ({error.strerror})", where=str(path)) from None
+    write_picture(path, Image.fromarray(sheet_of(mesh)))

@@ -9,10 +9,9 @@ from pathlib import Path
 from threading import Event
 
 import numpy as np
-import typer
-from rich.console import Console
 
 from enliven.arrays import Float
+from enliven.commands import plain_console, say
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.scanning import (
@@ -166,17 +165,17 @@ class ScanJob:
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
         few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
         said = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.diary.frames} frames"
-        typer.echo(f"{output}: {said}, {self.diary.now}")
+        say(f"{output}: {said}, {self.diary.now}")
         if made.said:
-            typer.echo(made.said[:1].upper() + made.said[1:])
+            say(made.said[:1].upper() + made.said[1:])
         if made.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
         for sentence in (*self.diary.advice(self.scanner), *self._notes):
-            typer.echo(f"Note: {sentence}")
+            say(f"Note: {sentence}")
 
     def _scan(self) -> int:
         """Fuses all images; returns how many of an earlier scan come before them."""
-        with interruptible() as stop, frame_progress(Console()) as progress:
+        with interruptible() as stop, frame_progress(plain_console()) as progress:
             task, before = progress.add_task("Scanning", total=None, count=0), 0
             if self.first is not None and isinstance(self.scanner, Scanner):
                 before = scan_first(self.scanner, self.first, stop)

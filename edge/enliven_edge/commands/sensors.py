@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import statistics
 import sys
 import time
@@ -10,12 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
-from enliven_edge.commands.progress import facts_table
+from enliven.files import write_picture
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from enliven.arrays import UInt8
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import Sensor
@@ -55,13 +58,13 @@ def sensors(
       enliven sensors replay --set path=TAKE.mcap
     """
     # A pip line has an extra in brackets, which would be taken for a style.
-    console = Console(markup=False)
+    console = plain_console()
     if as_json:
         import msgspec
 
         from enliven_edge.sensors import found_cameras
 
-        typer.echo(msgspec.json.encode(found_cameras()).decode())
+        typer.echo(json.dumps(msgspec.to_builtins(found_cameras())))
         return
     if name is None:
         _list(console)
@@ -81,7 +84,7 @@ def sensors(
         typer.echo(encoded_picture(_picture(frames[-1]), way, console.width), nl=False, color=True)
     if output is not None:
         _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
-        typer.echo(f"{output}: its depth, near is bright")
+        say(f"{output}: its depth, near is bright")
 
 
 def _list(console: Console) -> None:
@@ -121,7 +124,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
         except (SensorFault, InputError) as error:
             if not getattr(sensor, "recorded", False):
                 raise
-            typer.echo(f"enliven: {error}", err=True)
+            say(f"enliven: {error}", err=True)
             continue
         if frame is None:
             break
@@ -216,4 +219,4 @@ def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
 
     from enliven_edge.inspection import captioned
 
-    Image.fromarray(captioned(_picture(frame), lines)).save(output)
+    write_picture(output, Image.fromarray(captioned(_picture(frame), lines)))

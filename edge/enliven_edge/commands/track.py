@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from enliven.commands import plain_console, say
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.image_options import LensOption, UnitsOption
@@ -63,12 +63,12 @@ def track(
         task="Tracking",
         facts=("track", {"recording": recording.name}),
         empty=InputError("no image of it can be read", where=str(recording), mend="Record it again."),
-        console=Console(),
+        console=plain_console(),
         overwrite=overwrite,
     )
-    typer.echo(f"{output}: {found.summary}")
+    say(f"{output}: {found.summary}")
     if not found.seen:
-        typer.echo("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
+        say("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
 
 
 def _is_recording(path: Path) -> bool:
@@ -108,7 +108,7 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
     reader = find_reader(paths)
 
     def note(sentence: str) -> None:
-        typer.echo(f"Note: {sentence}.")
+        say(f"Note: {sentence}.")
 
     options = ImportOptions(lens=lens_of(lens), units_per_metre=units_per_metre, note=note)
     frames = iter(reader.read(paths, options))
@@ -116,12 +116,12 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
     if not isinstance(first, DepthFrame):
         raise _without_depth(path)
     camera = first.intrinsics
-    typer.echo(
+    say(
         f"Read as {reader.name}, sensor {first.sensor}: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
         f"cx {camera.cx:.1f}, cy {camera.cy:.1f} pixels at {camera.width}x{camera.height}."
     )
     if reader.note:
-        typer.echo(f"Note: {reader.note}.")
+        say(f"Note: {reader.note}.")
     return chain([first], frames), len(paths)
 
 

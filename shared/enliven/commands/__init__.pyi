@@ -6,3 +6,10 @@ from .processes import (
     terminate_as_interrupt as terminate_as_interrupt,
 )
 from .run import has_display as has_display
+from .terminal import (
+    facts_table as facts_table,
+    plain_console as plain_console,
+    plain_text as plain_text,
+    progress_lines as progress_lines,
+    say as say,
+)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from enliven.commands.terminal import plain_console, plain_text
 from enliven.doctor import Check, all_checks
 
 _LACKING = 4
@@ -30,7 +29,7 @@ def doctor(
     if as_json:
         typer.echo(json.dumps([vars(check) for check in found], indent=2))
     else:
-        Console().print(_table(found))
+        plain_console().print(_table(found))
     if not all(check.ok for check in found):
         raise typer.Exit(_LACKING)
 
@@ -39,8 +38,9 @@ def _table(found: list[Check]) -> Table:
     """Builds the table of checks: one row each, with the remedy below a check that failed."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in found:
-        mark = "[green]ok[/]" if check.ok else "[red]missing[/]"
-        # A pip line has an extra in brackets, which would be taken for a style.
-        detail = escape(check.detail) + ("" if check.ok else f"\n[yellow]{escape(check.mend)}[/]")
-        table.add_row(mark, escape(check.name), detail)
+        mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
+        detail = plain_text(check.detail)
+        if not check.ok:
+            detail.append("\n").append(plain_text(check.mend, "yellow"))
+        table.add_row(mark, plain_text(check.name), detail)
     return table

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
+from enliven.commands.terminal import say
 from enliven.errors import InputError
 from enliven.files import need_folder
-from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis
@@ -78,7 +78,7 @@ def new(
     made = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
     write_session(output, made, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = made.puppets[mesh.stem]
-    typer.echo(
+    say(
         f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
         "Pose them: say in each where the control points are to be."
     )
@@ -102,18 +102,18 @@ def check(
     found = opened(session, puppet)
     project, made = found.project, found.puppet
     pairs = ", ".join(f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in made.points)
-    typer.echo(f"enliven: {made.id}: {len(made.points)} control points: {pairs or 'none'}")
+    say(f"enliven: {made.id}: {len(made.points)} control points: {pairs or 'none'}")
     shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in made.poses)
-    typer.echo(f"enliven: {len(made.poses)} key poses: {shown or 'none'}")
+    say(f"enliven: {len(made.poses)} key poses: {shown or 'none'}")
     lacking = [*missing(project, made), *unposed(made)]
     if not made.layers:
         lacking.append("Say what it plays: [[layer]].")
     for sentence in lacking:
-        typer.echo(f"enliven: {sentence}")
+        say(f"enliven: {sentence}")
     if missing(project, made):
         raise typer.Exit(3)
     for number in range(len(made.layers)):
-        typer.echo(f"enliven: {coverage_of(project, made, number)}")
+        say(f"enliven: {coverage_of(project, made, number)}")
         _say(*motion_of(project, made, number).notes)
     if lacking:
         raise typer.Exit(3)
@@ -169,7 +169,7 @@ def fit(
     said = write(Job(project, made, output, span, rate, morphs))
     if sheet and draw:
         draw(sheet, project, made, span)
-    typer.echo(f"enliven: {len(made.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{said}")
+    say(f"enliven: {len(made.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{said}")
 
 
 def _from(session: Path, file: Path) -> str:
@@ -187,4 +187,4 @@ def _axis(name: str) -> Axis:
 
 def _say(*notes: str) -> None:
     for note in notes:
-        typer.echo(f"enliven: {escaped(note)}", err=True)
+        say(f"enliven: {note}", err=True)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from enliven.commands.terminal import say
 from enliven.errors import InputError
-from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.exporters import Exporter
@@ -57,17 +57,17 @@ def export(
 
     found, notes, sounds = exportables_of(source)
     for note in notes:
-        typer.echo(f"enliven: {escaped(note)}", err=True)
+        say(f"enliven: {note}", err=True)
     made = []
     for one in _chosen(found, exporter, character or [], source):
-        typer.echo(f"enliven: sampling {one.name}", err=True)
+        say(f"enliven: sampling {one.name}", err=True)
         made.append(one.sample(start, end, rate, morphs, exporter.keyed))
     heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
     exporter.write(output, made, source.stem, **options, **heard)
     lasts = max(performance.times[-1] for performance in made)
     names = ", ".join(performance.name for performance in made)
     baked = "".join(f"; {one.name} is {one.error}" for one in made if one.error is not None)
-    typer.echo(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
+    say(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
 
 
 def _chosen(found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path) -> list[Exportable]:

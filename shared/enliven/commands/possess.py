@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from enliven.commands.terminal import say
 from enliven.errors import InputError
-from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis, Mesh
@@ -65,12 +65,12 @@ def possess(
         mend = "Name one: --mesh chair."
         raise InputError("no mesh was possessed in it", where=str(take), mend=mend)
     for note in notes:
-        typer.echo(f"enliven: {escaped(note)}", err=True)
+        say(f"enliven: {note}", err=True)
     if exporter is None:
         write_project(output, project)
     else:
         exporter.write(output, [performance_of(project, name)], take.stem)
-    typer.echo(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
+    say(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 
 def _mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
@@ -86,5 +86,5 @@ def _mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
         return load_sample(spec), False
     mesh, notes = load_upright(spec, up)
     for note in notes:
-        typer.echo(f"enliven: {escaped(spec)}: {escaped(note)}", err=True)
+        say(f"enliven: {spec}: {note}", err=True)
     return mesh, True

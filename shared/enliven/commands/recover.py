@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.logs import escaped
+from enliven.commands.terminal import say
 
 
 def recover(
@@ -26,17 +26,17 @@ def recover(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
         found: Recovery = recovered(recording, output)
-    typer.echo(f"{output}: {sum(found.kept.values())} messages")
+    say(f"{output}: {sum(found.kept.values())} messages")
     for topic in sorted({*found.kept, *found.lost}):
         lost = f", {found.lost[topic]} lost" if found.lost[topic] else ""
-        typer.echo(f"  {escaped(topic)}: {found.kept[topic]} messages{lost}")
+        say(f"  {topic}: {found.kept[topic]} messages{lost}")
     origin = found.first_ns or 0
     for span in found.spans:
-        typer.echo(f"lost: {_words(span.start_ns, span.end_ns, origin)}")
+        say(f"lost: {_words(span.start_ns, span.end_ns, origin)}")
     if found.nameless:
-        typer.echo(f"lost: {found.nameless} messages of topics without a description")
+        say(f"lost: {found.nameless} messages of topics without a description")
     if not found.spans and not found.nameless and not found.lost:
-        typer.echo("nothing was lost")
+        say("nothing was lost")
 
 
 def _words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:

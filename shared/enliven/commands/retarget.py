@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from enliven.commands.example_files import sheet_maker
+from enliven.commands.terminal import say
 from enliven.files import need_folder
-from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -116,7 +116,7 @@ def retarget(
         )
     )
     for note in (*notes, *rig.notes):
-        typer.echo(f"enliven: {escaped(note)}", err=True)
+        say(f"enliven: {note}", err=True)
     made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
     keyed = own and exporter.keyed and rate is None
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
@@ -130,13 +130,11 @@ def retarget(
     if sheet and draw:
         draw(sheet, made, f"{take.stem} on {model.stem}")
     if own:
-        typer.echo(
-            f"enliven: the take is the model's own: copied joint by joint, {made.duration:.2f} s in {output}"
-        )
+        say(f"enliven: the take is the model's own: copied joint by joint, {made.duration:.2f} s in {output}")
         return
     modes = {chain.mode for chain in made.plan.chains}
     how = {frozenset({"pose"}): "posed as the performer", frozenset({"move"}): "moved from its own pose"}
-    typer.echo(
+    say(
         f"enliven: {len(made.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
         f"{made.duration:.2f} s are in {output}"
     )
@@ -149,29 +147,29 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
 
     for limb in idle_limbs(made.clip, made.plan):
         mend = "Give it a chain: --write-map writes the mapping to begin with."
-        typer.echo(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
+        say(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
     quality = quality_of(made.project, made.shape_id, made.clip, made.duration, made.plan)
-    typer.echo(f"enliven: {quality}")
+    say(f"enliven: {quality}")
     less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
-        typer.echo(f"enliven: moved less by the mapping: {told}")
+        say(f"enliven: moved less by the mapping: {told}")
     seen = _seen(quality, made.plan.pin)
     for told in seen:
-        typer.echo(f"enliven: {escaped(told)}", err=True)
+        say(f"enliven: {told}", err=True)
     if not seen:
         return
     other = next_best(made, rig.shape, quality)
     if other is None:
         told = "no other mapping does better: give those joints less weight (--write-map)"
-        typer.echo(f"enliven: {escaped(told)}", err=True)
+        say(f"enliven: {told}", err=True)
         return
     told = f"the next best mapping, {other.how}: {other.quality}"
     if write_map:
         beside = write_map.with_suffix(f".next{write_map.suffix}")
         write_plan(other.plan, beside)
         told += f": --map {beside}"
-    typer.echo(f"enliven: {escaped(told)}", err=True)
+    say(f"enliven: {told}", err=True)
 
 
 def _seen(quality: MotionQuality, pinned: bool) -> list[str]:

@@ -12,6 +12,7 @@ import typer
 
 from enliven.commands.part_names import known_parts
 from enliven.commands.processes import Process, is_listening, run_together
+from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.wire import free_ports
@@ -78,13 +79,11 @@ def run(
     need_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
-        typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
+        say("enliven: there is no display here, so this makes a film; with one, a window opens")
     endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
-        typer.echo(
-            f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise"
-        )
+        say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise")
     if as_film:
         out.mkdir(exist_ok=True)
     ports = free_ports()
@@ -113,7 +112,7 @@ def run(
     if code:
         raise typer.Exit(code)
     if as_film:
-        typer.echo(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
+        say(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
 
 
 def _record_again(record: Path | None) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -206,7 +207,8 @@ def frame_at(clip: Clip, seconds: float) -> int:
     Raises:
         InputError: for a time outside of the take.
     """
-    frame = round(seconds / clip.step) if np.isfinite(seconds) else -1
+    frames = float(seconds) / float(clip.step)  # infinite for the largest of times
+    frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         what = f"{seconds:g} s is outside of the take"
         raise InputError(what, where=f"take {clip.id!r}", mend=f"It has 0..{clip.duration:g} s.")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +14,7 @@ import numpy as np
 
 from enliven.arrays import Int16, UInt8
 from enliven.errors import ResourceError
+from enliven.files import replace_file
 from enliven.film.encoders import AUTO, choose_encoder
 
 log = logging.getLogger(__name__)
@@ -22,8 +25,19 @@ _SOUND_BITS = 128_000
 """Bits a second of sound: more than one channel of music needs."""
 
 
+_ELSEWHERE = "Choose another place for it."
+"""What to do where a film cannot be written."""
+
+
+class _Abandoned(Exception):
+    """Ends the writing of a file that is not to take its place."""
+
+
 class FilmWriter:
-    """An MP4 file that grows picture by picture; ``with`` completes it, or removes it where it has none.
+    """An MP4 file that grows picture by picture and takes the place of ``path`` when it is complete.
+
+    ``with`` completes it. Where it has no pictures, or an error ends it, the file that was there stays.
+    Ctrl-C completes it as well: films of a sensor have no other end.
 
     Args:
         path: of the .mp4 file; its folder is made.
@@ -55,15 +69,26 @@ class FilmWriter:
         self._sound_stream: Any = None
         if size is not None:
             self._choose(size)
-        try:
+        self._scope = ExitStack()
+        with self._explained():
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self._av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+            part = self._scope.enter_context(replace_file(path, _ELSEWHERE))
+            self._file = self._av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"})
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Turns an error of the operating system into one that names the film; its unfinished file goes."""
+        try:
+            yield
         except OSError as error:
-            raise ResourceError(
-                f"the film cannot be written ({error.strerror})",
-                where=str(path),
-                mend="Choose another place for it.",
-            ) from None
+            self._abandon()
+            what = f"the film cannot be written ({error.strerror})"
+            raise ResourceError(what, where=str(self.path), mend=_ELSEWHERE) from None
+
+    def _abandon(self) -> None:
+        """Removes the unfinished file; what was there stays."""
+        with suppress(_Abandoned, OSError), self._scope:
+            raise _Abandoned
 
     def _choose(self, size: tuple[int, int]) -> None:
         """Chooses the encoder for pictures of a size."""
@@ -109,7 +134,15 @@ class FilmWriter:
             self._heard = until
 
     def add(self, picture: UInt8) -> None:
-        """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides."""
+        """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides.
+
+        Raises:
+            ResourceError: where it cannot be written.
+        """
+        with self._explained():
+            self._add(picture)
+
+    def _add(self, picture: UInt8) -> None:
         if not self.codec:
             self._choose((picture.shape[1], picture.shape[0]))
         if not self.count:
@@ -125,12 +158,21 @@ class FilmWriter:
         self._hear()
 
     def close(self) -> None:
-        """Write the pictures that the encoder holds back, and the index."""
+        """Writes the pictures that the encoder holds back and the index, and puts the film in its place.
+
+        Raises:
+            ResourceError: where it cannot be written.
+        """
+        with self._explained():
+            if self.count:
+                for stream in filter(None, (self._stream, self._sound_stream)):
+                    for packet in stream.encode():
+                        self._file.mux(packet)
+            self._file.close()
         if self.count:
-            for stream in filter(None, (self._stream, self._sound_stream)):
-                for packet in stream.encode():
-                    self._file.mux(packet)
-        self._file.close()
+            self._scope.close()
+        else:
+            self._abandon()
 
     def __enter__(self) -> FilmWriter:
         return self
@@ -138,9 +180,12 @@ class FilmWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
-        if not self.count:
-            self.path.unlink(missing_ok=True)
+        if kind is None or not issubclass(kind, Exception):
+            self.close()
+            return
+        with suppress(OSError, ValueError):
+            self._file.close()
+        self._abandon()
 
 
 def _pyav() -> Any:

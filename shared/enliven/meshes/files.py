@@ -85,7 +85,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     if suffix in GLTF_SUFFIXES:
         from enliven.meshes.gltf import gltf_surface  # loads the reader of pictures, which only files need
 
-        surface = gltf_surface(path)
+        surface = gltf_surface(path, still=True)
         return surface.mesh, surface.notes
     data = read_file(path)
     if not data:

@@ -208,7 +208,7 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
 def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
     """Returns the columns of an element with lists, and the place after it.
 
-    If all rows are as long as the first, they are one table; else the columns that are not lists are skipped.
+    If all rows are as long as the first, they are one table.
     """
     if element.count == 0:
         return {}, at
@@ -225,7 +225,7 @@ def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[d
 
 
 def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
-    """Returns the lists of an element with rows of several lengths, and the place after it."""
+    """Returns the columns of an element with rows of several lengths, and the place after it."""
     sizes = [
         (np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize)
         for _, of, count in element.properties
@@ -239,21 +239,21 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
             if counted:
                 many = int.from_bytes(body[at : at + counted], endian)
                 at += counted
-                places[k].append(at)
                 counts[k].append(many)
+            places[k].append(at)
             at += many * size
         if at > len(body):
             raise _short(element)
     columns: dict[str, AnyArray] = {}
     raw = np.frombuffer(body, np.uint8)
     for k, (word, of, count) in enumerate(element.properties):
+        lengths = np.array(counts[k], np.int64) if count else np.ones(element.count, np.int64)
+        _sides(float(lengths.max(initial=0)))
+        within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        first = np.repeat(np.array(places[k], np.int64), lengths) + within * sizes[k][1]
+        values = raw[first[:, None] + np.arange(sizes[k][1])]
+        columns[word] = values.reshape(-1).view(order + of)
         if count:
-            lengths = np.array(counts[k], np.int64)
-            _sides(float(lengths.max(initial=0)))
-            within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-            first = np.repeat(np.array(places[k], np.int64), lengths) + within * sizes[k][1]
-            values = raw[first[:, None] + np.arange(sizes[k][1])]
-            columns[word] = values.reshape(-1).view(order + of)
             columns[f"{word} count"] = lengths
     return columns, at
 

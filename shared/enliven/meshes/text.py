@@ -31,8 +31,8 @@ _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedr
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     """(V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF), and notes.
 
-    Words may be wrapped over lines, and several vertices or faces may share one. Colours, normals and texture
-    coordinates are skipped.
+    Words may be wrapped over lines, and several vertices or faces may share one. Normals and texture
+    coordinates are skipped, and colours with a note.
 
     Raises:
         Damaged: where the file is not what its header says.
@@ -58,6 +58,8 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
         if not isinstance(walked, str):
             corners, sizes, rest = walked
             notes = [f"ignored {rest} words after its last face"] if rest else []
+            if b"C" in kind.removesuffix(b"OFF"):
+                notes.append("the colours of its vertices are left out: PLY and OBJ keep them")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{said}, and {walked}"
     raise Damaged(problem)

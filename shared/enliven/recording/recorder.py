@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -14,7 +15,7 @@ from mcap.writer import Writer
 
 from enliven import __version__
 from enliven.errors import EnlivenError, InputError
-from enliven.files import file_fault
+from enliven.files import file_fault, replace_file
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.recording import schemas
 from enliven.recording.messages import pack_bodies, pack_depth
@@ -46,7 +47,8 @@ class Recorder:
         path: the file to make.
         compression_level: that of ``encode_depth``; 1 live, 19 for archives.
         sync_seconds: wall time between two hand-overs to the operating system.
-        overwrite: replace an existing file.
+        overwrite: replace an existing file, as soon as the beginning of the new one is written; until then,
+            and where that fails, it is untouched.
 
     Raises:
         InputError: where the file exists already.
@@ -64,11 +66,23 @@ class Recorder:
         self.path = Path(path)
         self._level = compression_level
         self._sync_seconds = sync_seconds
-        self._file = _created(self.path, overwrite)
+        replaces = overwrite and self.path.is_file() and self.path.stat().st_size > 0
+        with replace_file(self.path) if replaces else nullcontext(self.path) as begun:
+            self._begin(begun, overwrite)
+        if replaces:
+            self._file.move(self.path)
+
+    def _begin(self, begun: Path, overwrite: bool) -> None:
+        """Opens the file and writes its beginning.
+
+        Args:
+            begun: the file, or an unfinished one that takes its place.
+        """
+        self._file = _created(begun, overwrite)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)  # type: ignore[arg-type]
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, str, str], int] = {}
-        self._live = math.isfinite(sync_seconds)
+        self._live = math.isfinite(self._sync_seconds)
         self._room = _FIRST_CHUNK_BYTES if self._live else _CHUNK_BYTES
         self._filled = 0
         self._unrepeated: list[Schema | Channel] = []

@@ -20,6 +20,17 @@ class WholeFile:
         self._raw = path.open(mode, buffering=0)
         self._end = 0
 
+    def move(self, path: Path) -> None:
+        """Goes on in ``path``, to which the bytes so far were moved or copied.
+
+        Raises:
+            OSError: where that file cannot be opened.
+        """
+        if not os.path.samestat(os.fstat(self._raw.fileno()), path.stat()):
+            self._raw.close()
+            self._raw = path.open("r+b", buffering=0)
+            self._raw.seek(self._end)
+
     @property
     def closed(self) -> bool:
         """Whether nothing more can be written."""

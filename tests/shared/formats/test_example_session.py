@@ -258,6 +258,7 @@ WRONG = [
     ("vertex = 300", "at = [0, 1]", "[[point]] 3: at is [0, 1]"),
     ("time = 0.2", "", "[[pose]] 1: it needs a time or a frame"),
     ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),
+    ("time = 0.2", "time = 1e308", "is outside of the take. It has 0..3 s."),
     ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
     ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': key pose 0 is of frame 6 of 'walk' already"),
     ('take = "walk"', 'take = "run"', "[[pose]] 2: there is no take 'run'. Known: walk."),

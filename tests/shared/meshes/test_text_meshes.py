@@ -258,7 +258,11 @@ def test_layouts_of_off(tmp_path, layout) -> None:
     path.write_bytes(OFF_LAYOUTS[layout].encode())
     mesh, notes = load_mesh(path)
     assert mesh.area == pytest.approx(1.5 + np.sqrt(0.75)) and len(mesh.faces) == 4
-    assert notes == (["ignored 3 words after its last face"] if layout == "words after it" else [])
+    coloured = "C" in OFF_LAYOUTS[layout].partition("OFF")[0]
+    assert [note for note in notes if "colours" in note] == notes[len(notes) - coloured :]
+    assert notes[: len(notes) - coloured] == ["ignored 3 words after its last face"] * (
+        layout == "words after it"
+    )
 
 
 @pytest.mark.parametrize("head", ["4OFF", "OFF BINARY", "nOFF"])
@@ -366,3 +370,63 @@ def test_millions_of_unused_vertices_cost_no_memory(tmp_path) -> None:
     with bounded(150, 30):
         mesh, notes = load_mesh(path)
     assert len(mesh.vertices) == 8 and "dropped 3000000 of 3000008 vertices" in " ".join(notes)
+
+
+PLY_LETTERS = {
+    "uchar": "B",
+    "ushort": "H",
+    "int": "i",
+    "short": "h",
+    "int8": "b",
+    "float": "f",
+    "double": "d",
+}
+
+
+@pytest.mark.parametrize("order", ["binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize(
+    ("place", "count", "of", "tag"),
+    [
+        ("float", "ushort", "short", "double"),
+        ("double", "uchar", "int8", "int"),
+        ("short", "int", "int", "uchar"),
+    ],
+)
+def test_a_binary_ply_with_lists_in_its_vertices(tmp_path, order, place, count, of, tag) -> None:
+    sign = "<" if "little" in order else ">"
+    head = ["ply", f"format {order} 1.0", "element vertex 8", *(f"property {place} {axis}" for axis in "xyz")]
+    head += [f"property list uchar {tag} tags", "property uchar red", "property uchar green"]
+    head += [
+        "property uchar blue",
+        "element face 6",
+        f"property list {count} {of} vertex_index",
+        "end_header",
+    ]
+    data = ("\n".join(head) + "\n").encode()
+    number = float if place in ("float", "double") else int
+    for k, line in enumerate(BOX[:8]):
+        data += struct.pack(f"{sign}3{PLY_LETTERS[place]}", *map(number, line.split()[1:]))
+        data += struct.pack(
+            f"{sign}B{k % 3}{PLY_LETTERS[tag]}", k % 3, *((float if tag == "double" else int)(7),) * (k % 3)
+        )
+        data += bytes([200, 100, k])
+    for line in BOX[8:]:
+        corners = [int(word) - 1 for word in line.split()[1:]]
+        data += struct.pack(f"{sign}{PLY_LETTERS[count]}4{PLY_LETTERS[of]}", 4, *corners)
+    (tmp_path / "a.ply").write_bytes(data)
+    mesh, notes = load_mesh(tmp_path / "a.ply")
+    assert mesh.area == pytest.approx(6.0) and len(mesh.vertices) == 8 and notes == []
+    assert mesh.colours.tolist() == [[200, 100, k] for k in range(8)]
+
+
+@pytest.mark.parametrize("head", ["COFF", "CNOFF", "STCNOFF"])
+def test_colours_of_an_off_that_are_left_out_are_noted(tmp_path, head) -> None:
+    extra = {"COFF": " 255 0 0 255", "CNOFF": " 0 0 1 255 0 0 255", "STCNOFF": " 0 0 1 255 0 0 255 .5 .5"}[
+        head
+    ]
+    rows = [f"{line[2:]}{extra}" for line in BOX[:8]]
+    rows += [" ".join(str(int(word) - 1) for word in line.split()[1:]) for line in BOX[8:]]
+    rows[8:] = [f"4 {row}" for row in rows[8:]]
+    (tmp_path / "a.off").write_text("\n".join([head, "8 6 0", *rows]))
+    mesh, notes = load_mesh(tmp_path / "a.off")
+    assert mesh.area == pytest.approx(6.0) and "colours of its vertices are left out" in " ".join(notes)

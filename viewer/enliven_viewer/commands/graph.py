@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from enliven.commands import say
 from enliven.errors import InputError
 from enliven.files import need_folder
-from enliven.logs import escaped
 
 CHAIR = "chair"
 _LONGEST_EDGE = 0.04
@@ -57,13 +57,13 @@ def graph(
     else:
         shape, notes = load_mesh(mesh)
         for note in notes:
-            typer.echo(f"enliven: {escaped(note)}", err=True)
+            say(f"enliven: {note}", err=True)
         if height != 0:
             shape = refine(fit_height(shape, height, up), _LONGEST_EDGE * height / 1.75)
     made = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
     name = CHAIR if mesh == CHAIR else Path(mesh).name
     counts = write_graph_picture(output, character_from(shape, made, name), made, name, (size, size * 5 // 4))
-    typer.echo(
+    say(
         f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "
         f"{counts.cut_vertices} cut vertices are in {output}"
     )

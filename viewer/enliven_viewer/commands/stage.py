@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from enliven.commands import say
 from enliven.errors import InputError, ResourceError
-from enliven.logs import escaped
 
 if TYPE_CHECKING:
     from enliven.document import Project
@@ -70,7 +70,7 @@ def put(
         _until(client, lambda: answers, _PREPARED_WITHIN)
         _need_done(answers, character)
     done = "is replaced" if replaced else "stands"
-    typer.echo(f"enliven: {escaped(name or own)} {done} on the stage of {escaped(edge)}")
+    say(f"enliven: {name or own} {done} on the stage of {edge}")
 
 
 @stage.command()
@@ -83,7 +83,7 @@ def remove(
         client.stage.remove(character, answers.append)
         _until(client, lambda: answers, _FOUND_WITHIN)
         _need_done(answers, character)
-    typer.echo(f"enliven: {escaped(character)} is gone from the stage of {escaped(edge)}")
+    say(f"enliven: {character} is gone from the stage of {edge}")
 
 
 @stage.command("list")
@@ -96,9 +96,9 @@ def list_(edge: Edge = "127.0.0.1") -> None:
         cues = client.latest(CUES)
         for name, one in client.characters.items():
             what = f"{words[one.kind]}, {len(one.vertices)} vertices{_holders(cues.get(name))}"
-            typer.echo(f"{escaped(name)}: revision {client.edges[0].revision(name)}, {what}")
+            say(f"{name}: revision {client.edges[0].revision(name)}, {what}")
         if not client.characters:
-            typer.echo("enliven: the stage is empty")
+            say("enliven: the stage is empty")
 
 
 def _holders(cues: ReceivedCues | None) -> str:
@@ -127,13 +127,13 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
         rig = read_gltf(path, floor=True)
         for note in rig.notes:
-            typer.echo(f"enliven: {note}", err=True)
+            say(f"enliven: {note}", err=True)
         return Project().with_characters(rig.shape), rig.shape.id, False
     from enliven.meshes import load_upright
 
     mesh, notes = load_upright(path, up)
     for note in notes:
-        typer.echo(f"enliven: {escaped(note)}", err=True)
+        say(f"enliven: {note}", err=True)
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands import terminate_as_interrupt
+from enliven.commands import say, terminate_as_interrupt
 from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.settings import load_settings
@@ -116,7 +116,7 @@ def _film(
             feed, document, film, sheet, settings, seconds=seconds, title=_title(take), caption=hud
         )
     written = " and ".join(str(path) for path in (film, sheet) if path)
-    typer.echo(f"enliven: {made.pictures} pictures, {made.seconds:.1f} s, are in {written}")
+    say(f"enliven: {made.pictures} pictures, {made.seconds:.1f} s, are in {written}")
 
 
 def _window(

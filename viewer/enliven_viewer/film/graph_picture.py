@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
-from enliven.errors import ResourceError
+from enliven.files import write_picture
 from enliven_viewer.film.sheet import INK, PAPER, QUIET
 from enliven_viewer.render import (
     Box,
@@ -164,14 +164,7 @@ def write_graph_picture(
     """
     counts = counts_of(graph)
     sheet = composed(draw_graph(character, graph, panel), title, counts)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        sheet.save(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ResourceError(
-            f"the picture cannot be written ({reason})", where=str(path), mend="Choose another place with -o."
-        ) from None
+    write_picture(path, sheet)
     return counts
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
-from enliven.errors import ResourceError
+from enliven.files import write_picture
 from enliven_viewer.live import time_text
 
 PAPER = (19, 21, 27)
@@ -97,15 +97,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
         x, y = _GAP + index % columns * (width + _GAP), _TITLE + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
         _stamp(draw, x + 8, y + height - 30, time_text(tile.seconds))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        sheet.save(path, compress_level=_PACKED)
-    except OSError as error:
-        raise ResourceError(
-            f"the sheet cannot be written ({error.strerror})",
-            where=str(path),
-            mend="Choose another place with --sheet.",
-        ) from None
+    write_picture(path, sheet, "Choose another place with --sheet.", compress_level=_PACKED)
 
 
 def _stamp(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:

@@ -25,15 +25,18 @@ pose."""
 class Bind:
     """The bind pose.
 
+    Args:
+        still: no clip moves the surface, so mirrored joints are mirrored here, whatever lies half on them.
+
     Attributes:
         world: (n, 4, 4) world_from_node of every node, in the bind pose.
         rest: (n, 4, 4) the same where the file leaves its nodes; what it hides by size 0 is shown.
         inverse: for each skin that is used, the inverse bind matrix of each of its joints.
     """
 
-    def __init__(self, file: GltfFile, parts: list[GltfPart]) -> None:
-        self._file = file
-        standing = standing_locals(file)
+    def __init__(self, file: GltfFile, parts: list[GltfPart], still: bool = False) -> None:
+        self._file, self._still = file, still
+        standing = standing_locals(file, still)
         self.rest, self._scale = world_matrices(file, standing)[0], standing.scale[0]
         self._order = moving_nodes(file, parts)
         self.world = self.rest.copy()
@@ -137,7 +140,7 @@ class Bind:
         # Whether a node is mirrored against where it was bound.
         mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
         moving = set[int]()
-        if document.animations and _blends(parts, mirrored):
+        if document.animations and not self._still and _blends(parts, mirrored):
             # What lies half on a mirrored joint would not move as the file says: clips mirror their bones.
             for node in self._order:
                 if node in known and (mirrored[node] or self._file.parents[node] in moving):

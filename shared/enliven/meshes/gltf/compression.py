@@ -1,4 +1,7 @@
-"""Decodes what Draco compressed: the accessors of a primitive get their values from its compressed bytes."""
+"""Decodes the compressed parts of a glTF file.
+
+Draco holds the accessors of a primitive; meshoptimizer holds a buffer view of rows or of indices.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,17 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.meshes.gltf.extensions import DRACO
+from enliven.meshes.gltf.gltf_json import Entry
+
+MOST_UNPACKED = 1 << 29
+"""Bytes of all buffer views that a file unpacks, 0.5 GB: a few kilobytes can state a thousand times as
+many."""
+_MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
+"""The kinds of data that meshoptimizer packs (EXT_meshopt_compression)."""
+_FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
+"""What is undone after unpacking; COLOR is in KHR_meshopt_compression only."""
+_LONGEST_ROW = 256
+"""Bytes of a row at most, as the extension says."""
 
 
 def draco_arrays(data: bytes, attributes: dict[str, int]) -> tuple[dict[str, AnyArray], AnyArray]:
@@ -34,3 +48,45 @@ def draco_arrays(data: bytes, attributes: dict[str, int]) -> tuple[dict[str, Any
         raise InputError(f"its data compressed by {DRACO} lacks {', '.join(lacking[:5])}")
     arrays = {name: np.asarray(held[number]) for name, number in attributes.items()}
     return {name: array.reshape(len(array), -1) for name, array in arrays.items()}, faces
+
+
+def check_meshopt(packed: Entry) -> int:
+    """Returns the number of bytes that a buffer view's extension states, checked before anything is unpacked.
+
+    Raises:
+        InputError: where its numbers are not what the extension allows.
+    """
+    count, size, mode = packed.count, packed.byteStride, packed.mode
+    filtered = "NONE" if packed.filter is None else packed.filter
+    whole = all(isinstance(value, int) and not isinstance(value, bool) for value in (count, size))
+    if not whole or mode not in _MODES or filtered not in _FILTERS or count < 1:
+        raise InputError("it states no count, size, mode or filter that is known")
+    if mode == "ATTRIBUTES":
+        fits = 0 < size <= _LONGEST_ROW and size % 4 == 0
+        fits &= filtered not in ("OCTAHEDRAL", "COLOR") or size in (4, 8)
+        fits &= filtered != "QUATERNION" or size == 8
+    else:
+        fits = size in (2, 4) and filtered == "NONE" and (mode == "INDICES" or count % 3 == 0)
+    if not fits:
+        raise InputError(f"rows of {size} bytes do not fit its mode and filter")
+    return int(count * size)
+
+
+def meshopt_bytes(data: bytes, packed: Entry) -> bytes:
+    """Returns the bytes of a buffer view that meshoptimizer packed into ``data``.
+
+    Raises:
+        InputError: where the numbers are not what :func:`check_meshopt` allows, or the bytes are damaged.
+    """
+    size = check_meshopt(packed)
+    import meshopt  # only files that are compressed need it
+
+    try:
+        way = packed.mode, packed.filter or "NONE"
+        made = meshopt.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
+        unpacked = np.ascontiguousarray(made).tobytes()
+    except Exception:  # a library that reads strangers' bytes raises whatever it likes
+        raise InputError("it is damaged") from None
+    if len(unpacked) != size:
+        raise InputError("it is damaged")
+    return unpacked

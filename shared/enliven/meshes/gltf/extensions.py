@@ -14,6 +14,8 @@ from enliven.meshes.gltf.gltf_json import Entry
 
 DRACO = "KHR_draco_mesh_compression"
 """Vertices and faces compressed by Draco, which are decoded."""
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Buffer views compressed by meshoptimizer, which are decoded."""
 INSTANCING = "EXT_mesh_gpu_instancing"
 """One mesh shown many times by a table of transforms."""
 VISIBILITY = "KHR_node_visibility"
@@ -27,13 +29,11 @@ _READ = {
     "VRM",
     "VRMC_vrm",
     DRACO,
+    *MESHOPT,
     INSTANCING,
     VISIBILITY,
     POINTER,
 }
-_MESHOPT = {"EXT_meshopt_compression", "KHR_meshopt_compression", "MESHOPT_compression"}
-"""Compression without a decoder that has wheels for both architectures; files without the requirement also
-hold the plain data."""
 _PICTURES = {
     "EXT_texture_webp": "pictures in WebP",
     "EXT_texture_avif": "pictures in AVIF",
@@ -62,10 +62,6 @@ def extension_notes(document: Entry) -> list[str]:
         InputError: where the file requires one without which it cannot be read.
     """
     required, used = _names(document.extensionsRequired), _names(document.extensionsUsed)
-    compressed = [name for name in required if name in _MESHOPT]
-    if compressed:
-        mend = "Export it without this compression, or with Draco."
-        raise InputError(f"it is compressed with {', '.join(compressed)}, which cannot be read", mend=mend)
     needed = [name for name in required if name not in _READ and not _harmless(name)]
     if needed:
         mend = "Export it without this extension."
@@ -76,7 +72,7 @@ def extension_notes(document: Entry) -> list[str]:
             told = _PICTURES.get(name, "no part of the shape or its motion")
             notes.append(f"it requires {name}, which is left out: it holds {told}")
     for name in used:
-        if name not in required and name not in _READ | _MESHOPT and not _harmless(name):
+        if name not in required and name not in _READ and not _harmless(name):
             notes.append(f"it uses {name}, which is not known here: what that adds is left out")
     return notes
 

@@ -13,8 +13,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError, plain_reason
 from enliven.files import DAMAGE, Beside, read_file
-from enliven.meshes.gltf.compression import draco_arrays
-from enliven.meshes.gltf.extensions import DRACO, extension_notes, follow_pointers, hidden_nodes
+from enliven.meshes.gltf.compression import MOST_UNPACKED, check_meshopt, draco_arrays, meshopt_bytes
+from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
 from enliven.meshes.gltf.vrm import human_bones
 
@@ -54,6 +54,8 @@ class GltfFile:
         self._beside = Beside(self.path)
         self._buffers: dict[int, bytes] = {}
         self._decoded: dict[int, AnyArray] = {}
+        self._unpacked: dict[int, bytes] = {}
+        self._unpacked_bytes = 0
         try:
             self.notes = extension_notes(self.document)
             _check_references(self.document)
@@ -184,11 +186,34 @@ class GltfFile:
 
     def _view_bytes(self, view: int) -> bytes:
         found = self.document.bufferViews[view]
+        for extension in MESHOPT:
+            packed = getattr(found.extensions, extension, None)
+            if isinstance(packed, Entry):
+                return self._unpack(view, packed, extension)
+        return self._slice(found)
+
+    def _slice(self, found: Any) -> bytes:
+        """Returns the bytes of a buffer view, or of a compressed one, which are stated in the same way."""
         start = found.byteOffset or 0
         data = self._buffer(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
             raise self.wrong("a buffer is shorter than the file says: it is cut short or damaged")
         return data
+
+    def _unpack(self, view: int, packed: Entry, extension: str) -> bytes:
+        """Returns the bytes of a buffer view that meshoptimizer compressed; each is unpacked once."""
+        if view not in self._unpacked:
+            try:
+                self._unpacked_bytes += check_meshopt(packed)
+                if self._unpacked_bytes > MOST_UNPACKED:
+                    raise InputError(f"all together it is more than {MOST_UNPACKED} bytes")
+                self._unpacked[view] = meshopt_bytes(self._slice(packed), packed)
+            except InputError as error:
+                if error.where == str(self.path):
+                    raise
+                what = f"buffer view {view}, compressed by {extension}, cannot be read: {error.what}"
+                raise self.wrong(what) from None
+        return self._unpacked[view]
 
     def _buffer(self, index: int) -> bytes:
         if index not in self._buffers:

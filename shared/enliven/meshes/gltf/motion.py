@@ -56,11 +56,12 @@ def rest_locals(file: GltfFile) -> Locals:
     return made
 
 
-def standing_locals(file: GltfFile) -> Locals:
+def standing_locals(file: GltfFile, still: bool = False) -> Locals:
     """Returns the nodes' rest transforms for the bind pose, F = 1.
 
     Where the file leaves a node at size 0 and its animations give it a size, it has that size: what pops up
-    has a shape. Where all animations mirror a node that the file does not, it is mirrored.
+    has a shape. Where all animations mirror a node that the file does not, it is mirrored, unless it is to
+    be ``still``.
     """
     made, sizes = _stated(file), file.scale_keys
     for node, clips in sizes.items():
@@ -69,8 +70,10 @@ def standing_locals(file: GltfFile) -> Locals:
         largest = keys[np.abs(keys).argmax(0), np.arange(3)]
         rest[:] = np.where(np.abs(rest) < _CLOSED * np.abs(largest), largest, rest)
         signs = [np.sign(own).prod(1) for own in clips.values()]
-        if len(clips) == len(file.document.animations) and all(
-            (s == -np.sign(rest.prod())).all() for s in signs
+        if (
+            not still
+            and len(clips) == len(file.document.animations)
+            and all((s == -np.sign(rest.prod())).all() for s in signs)
         ):
             rest[:] = keys[0]
     _open(made, sizes)

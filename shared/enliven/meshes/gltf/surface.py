@@ -42,11 +42,12 @@ class GltfSurface:
 
 
 @np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
-def gltf_surface(path: Path | str, name: str = "") -> GltfSurface:
+def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 
     Args:
         name: of the mesh; the file's name if empty.
+        still: the surface is not to move: mirrored joints are mirrored in it, and not only by the clips.
 
     Raises:
         InputError: where the file cannot be read, or has nothing to draw.
@@ -57,7 +58,7 @@ def gltf_surface(path: Path | str, name: str = "") -> GltfSurface:
         if not parts:
             left = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
             raise file.wrong(f"there is no triangle in its scene{left[:400]}")
-        bind = Bind(file, parts)
+        bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
         mesh = _mesh(name or file.path.stem, parts, rest, bind, materials)
     except EnlivenError:

@@ -1,0 +1,163 @@
+"""Compares a character in enliven's renderer and in three.js, by one camera and without light."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from three_viewer import Job, draw
+
+from enliven.deformation import skin_vertices
+from enliven.document import Character, Pose
+from enliven.meshes import MeshMaterials
+from enliven.meshes.gltf.srgb import linear_of
+from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
+from enliven_viewer.render.camera import CameraView, look_at, perspective
+from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.settings import RenderSettings
+
+SIZE = 256
+"""Pixels of a side of each picture."""
+_CELL = 16
+"""Pixels of a side of each region whose mean colour is compared."""
+_FULL = 0.25
+"""Share of a region that both viewers must cover, away from edges: a few pixels have no mean to compare."""
+_LIFT = 50.0
+"""Metres by which everything is raised: enliven's floor would hide what is below it."""
+_WAY = np.array([0.5, 0.35, 0.8])
+"""Direction from the subject to the camera."""
+_BRIGHT = {"emissiveFactor": [1000.0, 0.0, 1000.0], "extensions": {"KHR_materials_unlit": {}}}
+"""A material that is magenta everywhere, as nothing else in the picture is."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How alike two pictures of one moment are.
+
+    Attributes:
+        overlap: intersection over union of the silhouettes.
+        colours: (K,) the largest difference of a region's mean colour, 0..255.
+    """
+
+    overlap: float
+    colours: np.ndarray
+
+
+def compare(
+    character: Character, poses: Sequence[Pose], files: Sequence[tuple[bytes, Sequence[float | None]]],
+    folder: Path,
+) -> tuple[list[list[Compared]], np.ndarray]:  # fmt: skip
+    """Returns a row for each file with its comparison at each pose, and one picture of all (H, W, 3).
+
+    Args:
+        files: GLB files, each with the seconds of its animation at each pose; None for the file at rest.
+        folder: for the files of the browser.
+    """
+    view = view_of(character, poses)
+    jobs = [Job(file, _lowered(view), (SIZE, SIZE), second) for file, times in files for second in times]
+    drawn = draw(jobs, folder)
+    renderer = Renderer(offscreen_context(), (SIZE, SIZE), RenderSettings(shadow_size=64, contact_size=32))
+    own = [_drawn(renderer, unlit(character), pose, view) for pose in poses]
+    shown = [_shape(_drawn(renderer, bright(character), pose, view)) for pose in poses]
+    rows, strips = [], [np.concatenate(own, 1)]
+    for number in range(len(files)):
+        theirs = drawn[number * len(poses) : (number + 1) * len(poses)]
+        rows.append([_compared(*three) for three in zip(own, shown, theirs, strict=True)])
+        strips.append(np.concatenate([_developed(picture) for picture in theirs], 1))
+    return rows, np.concatenate(strips).clip(0, 255).astype(np.uint8)
+
+
+def view_of(character: Character, poses: Sequence[Pose]) -> CameraView:
+    """Returns a camera that sees all poses, raised by :data:`_LIFT`."""
+    reached = np.concatenate([skin_vertices(character, pose) for pose in poses])
+    low, high = reached.min(0).astype(float), reached.max(0).astype(float)
+    middle, radius = (low + high) / 2 + [0.0, _LIFT, 0.0], float(np.linalg.norm(high - low)) / 2
+    eye = middle + _WAY / np.linalg.norm(_WAY) * 3.5 * radius
+    return CameraView(eye, look_at(eye, middle), perspective(0.62, 1.0, 1.5 * radius, 6.0 * radius))
+
+
+def unlit(character: Character) -> Character:
+    """Returns a character that shows its colours without light; plain colours become a material's."""
+    own = character.materials
+    if own is None:
+        assert character.colours is not None
+        tints = np.ones((len(character.faces), 3, 4), np.float32)
+        tints[..., :3] = linear_of(character.colours)[character.faces]
+        told, uvs = json.dumps({"doubleSided": True}), np.zeros((len(tints), 3, 0, 2), np.float32)
+        own = MeshMaterials((told,), (), np.zeros(len(tints), np.int32), uvs, tints)
+    return _with_materials(character, own, {"extensions": {"KHR_materials_unlit": {}}}, "unlit")
+
+
+def bright(character: Character) -> Character:
+    """Returns a character that is magenta all over; its holes stay."""
+    own = unlit(character).materials
+    assert own is not None
+    return _with_materials(character, own, _BRIGHT, "bright")
+
+
+def _with_materials(character: Character, own: MeshMaterials, change: dict, name: str) -> Character:
+    definitions = list[str]()
+    for told in own.definitions:
+        value = json.loads(told)
+        value.pop("emissiveTexture", None)
+        value["emissiveFactor"] = [0.0, 0.0, 0.0]
+        value |= change
+        if change is _BRIGHT:
+            base = value.setdefault("pbrMetallicRoughness", {})
+            base["baseColorFactor"] = [0.0, 0.0, 0.0, base.get("baseColorFactor", [1.0] * 4)[3]]
+        definitions.append(json.dumps(value))
+    return replace(character, id=name, materials=replace(own, definitions=tuple(definitions)))
+
+
+def _lowered(view: CameraView) -> np.ndarray:
+    """(4, 4) clip_from_world of the same camera for what is not raised."""
+    raised = np.eye(4)
+    raised[1, 3] = _LIFT
+    return view.clip_from_world @ raised
+
+
+def _drawn(renderer: Renderer, character: Character, pose: Pose, view: CameraView) -> np.ndarray:
+    """(H, W, 3) 0..255 as enliven draws it."""
+    up = np.array([0.0, _LIFT, 0.0], np.float32)
+    raised = replace(pose, positions=pose.positions + up)
+    renderer.draw(Scene((SceneCharacter(character, raised),), (), PLAIN), view)
+    return renderer.pixels().astype(float)
+
+
+def _shape(picture: np.ndarray) -> np.ndarray:
+    """(H, W) where a picture is magenta by at least a half."""
+    return (picture[..., 0] + picture[..., 2]) / 2 - picture[..., 1] > 110
+
+
+def _developed(picture: np.ndarray) -> np.ndarray:
+    """(H, W, 3) 0..255 of three.js's pixels by the curve of shaders/develop.glsl; black outside."""
+    cover = picture[..., 3:] / 255.0
+    colour = np.divide(picture[..., :3], cover, out=np.zeros(picture[..., :3].shape), where=cover > 0)
+    across = (np.arange(SIZE) + 0.5) / SIZE - 0.5
+    light = linear_of(colour.clip(0, 255)) * (0.98 - 0.72 * (across**2 + across[:, None] ** 2))[..., None]
+    light = np.maximum(light - 0.002, 0.0)
+    film = light * (6.2 * light + 0.5) / (light * (6.2 * light + 1.7) + 0.06)
+    return np.where(cover > 0, 255 * film, 0.0)
+
+
+def _compared(own: np.ndarray, shown: np.ndarray, theirs: np.ndarray) -> Compared:
+    covered = theirs[..., 3] > 127
+    overlap = (covered & shown).sum() / max((covered | shown).sum(), 1)
+    both = _inner(shown & (theirs[..., 3] == 255))
+    difference = np.where(both[..., None], own - _developed(theirs), 0.0)
+    cells = SIZE // _CELL
+    total = difference.reshape(cells, _CELL, cells, _CELL, 3).sum((1, 3))
+    count = both.reshape(cells, _CELL, cells, _CELL).sum((1, 3))
+    full = count > _FULL * _CELL**2
+    return Compared(float(overlap), np.abs(total[full] / count[full][:, None]).max(1))
+
+
+def _inner(shown: np.ndarray) -> np.ndarray:
+    """(H, W) pixels with all eight neighbours in the shape: both viewers blend its edge in their own way."""
+    inner = np.pad(shown, 1)
+    return np.logical_and.reduce(
+        [inner[1 + y : SIZE + 1 + y, 1 + x : SIZE + 1 + x] for y in (-1, 0, 1) for x in (-1, 0, 1)]
+    )

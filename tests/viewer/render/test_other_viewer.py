@@ -1,0 +1,157 @@
+"""Exported files in three.js and the same characters in enliven's renderer: colours, silhouettes, poses."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_gltf import Made
+from PIL import Image
+from three_viewer import MISSING
+from web_pictures import SIZE, compare
+
+from enliven.cli import run
+from enliven.document import Character, Project, SkinWeights, character_of
+from enliven.formats.gltf import read_gltf
+from enliven.formats.rig import playing
+from enliven.meshes import Mesh, load_mesh, save_mesh
+from enliven.motion.layers import Player
+
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")
+PICTURES = Path(__file__).parents[3] / "out" / "web" / "pictures"
+LEAST = 0.97
+"""Intersection over union: the edge of a shape of 100 pixels may be a quarter of a pixel off all around."""
+CLOSE = 3.0
+"""Largest difference of a region's mean colour, 0..255: dither and rounding of enliven are 1, the rounding
+of three.js another, which the steep beginning of the film curve doubles in dark colours."""
+
+
+def sphere(rings: int = 40, around: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, faces and texture coordinates of a sphere of a metre."""
+    v, u = np.meshgrid(np.linspace(0, 1, rings + 1), np.linspace(0, 1, around + 1), indexing="ij")
+    up, turn = np.pi * v, 2 * np.pi * u
+    points = np.stack([np.sin(up) * np.sin(turn), 1 + np.cos(up), np.sin(up) * np.cos(turn)], -1) * 0.5
+    at = np.arange((rings + 1) * (around + 1)).reshape(rings + 1, around + 1)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return points.reshape(-1, 3), faces.astype(np.int32), np.stack([u, v], -1).reshape(-1, 2)
+
+
+def still_character(mesh: Mesh) -> Character:
+    count = len(mesh.vertices)
+    skin = SkinWeights(np.zeros((count, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (count, 1)))
+    none, pivot = np.zeros((0, 2), np.int32), np.zeros((1, 3), np.float32)
+    own = mesh.vertices.astype(np.float32), mesh.faces, skin, pivot, none
+    return Character(mesh.name, *own, colours=mesh.colours, materials=mesh.materials)
+
+
+def keep(picture: np.ndarray, name: str) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(picture).save(PICTURES / f"{name}.png")
+
+
+def test_colours_of_a_scan_are_the_same(tmp_path: Path) -> None:
+    vertices, faces, _ = sphere()
+    colours = (128 + 127 * np.sin(9 * vertices + [0, 2, 4])).astype(np.uint8)
+    mesh = Mesh(vertices, faces, "scan", colours)
+    save_mesh(mesh, tmp_path / "scan.glb")
+    file = [((tmp_path / "scan.glb").read_bytes(), [None])]
+    for number, own in enumerate((mesh, load_mesh(tmp_path / "scan.glb").mesh)):
+        character = still_character(own)
+        poses = [character.rest_pose()]
+        ((one,),), picture = compare(character, poses, file, tmp_path / f"browser {number}")
+        keep(picture, f"scan {number}")
+        assert one.overlap > LEAST
+        assert len(one.colours) > 40 and one.colours.max() < CLOSE
+
+
+def chequered() -> bytes:
+    """A picture of four colours whose fields are of 8 pixels, a quarter of them holes."""
+    colours = np.array([[(230, 40, 30, 255), (40, 160, 60, 255)], [(30, 60, 190, 255), (200, 190, 60, 0)]])
+    pixels = np.kron(colours.astype(np.uint8), np.ones((64, 64, 1), np.uint8))
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "PNG")
+    return data.getvalue()
+
+
+def rigged(path: Path) -> Path:
+    """Writes two textured spheres: one jumps, is turned by cubic keys and mirrored; one is skinned to it."""
+    made, (vertices, faces, uv) = Made(), sphere(20, 30)
+    picture = made.view(chequered())
+    made.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]
+    made.json["samplers"] = [{"wrapS": 33648, "wrapT": 10497}]
+    made.json["textures"] = [{"source": 0, "sampler": 0}]
+    moved = {"offset": [0.1, -0.2], "rotation": 0.6, "scale": [2.5, 1.5]}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": moved}}
+    made.json["extensionsUsed"] = ["KHR_texture_transform"]
+    base = {"baseColorFactor": [0.9, 0.8, 1.0, 1.0], "metallicFactor": 0.0}
+    made.json["materials"] = [
+        {"pbrMetallicRoughness": {**base, "baseColorTexture": texture}, "doubleSided": True},
+        {
+            "pbrMetallicRoughness": {**base, "baseColorTexture": {"index": 0}},
+            "alphaMode": "MASK",
+            "alphaCutoff": 0.4,
+            "doubleSided": True,
+        },
+    ]
+    normals = (vertices - [0, 0.5, 0]) * 2
+    lower = np.linspace(0, 1, len(vertices), dtype=np.float32)
+    weights = np.stack([1 - lower, lower, 0 * lower, 0 * lower], 1).astype(np.float32)
+    joints = np.tile(np.uint8([0, 1, 0, 0]), (len(vertices), 1))
+    shared = {
+        "POSITION": made.accessor(vertices.astype(np.float32)),
+        "NORMAL": made.accessor(normals.astype(np.float32)),
+        "TEXCOORD_0": made.accessor(uv.astype(np.float32)),
+    }
+    corner = {"indices": made.accessor(faces.reshape(-1).astype(np.uint16))}
+    tint = np.column_stack([0.3 + 0.7 * uv, np.ones((len(uv), 2))]).astype(np.float32)
+    stiff = {"attributes": {**shared, "COLOR_0": made.accessor(tint)}, "material": 0, **corner}
+    soft = {**shared, "JOINTS_0": made.accessor(joints), "WEIGHTS_0": made.accessor(weights)}
+    made.add("meshes", {"primitives": [stiff]})
+    made.add("meshes", {"primitives": [{"attributes": soft, "material": 1, **corner}]})
+    hips = made.node(name="hips", translation=[0.0, 1.2, 0.0])
+    arm = made.node(hips, name="arm", translation=[0.0, -0.6, 0.0])
+    made.node(hips, name="head", mesh=0, translation=[0.4, 0.2, 0.0], scale=[-0.7, 0.7, 0.7])
+    bind = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+    bind[:, 3, 1] = -1.2, -0.6
+    made.add("skins", {"joints": [hips, arm], "inverseBindMatrices": made.accessor(bind.reshape(2, 16))})
+    made.node(name="body", mesh=1, skin=0, translation=[0.0, 0.0, 0.0])
+    channels = [
+        (hips, "translation", "STEP", [[0, 1.2, 0], [0.5, 1.5, 0], [-0.4, 1.1, 0.2]]),
+        (arm, "rotation", "CUBICSPLINE", cubic()),
+        (hips, "rotation", "LINEAR", [[0, 0, 0, 1], [0, 0.6, 0, 0.8], [0, 0, 0.3826834, 0.9238795]]),
+    ]
+    times = made.accessor(np.array([0.0, 0.5, 1.3], np.float32))
+    animation = {"channels": [], "samplers": []}
+    for node, way, how, values in channels:
+        output = made.accessor(np.array(values, np.float32))
+        animation["samplers"].append({"input": times, "output": output, "interpolation": how})
+        sampler = len(animation["samplers"]) - 1
+        animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": way}})
+    made.add("animations", animation)
+    return made.write(path)
+
+
+def cubic() -> list[list[float]]:
+    """Rotations about the x axis with tangents that overshoot."""
+    keys = [[0, 0, 0, 1], [0.5, 0, 0, 0.8660254], [-0.3826834, 0, 0, 0.9238795]]
+    slopes = [[3.0, 0, 0, 0], [-4.0, 0, 1.0, 0], [2.0, 0, 0, 0]]
+    return [row for key, slope in zip(keys, slopes, strict=True) for row in (slope, key, slope)]
+
+
+def test_a_textured_rig_is_the_same_in_motion(tmp_path: Path) -> None:
+    path, out = rigged(tmp_path / "made.gltf"), tmp_path / "out.glb"
+    rig = read_gltf(path)
+    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    assert run(["export", str(path), "-o", str(out)]) == 0
+    player, times = Player(project, shape.id), [0.0, 0.21, 0.499, 0.7, 1.11, 1.3]
+    poses = [player.pose(second) for second in times]
+    files = [(out.read_bytes(), times), (path.read_bytes(), times)]
+    compared, picture = compare(character_of(shape), poses, files, tmp_path / "browser")
+    keep(picture, "rigged")
+    assert picture.shape == (3 * SIZE, len(times) * SIZE, 3)
+    for one in [one for row in compared for one in row]:
+        assert one.overlap > LEAST
+        assert len(one.colours) > 8 and one.colours.max() < 2 * CLOSE, "fields of a texture meet in a region"
