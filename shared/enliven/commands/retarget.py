@@ -58,6 +58,10 @@ def retarget(
         bool,
         typer.Option("--stretch", help="Stretch the model's bones as the take does its own."),
     ] = False,
+    limits: Annotated[
+        bool,
+        typer.Option(help="Keep the joints of animals within what their own clips show, and a margin."),
+    ] = True,
     soften: Annotated[
         bool,
         typer.Option("--soften", help="Move limbs less, down to 40 %, where the surface would stretch."),
@@ -112,12 +116,13 @@ def retarget(
             floor,
             steps,
             stretch,
+            limits,
             soften,
         )
     )
     for note in (*notes, *rig.notes):
         say(f"enliven: {note}", err=True)
-    made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan)
+    made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
     keyed = own and exporter.keyed and rate is None
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     if is_looping(clip) and made.duration > 0.0:
@@ -154,6 +159,10 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
         say(f"enliven: moved less by the mapping: {told}")
+    if made.limited:
+        count = f"{len(made.limited)} joint{'s' * (len(made.limited) != 1)}"
+        told = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
+        say(f"enliven: {told}")
     seen = _seen(quality, made.plan.pin)
     for told in seen:
         say(f"enliven: {told}", err=True)
@@ -206,6 +215,7 @@ def _plan(
     floor: bool,
     steps: bool,
     stretch: bool,
+    limits: bool,
     soften: bool,
 ) -> Plan:
     """Returns the mapping from the file, or the one found automatically, with the options of the command
@@ -218,7 +228,7 @@ def _plan(
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
     changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor, "steps": steps and plan.steps}
-    changes["stretch"] = stretch or plan.stretch
+    changes |= {"stretch": stretch or plan.stretch, "limits": limits and plan.limits}
     if rest is not None:
         value = float(rest) if _is_number(rest) else rest
         changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest

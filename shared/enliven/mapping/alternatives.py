@@ -46,7 +46,7 @@ def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBes
 
 
 def _measured(made: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
-    other = retarget(shape, made.clip, plan)
+    other = retarget(shape, made.clip, plan, clips=made.clips)
     return quality_of(other.project, other.shape_id, made.clip, other.duration, other.plan)
 
 

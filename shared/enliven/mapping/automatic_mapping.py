@@ -18,10 +18,12 @@ from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, standing_on_feet, stands
 from enliven.mapping.human_names import finger_joints
+from enliven.mapping.joint_limits import limited
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import (
+    bones_that_only_step,
     leg_of,
     legs_that_step,
     posed_legs_that_step,
@@ -45,6 +47,8 @@ class Retargeted:
         plan: the mapping that was used.
         duration: seconds from the start to the end of the last chain's movement.
         model_facing, take_facing: radians about +Y from +Z, of the model and of the performer's first frame.
+        clips: the model's own, which its joint limits were taken from.
+        limited: the joints that were beyond their limits, by name.
     """
 
     project: Project
@@ -54,6 +58,8 @@ class Retargeted:
     duration: float
     model_facing: float
     take_facing: float
+    clips: tuple[Clip, ...] = ()
+    limited: tuple[str, ...] = ()
 
 
 _ALIKE = np.radians(50.0)
@@ -277,13 +283,18 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
 
 
 def retarget(
-    shape: Shape, clip: Clip, plan: Plan | None = None, project: Project | None = None
+    shape: Shape,
+    clip: Clip,
+    plan: Plan | None = None,
+    project: Project | None = None,
+    clips: Sequence[Clip] = (),
 ) -> Retargeted:
     """A shape that moves by a take.
 
     Args:
         plan: None finds one.
         project: where the shape is, with what moves it already; None for one of its own.
+        clips: the model's own, which show how far its joints go.
 
     Raises:
         InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
@@ -303,6 +314,8 @@ def retarget(
     itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
     upright = stands(shape) and not itself
     level = plan.floor and upright
+    stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()
+    project, names = limited(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = stepped(project, shape.id, clip, based, plan)
         on_feet = _on_feet(clip) if posed and plan.travel else None
@@ -311,4 +324,4 @@ def retarget(
         steps = step_sizes(shape, clip, based, plan)
         project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)
     theirs, ours = facings(clip, shape, plan)
-    return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
+    return Retargeted(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)

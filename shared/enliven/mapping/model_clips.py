@@ -43,13 +43,16 @@ def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
     """The names of the takes that a shape can play joint by joint: those of its own skeleton.
 
-    A shape that plays one may have been turned, moved and scaled since it was opened.
+    A shape that plays one may have been turned, moved and scaled since it was opened. Takes that retargeting
+    made from another, such as "walk: steps", are not clips of the model.
     """
-    played = _joint_layers(project, shape)
-    if not played:
-        return tuple(name for name, take in project.takes.items() if is_own_take(take, shape))
-    skeleton = project.takes[played[0].take].skeleton
-    return tuple(name for name, take in project.takes.items() if _is_same(take.skeleton, skeleton))
+    played, takes = _joint_layers(project, shape), project.takes
+    skeleton = takes[played[0].take].skeleton if played else shape.skeleton
+    return tuple(
+        name
+        for name, take in takes.items()
+        if _is_same(take.skeleton, skeleton) and not any(name.startswith(f"{other}: ") for other in takes)
+    )
 
 
 def played_clip(project: Project, shape: Shape) -> str | None:

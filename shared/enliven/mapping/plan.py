@@ -65,6 +65,11 @@ class Plan:
         "Lengthen and stretch the model's bones as the take does its own, in the model's size. A clip of the "
         "model itself always does.",
     )
+    limits: bool = setting(
+        True,
+        "Keep the joints of a model that is not built as the performer within what its own clips show, and a "
+        "margin; of one without clips within a wide cone about its rest pose.",
+    )
     stride: float = setting(
         1.0, "How far it steps and travels, in the performer's strides at its own size.", low=0.0, high=10.0
     )

@@ -153,6 +153,11 @@ def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[Skeleton
     return tuple(step.limb for step in _steps(shape, clip, plan) if step.posed)
 
 
+def bones_that_only_step(shape: Shape, clip: Clip, plan: Plan) -> set[int]:
+    """The bones of the legs that step and never obey an arm."""
+    return {bone for step in _steps(shape, clip, plan) if step.arm is None for bone in step.limb.proper[1:]}
+
+
 def _leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
     """Metres along a leg."""
     return max(float(skeleton.lengths[list(leg[1:])].sum()), 1e-9)

@@ -184,3 +184,17 @@ def test_files_of_the_wrong_kind(files, capsys):
     assert "it is no glTF file" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.fbx") == 3
     assert ".fbx cannot be written. Known: .bvh, .glb" in capsys.readouterr().err
+
+
+def test_joints_beyond_their_limits_are_told_and_freed_by_an_option(files, capsys):
+    """A horse that grazes a little is not bent as far as a man who tumbles; --no-limits bends it."""
+    frames = 80.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
+    (files / "tumble.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
+    assert retarget(files, "-o", files / "kept.glb", take="tumble.bvh") == 0
+    told = capsys.readouterr().out
+    assert re.search(r"enliven: \d+ joints kept within limits \(--no-limits frees them\): \w+", told), told
+    options = ("--no-limits", "--write-map", files / "map.toml")
+    assert retarget(files, "-o", files / "freed.glb", *options, take="tumble.bvh") == 0
+    assert "kept within limits" not in capsys.readouterr().out
+    assert "limits = false" in (files / "map.toml").read_text()
+    assert (files / "kept.glb").read_bytes() != (files / "freed.glb").read_bytes()

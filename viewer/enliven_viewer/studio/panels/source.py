@@ -71,6 +71,11 @@ _WHOLE = (
         "Bones stretch",
         "Let its bones get longer and thinner as the take's do, in its own size",
     ),
+    (
+        "limits",
+        "Joint limits",
+        "Keep joints of a model that is not a person within what its own clips show, and a margin",
+    ),
 )
 """How a whole body is mapped: the setting, its label, and what it does."""
 

@@ -13,6 +13,7 @@ from enliven.mapping import (
     automatic,
     is_own_take,
     looped,
+    own_clips,
     play_own_take,
     played_clip,
     quality_of,
@@ -47,6 +48,7 @@ class WholeBody:
     travel: bool = False
     pin: bool = False
     stretch: bool = False
+    limits: bool = True
 
 
 class MapTool(Tool):
@@ -161,7 +163,9 @@ class MapTool(Tool):
             if itself:
                 made = play_own_take(known, clip, still)
             else:
-                made = retarget(known, clip, softened(plan, clip, known) if gentle else plan, still)
+                how = softened(plan, clip, known) if gentle else plan
+                clips = [project.takes[name] for name in own_clips(project, project.shape(shape.id))]
+                made = retarget(known, clip, how, still, clips)
             return replace(made, project=looped(made.project, shape.id)) if loop else made
 
         def work() -> tuple[Retargeted, MotionQuality]:
@@ -176,8 +180,10 @@ class MapTool(Tool):
 
             if editor.edit(f"map all of {clip.id}", change):
                 self._last, self.made = None, (shape.id, clip.id, made.plan, quality)
+                count = len(made.limited)
+                kept = f" {count} joint{'s' * (count != 1)} kept within limits." if count else ""
                 editor.toasts.say(
-                    f"{clip.id} moves all of {shape.id}", "Space plays it, Ctrl+Z takes it back."
+                    f"{clip.id} moves all of {shape.id}", f"Space plays it, Ctrl+Z takes it back.{kept}"
                 )
 
         editor.beside.begin(f"Fitting {clip.id} to {shape.id}", work, then)

@@ -1,0 +1,214 @@
+"""Joint limits: the limbs of a model that is not a person stay within what its body can do.
+
+limited(project, shape_id, clip, plan, clips)      # bones that bend too far bend less; and which joints do
+
+A performer's arm swings by half a turn; a horse's foreleg does not. The range of each joint is what the
+model's own clips show of it and a free angle around that, or a wide cone around the rest pose if there are no
+clips (:mod:`enliven.motion.kinematics.ranges`). A body of which any bone points as the performer's does
+(mode "pose") is not limited: it is built as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.facing import turned_about_y
+from enliven.mapping.ground import moments_of
+from enliven.mapping.model_clips import is_own_take
+from enliven.mapping.plan import Plan
+from enliven.motion.kinematics import JointRange, joint_range, limit_turns
+from enliven.motion.layers import Player, bind_chain, clear_chain
+from enliven.rotation import IDENTITY, conjugate, multiply
+
+_RATE = 60.0
+"""Moments a second at most at which limits are applied: the rate of common displays."""
+_CLIP_FRAMES = 120
+"""Frames of a clip at most that count for the range of a joint: extremes of clips last longer."""
+_LIMITED = np.radians(1.0)
+"""Radians by which a limit changes a joint at least to be reported, and to be applied: less is not seen."""
+_LEAST_SHARE = 0.05
+"""Share of the free angle that a bone of a chain has at least: a short bone is not stiff."""
+_POINT = 1e-6
+"""Share of the size below which a bone has no direction."""
+
+
+def limited(
+    project: Project,
+    shape_id: str,
+    clip: Clip,
+    plan: Plan,
+    clips: Sequence[Clip] = (),
+    without: Collection[int] = (),
+) -> tuple[Project, tuple[str, ...]]:
+    """Returns the project with joints of a shape kept in their ranges, and the names of those that were not.
+
+    Bones that change play a take of their own. People, and takes of the shape's own skeleton, do not change.
+
+    Args:
+        project: in which the shape moves as the plan says.
+        clip: the performer's.
+        clips: the model's own; takes of other skeletons among them do not count.
+        without: bones that are not limited.
+    """
+    shape = project.shape(shape_id)
+    shares = {j: share for j, share in _shares(project, shape, clip, plan).items() if j not in without}
+    if not shares:
+        return project, ()
+    times = moments_of(clip.duration, min(_RATE, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
+    turns, joints = Player(project, shape_id).sample(times)
+    own = [one for one in clips if is_own_take(one, shape)]
+    ranges, followers = joint_ranges(shape.skeleton, own, shares), _followers(shape, shares)
+    made, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
+    if not beyond:
+        return project, ()
+    step = float(times[1]) if len(times) > 1 else clip.step
+    take = Clip(unused(f"{clip.id}: limits", project.takes), shape.skeleton, made, joints[:, 0], step)
+    project = project.with_takes(take)
+    moved = {*shares, *followers}
+    for chain in _chains(shape.skeleton, {j for j in moved if _differ(made[:, j], turns[:, j])}):
+        project = clear_chain(project, shape_id, chain)
+        name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
+        project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
+    names, parents = shape.skeleton.names, shape.skeleton.parents
+    return project, tuple(dict.fromkeys(names[int(parents[j])] for j in sorted(beyond)))
+
+
+def joint_ranges(
+    skeleton: Skeleton, clips: Sequence[Clip], shares: Mapping[int, float]
+) -> dict[int, JointRange]:
+    """Returns the range of each bone that has a direction; both of a pair have what clips show of either.
+
+    Args:
+        clips: takes of this very skeleton.
+        shares: by bone, its share of the free angle of its chain: the bones of a spine bend together.
+    """
+    known = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
+    local = _local(skeleton, np.concatenate(known)) if known else None
+    size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _partners(skeleton)
+    facing, made = anatomy_of(skeleton).facing, dict[int, JointRange]()
+    for j, share in shares.items():
+        if skeleton.lengths[j] <= _POINT * size:
+            continue
+        turns = None if local is None else local[:, j]
+        if local is not None and j in partners:
+            turns = np.concatenate([local[:, j], _mirrored(local[:, partners[j]], facing)])
+        made[j] = joint_range(skeleton.vectors[j], turns, max(share, _LEAST_SHARE))
+    return made
+
+
+def limit_pose(
+    skeleton: Skeleton, turns: Float, ranges: dict[int, JointRange], followers: dict[int, int]
+) -> tuple[Float, set[int]]:
+    """Returns (T, N, 4) world turns with each bone in its range, and the bones that were beyond.
+
+    What hangs on a bone moves with it: its own turn against that bone stays.
+
+    Args:
+        turns: (T, N, 4) world turns.
+        ranges: by bone.
+        followers: bones that turn as another does, and which.
+    """
+    local, made, beyond = _local(skeleton, turns), turns.copy(), set[int]()
+    for j, joint in ranges.items():
+        kept = limit_turns(joint, local[:, j])
+        if _differ(kept, local[:, j]):
+            local[:, j] = kept
+            beyond.add(j)
+    for j, other in followers.items():
+        local[:, j] = local[:, other]
+    for j in range(1, len(skeleton)):
+        up = int(skeleton.parents[j])
+        if followers.get(j, j) in beyond or _differ(made[:, up], turns[:, up]):
+            made[:, j] = multiply(made[:, up], local[:, j])
+    return made, beyond
+
+
+def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
+    """Returns the bones that may be limited, and of each its share of the length of its chain.
+
+    These are the bones that chains of the mode "move" move at the take's own pace.
+    """
+    stretched = plan.stretch and bool(clip.tracks)
+    if not plan.limits or stretched or (shape.modeling != IDENTITY).any() or is_own_take(clip, shape):
+        return {}
+    if _is_person(shape.skeleton) or any(chain.mode == "pose" for chain in plan.chains):
+        return {}
+    skeleton, shares = shape.skeleton, dict[int, float]()
+    for chain in plan.chains:
+        ends = [skeleton.names.index(name) for name in chain.target if name in skeleton.names]
+        if len(ends) < 2:
+            continue
+        path = skeleton.path(ends[0], ends[-1])[1:]
+        whole = max(float(skeleton.lengths[list(path)].sum()), 1e-9)
+        for j in path:
+            shares[j] = max(shares.get(j, 0.0), float(skeleton.lengths[j]) / whole)
+    layers = {layer.id: layer for layer in shape.layers}
+    moving = {j: [layers[ref.layer] for span in shape.spans[j] for ref in span.refs] for j in shares}
+    return {j: shares[j] for j in sorted(shares) if j > 0 and moving[j] and all(map(_is_plain, moving[j]))}
+
+
+def _is_person(skeleton: Skeleton) -> bool:
+    """Returns True if a skeleton is divided by the names of a person's joints."""
+    return any(limb.knots for pair in anatomy_of(skeleton).pairs for limb in pair)
+
+
+def _is_plain(layer: Layer) -> bool:
+    """Returns True if a layer plays its take once, at the take's own pace."""
+    return (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False)
+
+
+def _followers(shape: Shape, bones: Collection[int]) -> dict[int, int]:
+    """Returns the bones that begin where one of ``bones`` does and move as it does, such as twist bones."""
+    made, parents = dict[int, int](), shape.skeleton.parents
+    for j in bones:
+        for other in shape.skeleton.children[int(parents[j])]:
+            if other not in bones and shape.spans[other] == shape.spans[j]:
+                made.setdefault(other, j)
+    return made
+
+
+def _partners(skeleton: Skeleton) -> dict[int, int]:
+    """Returns the bone on the other side for each bone of a pair of limbs."""
+    made = dict[int, int]()
+    for left, right in anatomy_of(skeleton).pairs:
+        if len(left.chain) == len(right.chain):
+            made |= dict(zip(left.chain[1:], right.chain[1:], strict=True))
+            made |= dict(zip(right.chain[1:], left.chain[1:], strict=True))
+    return made
+
+
+def _mirrored(turns: Float, facing: float) -> Float:
+    """Returns (T, 4) turns as seen in the mirror that parts left from right of a body that faces so."""
+    ahead = turned_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
+    return np.concatenate([turns[:, :1], turned_about_y(ahead, facing)], axis=1)
+
+
+def _local(skeleton: Skeleton, turns: Float) -> Float:
+    """Returns (T, N, 4) turns of bones against the bone above, from world turns (T, N, 4)."""
+    above = turns[:, np.maximum(skeleton.parents, 0)]
+    made = multiply(conjugate(above), turns)
+    made[:, 0] = turns[:, 0]
+    return np.asarray(made)
+
+
+def _differ(one: Float, other: Float) -> bool:
+    """Returns True if turns (T, 4) are apart by an angle that is seen, at any moment."""
+    cosine = np.abs(np.sum(one * other, axis=-1)).min()
+    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _LIMITED)
+
+
+def _chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
+    """Returns bones joined to chains of joints, each from the joint that stays."""
+    made, left = list[tuple[int, ...]](), sorted(bones)
+    while left:
+        chain = [int(skeleton.parents[left[0]]), left[0]]
+        while following := [j for j in skeleton.children[chain[-1]] if j in left]:
+            chain.append(following[0])
+        left = [j for j in left if j not in chain[1:]]
+        made.append(tuple(chain))
+    return made
