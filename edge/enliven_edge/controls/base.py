@@ -205,7 +205,7 @@ class ControlReader:
 
     @property
     def why(self) -> EnlivenError | None:
-        """The reason why its device cannot be opened; None while it can, or while that is not known."""
+        """The reason why its device cannot be opened; None while it can, or before the first attempt."""
         return self._why
 
     @property

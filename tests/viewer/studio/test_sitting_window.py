@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 import shutil
 import subprocess
 import wave
@@ -69,6 +70,10 @@ def carried_and_performed(path: Path) -> None:
             later += frames[-1].time_ns - frames[0].time_ns + 33_000_000
 
 
+@pytest.mark.skipif(
+    "ENLIVEN_SITTING" not in os.environ,
+    reason="it needs an idle machine for minutes: set ENLIVEN_SITTING=1",
+)
 @pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng is not installed")
 @pytest.mark.parametrize("needs", [("pocketsphinx", "mujoco")])
 def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, ...], tmp_path: Path) -> None:
