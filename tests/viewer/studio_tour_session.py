@@ -30,7 +30,7 @@ PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 CALM = 0.02
 """Seconds of sleep a picture while the stage is waited for: it needs the processor."""
-LONG_STEP = 0.25
+LONG_STEP = 0.12
 """Seconds of a picture where none is looked at: ticks, hands and views arrive after few of them."""
 said: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
@@ -231,7 +231,6 @@ def main() -> None:
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]) / "own")
     workspace.preferences.text_size = float(sys.argv[5]) if len(sys.argv) > 5 else 1.0
     workspace.starting = True
-    workspace.editor.show_meshes = pictures is not None  # most of the time of a picture
     window = StudioWindow(workspace, STEP if pictures else LONG_STEP)
     going: list[tuple[WindowStage, Iterator[None]]] = []
 
