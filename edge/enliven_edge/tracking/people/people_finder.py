@@ -15,6 +15,8 @@ from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, 
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
+_GONE_NS = 200_000_000
+"""Nanoseconds after which an unseen newcomer is no longer searched: longer than noise lasts."""
 _LOOSE = 0.4
 """Share of a newcomer's outline that nothing surrounds from which its pixels are kept out of the room."""
 _FRAGMENT = 0.12
@@ -95,7 +97,7 @@ class PeopleFinder:
         free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._search.sought]
         hold = self._held_pixels(view, segments, free, room)
         due = self._due(newcomers, view, room)
-        if not believe:
+        if not believe or self._has_lost_all(view):
             self._search.stop()
         elif not self._search.busy:
             self._start_search(due, view)
@@ -105,6 +107,11 @@ class PeopleFinder:
             if pixels is not None:
                 self._welcome(body, pixels, view, segments)
         return hold
+
+    def _has_lost_all(self, view: FrameView) -> bool:
+        """Returns True if none of the newcomers that are searched was seen lately: they became the room."""
+        sought = self._search.sought
+        return bool(sought) and all(view.time_ns - n.seen_ns > _GONE_NS for n in sought)
 
     def _limit_search(self, *, young: bool) -> None:
         """Sets what is left of the frame's budget for the search; ``young``: the room is new.
