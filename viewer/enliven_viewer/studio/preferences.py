@@ -9,6 +9,7 @@ import msgspec
 
 from enliven.errors import InputError, ResourceError
 from enliven.files import own_folder, read_file, write_file
+from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +32,8 @@ class _Kept(msgspec.Struct):
     toured: bool = False
     performer: bool = True
     timeline_height: float = 0.0
+    theme: str = "dark"
+    colours: str = "usual"
 
 
 class Preferences:
@@ -46,6 +49,7 @@ class Preferences:
         less_motion: the view turns at once, without gliding.
         toured: whether the tour was finished or put away.
         performer: performers are seen in a corner of the picture as their camera sees them.
+        theme: "dark" or "light"; colours: the set that tells limbs, performers and takes apart.
         timeline_height: pixels that the timeline was given; 0 for the usual height.
     """
 
@@ -56,6 +60,8 @@ class Preferences:
         self.text_size, self.toured = kept.text_size, kept.toured
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
+        use_theme(kept.theme, kept.colours)
+        self.theme, self.colours = theme_in_use()
 
     def save(self) -> None:
         """Write the file; where it cannot be written, the choices hold until the program ends."""
@@ -74,6 +80,12 @@ class Preferences:
     def calm(self) -> None:
         """Let the view turn at once, or let it glide again."""
         self.less_motion = not self.less_motion
+        self.save()
+
+    def paint(self, theme: str = "", colours: str = "") -> None:
+        """Use another theme, or another set of colours, at once; empty leaves it unchanged."""
+        use_theme(theme or self.theme, colours or self.colours)
+        self.theme, self.colours = theme_in_use()
         self.save()
 
     def watch_performer(self) -> None:

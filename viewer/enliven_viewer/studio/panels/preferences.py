@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import Workspace
@@ -14,6 +17,11 @@ _SIZE = (620.0, 520.0)
 """Pixels: an action with its key and a button beside it, and fifteen of them."""
 _KEY = 150.0
 """Pixels of a key's button: Ctrl+Shift+PgDn."""
+_THEME = 130.0
+"""Pixels of the choice of a theme: its longest name."""
+_THEMES: dict[str, str] = {"dark": "Dark", "light": "Light"}
+_COLOURS: dict[str, str] = {"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"}
+"""What the sets are called; the second is also for people who mix up red and green."""
 _FREE = 42.0
 """Pixels beside it of the button that takes the key away."""
 
@@ -43,7 +51,7 @@ def draw_preferences(workspace: Workspace) -> None:
 
 
 def _reading(workspace: Workspace) -> None:
-    """The size of text, and whether the view glides."""
+    """The size of text, whether the view glides, the theme and the colours."""
     preferences, actions = workspace.preferences, workspace.actions
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted("Size of text")
@@ -59,7 +67,32 @@ def _reading(workspace: Workspace) -> None:
     imgui.same_line(260)
     if imgui.checkbox("Less motion", preferences.less_motion)[0]:
         actions.do("view.less_motion")
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted("Theme")
+    imgui.same_line(110)
+    theme = _choice(workspace, "theme", _THEMES, preferences.theme, _THEME)
+    imgui.same_line(260)
+    imgui.text_unformatted("Colours")
+    imgui.same_line()
+    colours = _choice(workspace, "colours", _COLOURS, preferences.colours, -1.0)
+    told("Colours of limbs, performers, takes and control points")
+    if (theme, colours) != (preferences.theme, preferences.colours):
+        preferences.paint(theme, colours)
     imgui.separator()
+
+
+def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str, wide: float) -> str:
+    """A list of words to choose from; returns the key of the word that is chosen."""
+    imgui.set_next_item_width(wide)
+    opened = imgui.begin_combo(f"##{name}", words[now])
+    workspace.remember(name)
+    if opened:
+        for key, word in words.items():
+            if imgui.selectable(f"{word}###{name} {key}", key == now)[0]:
+                now = key
+            workspace.remember(f"{name} {key}")
+        imgui.end_combo()
+    return now
 
 
 def _row(workspace: Workspace, action: Action) -> None:

@@ -12,7 +12,7 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, CHAIN, DARK, INK, QUIET
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, INK, QUIET, UNTINTED
 
 _SHARE = 0.56
 """Share of the side panel that the view of sources takes: the list of shapes still fits above."""
@@ -139,7 +139,7 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and source.clip is not None:
         draw.add_image_rounded(
-            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed((1, 1, 1, 1)), 6.0
+            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed(UNTINTED), 6.0
         )
     else:
         draw.add_rect_filled(origin, corner, packed(DARK), 6.0)

@@ -93,7 +93,9 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         draw.add_convex_poly_filled(points, packed(mark.colour))
     else:
         at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
-        draw.add_text(ImVec2(at.x + 1, at.y + 1), packed((0, 0, 0, 0.6)), mark.text)
+        written = imgui.calc_text_size(mark.text)
+        low, high = ImVec2(at.x - 4, at.y - 1), ImVec2(at.x + written.x + 4, at.y + written.y + 1)
+        draw.add_rect_filled(low, high, packed(GLASS, mark.colour[3]), 4.0)
         draw.add_text(at, packed(mark.colour), mark.text)
 
 
@@ -136,7 +138,7 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
 def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]
     text = f"\uf071  {said}"
     wide = imgui.calc_text_size(text).x + 26
-    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed(GLASS), 9.0)
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed((*GLASS[:3], 0.92)), 9.0)
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
@@ -148,7 +150,7 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
     below = 38 if workspace.input.tool.warning else 0
     x, y = area.x + (area.width - wide) / 2, area.y + 66 + below
     draw.add_rect_filled(
-        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
+        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.85)), 10.0
     )
     draw.add_text(font, size, ImVec2(x, y), packed(INK), workspace.caption)
     if workspace.pressed:

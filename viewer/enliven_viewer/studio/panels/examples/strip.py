@@ -14,7 +14,7 @@ from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tint
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"
@@ -185,7 +185,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
     if texture is None:
         draw.add_rect_filled(origin, corner, packed(DARK), 7.0)
     else:
-        white = packed((1, 1, 1, 1))
+        white = packed(UNTINTED)
         draw.add_image_rounded(
             imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
         )
