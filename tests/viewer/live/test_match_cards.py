@@ -86,7 +86,7 @@ def test_what_is_driven_is_thinner_and_without_cards() -> None:
 
 def test_cards_show_each_match_as_it_is_seen() -> None:
     cards = cards_of(scene(), front().view(1.5))
-    assert [card.title for card in cards] == ["1 of 3", "2 of 3"]
+    assert [card.title for card in cards] == ["best match", "match 2"]
     assert [card.meant for card in cards] == [True, False]
     assert [card.held for card in cards] == [0.5, 0.0]
     right, left = cards[0].lines
@@ -102,10 +102,10 @@ def test_each_character_that_chooses_has_its_row() -> None:
     both = {"cross": BOARD, "spider": replace(BOARD, character="spider", shown=1)}
     cards = cards_of(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
     assert [(card.row, card.title) for card in cards] == [
-        (0, "cross 1 of 3"),
-        (0, "cross 2 of 3"),
-        (1, "spider 1 of 3"),
-        (1, "spider 2 of 3"),
+        (0, "cross best match"),
+        (0, "cross match 2"),
+        (1, "spider best match"),
+        (1, "spider match 2"),
     ]
     assert [card.meant for card in cards] == [True, False, False, True]
 
