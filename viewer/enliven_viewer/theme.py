@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from enliven_viewer.settings import LookName
-
 FONT = "fonts/Roboto/Roboto-Regular.ttf"
 """The typeface, as ImGui's bundle brings it."""
 
@@ -23,6 +21,7 @@ Four = tuple[float, float, float, float]
 Three = tuple[int, int, int]
 ThemeName = Literal["dark", "light"]
 ColourSetName = Literal["usual", "okabe-ito"]
+Look = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 
 
 @dataclass(frozen=True)
@@ -174,8 +173,12 @@ class ColourSet:
     flight: Three
 
 
-_ORANGE, _SKY, _GREEN, _YELLOW = (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66)
-_BLUE, _VERMILION, _PURPLE, _GREY = (0, 114, 178), (213, 94, 0), (204, 121, 167), (220, 220, 220)
+class _Safe:
+    """The colours of Okabe and Ito, and a grey."""
+
+    orange, sky, green, yellow = (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66)
+    blue, vermilion, purple, grey = (0, 114, 178), (213, 94, 0), (204, 121, 167), (220, 220, 220)
+
 
 COLOUR_SETS: dict[ColourSetName, ColourSet] = {
     "usual": ColourSet(
@@ -218,13 +221,22 @@ COLOUR_SETS: dict[ColourSetName, ColourSet] = {
         flight=(117, 148, 219),
     ),
     "okabe-ito": ColourSet(
-        limbs=(_SKY, _ORANGE, _GREEN, _YELLOW, _PURPLE, _VERMILION),
-        performers=(_SKY, _YELLOW, _PURPLE, _VERMILION),
-        lanes=(_ORANGE, _SKY, _VERMILION, _PURPLE, _YELLOW, _GREEN),
-        points=(_ORANGE, _SKY, _GREY, _BLUE, _VERMILION, _PURPLE, _YELLOW, _GREEN),
-        characters=(_ORANGE, _SKY, _VERMILION, _PURPLE, _YELLOW, _GREEN),
-        contact=_YELLOW,
-        flight=_SKY,
+        limbs=(_Safe.sky, _Safe.orange, _Safe.green, _Safe.yellow, _Safe.purple, _Safe.vermilion),
+        performers=(_Safe.sky, _Safe.yellow, _Safe.purple, _Safe.vermilion),
+        lanes=(_Safe.orange, _Safe.sky, _Safe.vermilion, _Safe.purple, _Safe.yellow, _Safe.green),
+        points=(
+            _Safe.orange,
+            _Safe.sky,
+            _Safe.grey,
+            _Safe.blue,
+            _Safe.vermilion,
+            _Safe.purple,
+            _Safe.yellow,
+            _Safe.green,
+        ),
+        characters=(_Safe.orange, _Safe.sky, _Safe.vermilion, _Safe.purple, _Safe.yellow, _Safe.green),
+        contact=_Safe.yellow,
+        flight=_Safe.sky,
     ),
 }
 """The usual colours; and those of M. Okabe and K. Ito, "Color Universal Design" (2008), which people with any
@@ -381,7 +393,7 @@ def is_light() -> bool:
     return THEMES[_InUse.theme].look == "bright"
 
 
-def look_in_theme(look: LookName) -> LookName:
+def look_in_theme(look: Look) -> Look:
     """Returns the look in which the window shows a stage: the usual one is bright in a light theme."""
     return THEMES[_InUse.theme].look if look == "studio" else look
 

@@ -186,7 +186,7 @@ def _signal_word(edge: EdgeState | None) -> str:
 
 
 def late_words(late_ms: float | None) -> str:
-    """Returns how far the picture is behind the performer, for who performs; empty where nobody feels it."""
+    """Returns how far the picture is behind the performer; empty if it is too little to feel."""
     if late_ms is None or late_ms < _FELT_MS:
         return ""
     return "a little late" if late_ms < _DISTURBING_MS else "late: move slowly"

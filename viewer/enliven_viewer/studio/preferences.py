@@ -9,6 +9,7 @@ import msgspec
 
 from enliven.errors import InputError, ResourceError
 from enliven.files import own_folder, read_file, write_file
+from enliven_viewer.language import language_in_use, speak
 from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
@@ -34,6 +35,7 @@ class _Kept(msgspec.Struct):
     timeline_height: float = 0.0
     theme: str = "dark"
     colours: str = "usual"
+    language: str = "en"
 
 
 class Preferences:
@@ -50,6 +52,7 @@ class Preferences:
         toured: whether the tour was finished or put away.
         performer: performers are seen in a corner of the picture as their camera sees them.
         theme: "dark" or "light"; colours: the set that tells limbs, performers and takes apart.
+        language: the code of the window's language.
         timeline_height: pixels that the timeline was given; 0 for the usual height.
     """
 
@@ -60,6 +63,8 @@ class Preferences:
         self.text_size, self.toured = kept.text_size, kept.toured
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
+        speak(kept.language)
+        self.language = language_in_use()
         use_theme(kept.theme, kept.colours)
         self.theme, self.colours = theme_in_use()
 
@@ -86,6 +91,12 @@ class Preferences:
         """Use another theme, or another set of colours, at once; empty leaves it unchanged."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = theme_in_use()
+        self.save()
+
+    def speak(self, language: str) -> None:
+        """Use another language at once."""
+        speak(language)
+        self.language = language_in_use()
         self.save()
 
     def watch_performer(self) -> None:

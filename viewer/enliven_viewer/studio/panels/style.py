@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.places import Area
 from enliven_viewer.theme import (
     ACCENT,
@@ -150,7 +151,7 @@ def heading(text: str) -> None:
     """The title of a part of a panel."""
     imgui.dummy(ImVec2(0, 2))
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text(text.upper())
+        imgui.text(tr(text).upper())
     imgui.separator()
 
 
@@ -158,5 +159,5 @@ def quiet(text: str) -> None:
     """A line of less weight, wrapped."""
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.push_text_wrap_pos(0.0)
-        imgui.text_unformatted(text)
+        imgui.text_unformatted(tr(text))
         imgui.pop_text_wrap_pos()

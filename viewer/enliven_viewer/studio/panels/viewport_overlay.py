@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import spoken
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
@@ -102,15 +103,15 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
 def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw the tool's name and hint, and its warning beneath."""
     tool = workspace.input.tool
-    shift = imgui.calc_text_size(f"{tool.label}   ").x
+    shift = imgui.calc_text_size(f"{tr(tool.label)}   ").x
     room = max(area.width - shift - 54, 80.0)
-    extent = imgui.calc_text_size(tool.hint, wrap_width=room)
+    extent = imgui.calc_text_size(tr(tool.hint), wrap_width=room)
     wide, high = shift + extent.x + 28, extent.y + 17
     x, y = area.x + 14, area.y + 14
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
     workspace.widgets["hint"] = (x, y, x + wide, y + high)
-    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
-    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tool.hint, room)
+    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tr(tool.label))
+    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
 
@@ -122,7 +123,7 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
         ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height), packed(DARK)
     )
     size = SMALL
-    words = f"{tool.label}   {tool.hint}"
+    words = f"{tr(tool.label)}   {tr(tool.hint)}"
     grown = size / imgui.get_font_size()
     high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
     while high > area.height - 6 and size > _LEAST_LETTERS:
@@ -131,7 +132,7 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
         high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
     top = area.y + (area.height - high) / 2
     draw.add_text(font, size, ImVec2(area.x + 14, top), packed(INK), words, room)
-    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(ACCENT), tool.label)
+    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(ACCENT), tr(tool.label))
     workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 

@@ -27,6 +27,7 @@ _FIRST = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
 """The twelve pairs of corners that a side joins; corner k is high along the axes of its bits."""
 _FAINT = 0.7
+"""Opacity of the box: the thing in it is seen through."""
 
 
 def box_about(points: Float) -> Float:
