@@ -14,7 +14,7 @@ Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
 ]  # of enliven.film.encoders
 SkeletonShown = Literal["choosing", "always", "never"]
-LookName = Literal["studio", "night", "white", "dawn", "garden"]
+LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,10 @@ from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.capsules import capsules_of
 from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.render.overlay.canvas import Canvas
-from enliven_viewer.render.overlay.match_lines import TINTS, limb_tints, match_rows
+from enliven_viewer.render.overlay.match_lines import limb_tints, match_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, scene_of
+from enliven_viewer.theme import LIMBS
 
 PIVOTS = np.array([[0, 0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0], [0, 1.2, 0]], np.float32)
 CHARACTER = Character(
@@ -63,7 +64,7 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
     without = plain.pixels().astype(int)
     renderer.draw(scene(), view)
     changed = np.abs(renderer.pixels().astype(int) - without).sum(-1)
-    for line, tint in ((RIGHT, TINTS[0]), (LEFT, TINTS[1])):
+    for line, tint in ((RIGHT, LIMBS[0]), (LEFT, LIMBS[1])):
         across, up = view.project(line.mean(0)[None])[0]
         column, row = int((across + 1) * 150), int((1 - up) * 100)
         pixel = renderer.pixels()[row, column].astype(float)
@@ -85,7 +86,7 @@ def test_what_is_driven_is_thinner_and_without_cards() -> None:
 
 def test_cards_show_each_match_as_it_is_seen() -> None:
     cards = cards_of(scene(), front().view(1.5))
-    assert [card.title for card in cards] == ["1 of 3", "2 of 3"]
+    assert [card.title for card in cards] == ["best match", "match 2"]
     assert [card.meant for card in cards] == [True, False]
     assert [card.held for card in cards] == [0.5, 0.0]
     right, left = cards[0].lines
@@ -101,10 +102,10 @@ def test_each_character_that_chooses_has_its_row() -> None:
     both = {"cross": BOARD, "spider": replace(BOARD, character="spider", shown=1)}
     cards = cards_of(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
     assert [(card.row, card.title) for card in cards] == [
-        (0, "cross 1 of 3"),
-        (0, "cross 2 of 3"),
-        (1, "spider 1 of 3"),
-        (1, "spider 2 of 3"),
+        (0, "cross best match"),
+        (0, "cross match 2"),
+        (1, "spider best match"),
+        (1, "spider match 2"),
     ]
     assert [card.meant for card in cards] == [True, False, False, True]
 
@@ -222,10 +223,10 @@ def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) ->
         card = cards_of(scene(board), front().view(1.5))[0]
         for limb, line, chain, tint in zip(limbs, lines, chains, card.tints, strict=True):
             outer = [bone for bone, (_, end) in enumerate(BONES) if end in chain[1:]]
-            wanted = linear_from_srgb(255 * np.array(TINTS[limb])) if len(line) else plain[outer, 8:11]
+            wanted = linear_from_srgb(255 * np.array(LIMBS[limb])) if len(line) else plain[outer, 8:11]
             np.testing.assert_allclose(rows[outer, 8:11], np.broadcast_to(wanted, (len(outer), 3)), atol=1e-6)
-            assert tint == TINTS[limb]
-    assert len(set(TINTS)) == len(TINTS) >= 6
+            assert tint == LIMBS[limb]
+    assert len(set(LIMBS)) == len(LIMBS) >= 6
 
 
 def standing_joints() -> np.ndarray:

@@ -7,10 +7,12 @@ import numpy as np
 from enliven.person.parts import parts_named
 from enliven_viewer.live.possession_choice import PARTS, PossessionChoice
 from enliven_viewer.playback.timeline import CueFrame
-from enliven_viewer.render.overlay.marks import CUE_TINT, CUE_TINTS, cue_rows
+from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.overlay.marks import CUE_TINT, cue_rows
 from enliven_viewer.render.scene import SceneCharacter
 from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
 from enliven_viewer.studio.perform.session import ROOMS
+from enliven_viewer.theme import PERFORMERS
 
 
 def test_every_key_names_parts_that_there_are() -> None:
@@ -51,7 +53,8 @@ def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> N
     owners = np.array([4, 9, 4, 9, 9], np.int32)
     actor = SceneCharacter(box, box.rest_pose(), CueFrame("box", nodes, strengths, "possessed", owners, 3))
     rows = cue_rows(actor, 1.0, [9, 4])
-    np.testing.assert_allclose(rows[:, 4:7], [CUE_TINTS[k] for k in (1, 0, 1, 0, 0)])
+    tints = linear_from_srgb(np.array(PERFORMERS, float))
+    np.testing.assert_allclose(rows[:, 4:7], tints[[1, 0, 1, 0, 0]], rtol=1e-6)
     away = cue_rows(actor, 1.0, [9])
     np.testing.assert_allclose(away[:, 4:7], rows[:, 4:7], err_msg="who is out of view comes last")
     assert (rows[:3, 7] == rows[0, 7]).all() and (rows[3:, 7] < 0.5 * rows[0, 7]).all()

@@ -1,6 +1,7 @@
 from .hud import (
     Hud as Hud,
     HudState as HudState,
+    late_words as late_words,
     time_text as time_text,
     timeline_area as timeline_area,
     timeline_fraction as timeline_fraction,

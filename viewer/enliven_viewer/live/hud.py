@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
+_FELT_MS = 150.0
+"""Delay of the picture from which people feel that it follows them: shorter ones feel like a mirror."""
+_DISTURBING_MS = 350.0
+"""Delay from which people overshoot, since they wait for the picture."""
 _SMOOTH = 20.0
 """Pictures a second below which movement is seen to jerk, and it is said."""
 _NOTICE = 84.0
@@ -181,14 +185,21 @@ def _signal_word(edge: EdgeState | None) -> str:
     return edge.signal if edge.connected else "no edge"
 
 
+def late_words(late_ms: float | None) -> str:
+    """Returns how far the picture is behind the performer; empty if it is too little to feel."""
+    if late_ms is None or late_ms < _FELT_MS:
+        return ""
+    return "a little late" if late_ms < _DISTURBING_MS else "late: move slowly"
+
+
 def _state_lines(state: HudState) -> list[str]:
     """Pace and latency, one line each."""
     lines, edge = list[str](), state.edge
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
         late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
-        lines.append(f"{late:.0f} ms after the camera")
+        lines += [words] if (words := late_words(late)) else []
     if 0.5 < state.fps < _SMOOTH:
-        lines.append(f"only {state.fps:.0f} pictures a second: a smaller window is drawn faster")
+        lines.append("the picture is not smooth: a smaller window is drawn faster")
     if edge is not None and edge.connected and state.possession:
         lines.append(state.possession)
     if state.score:

@@ -79,9 +79,11 @@ def _cards(
     for number, row in enumerate(board.rows):
         lines = tuple(parts[at : at + len(row.lines)])
         at += len(row.lines)
-        title = f"{board.character[:8]} " * several + f"{row.place + 1} of {board.total}"
+        title = f"{board.character[:8]} " * several + (
+            "best match" if row.place == 0 else f"match {row.place + 1}"
+        )
         meant = number == board.shown
-        score = f"{row.name[:10]}  {row.score:.2f}"
+        score = row.name[:16]
         bones, held = parts[0].reshape(-1, 2, 2), board.held * meant
         cards.append(Card(title, score, meant, bones, lines, held, number_of_row, tints_of(row)))
     return cards

@@ -11,13 +11,12 @@ import numpy as np
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
 from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.theme import PERFORMERS
 
 MAX_BONES = 64
 """Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""
 REVEAL_RADIUS = 0.04
 """Metres, the radius of a bone as KinEtre takes it (section 4.3)."""
-TINTS = linear_from_srgb(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
-"""(4, 3) linear light, by the order of the bodies."""
 
 _SLIM = 0.026
 """Metres, radius at most joints; this and those below are of a person 1.75 m tall, slimmer than life."""
@@ -53,7 +52,8 @@ def capsules_of(
     Args:
         limbs: by the id of a body, sRGB colours of bones by their outer joint; others have the body's.
     """
-    rows = [_capsules_of_one(body, TINTS[k % len(TINTS)], opacity) for k, body in enumerate(bodies)]
+    tints = linear_from_srgb(np.array(PERFORMERS, float))
+    rows = [_capsules_of_one(body, tints[k % len(tints)], opacity) for k, body in enumerate(bodies)]
     for body, made in zip(bodies, rows, strict=True):
         for joint, tint in limbs.get(body.id, {}).items():
             bone = [number for number, (_, end) in enumerate(BONES) if end == joint]

@@ -24,7 +24,7 @@ class StageLook:
         key, sky, bounce, rim: light from the key, from above, from below, and from behind.
         horizon, zenith: the backdrop at eye level and above; the floor fades into the first.
         floor: the floor's paint.
-        grid: strength of the lines on the floor.
+        grid: strength of the lines on the floor; below 0 they are darker than the floor.
         pool: how much darker the floor is away from the middle, 0..1.
     """
 
@@ -48,6 +48,17 @@ LOOKS: dict[LookName, StageLook] = {
         horizon=(0.058, 0.066, 0.088),
         zenith=(0.006, 0.0075, 0.0125),
         floor=(0.122, 0.122, 0.130),
+    ),
+    "bright": StageLook(
+        key=(2.40, 2.30, 2.16),
+        sky=(0.46, 0.48, 0.52),
+        bounce=(0.30, 0.29, 0.28),
+        rim=(0.10, 0.12, 0.16),
+        horizon=(0.70, 0.71, 0.74),
+        zenith=(0.50, 0.53, 0.60),
+        floor=(0.62, 0.62, 0.63),
+        grid=-2.2,
+        pool=0.15,
     ),
     "night": StageLook(
         key=(3.30, 2.72, 1.98),
@@ -93,7 +104,7 @@ LOOKS: dict[LookName, StageLook] = {
         pool=0.1,
     ),
 }
-"""A dusky studio, a spotlight in the dark, a white cyclorama, low sun, and a lawn at noon."""
+"""A dusky studio, one by day, a spotlight in the dark, a white cyclorama, low sun, and a lawn at noon."""
 
 
 def to_key(settings: RenderSettings) -> Float:

@@ -18,6 +18,7 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool, PaintTool
 from enliven_viewer.studio.viewport import StandingCharacter
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import look_in_theme
 
 
 class WindowPictures:
@@ -55,9 +56,10 @@ class WindowPictures:
         """Draw the stage in a part of the window, and what the panels show."""
         workspace = self.workspace
         editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+        self.source.renderer.look = look_in_theme("studio")
         self._draw_source()
         renderer = self.viewport.renderer
-        renderer.look = editor.look
+        renderer.look = look_in_theme(editor.look)
         renderer.resize(_dense(area.width, area.height))
         stage = [one for one in editor.seen if one.id not in perform.hidden and not scan.active]
         live = None if hides_live(workspace) else scan.beside(perform.scene)
@@ -98,7 +100,7 @@ class WindowPictures:
         lens = workspace.perform.close_up.lens(place.width, place.height)
         if lens is None:
             return
-        self.source.renderer.look = workspace.editor.look
+        self.source.renderer.look = look_in_theme(workspace.editor.look)
         self.source.renderer.resize(_dense(place.width, place.height))
         chosen, overlay = workspace.editor.selection, workspace.input.tool.overlay()
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)

@@ -9,6 +9,8 @@ import msgspec
 
 from enliven.errors import InputError, ResourceError
 from enliven.files import own_folder, read_file, write_file
+from enliven_viewer.language import language_in_use, speak
+from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +34,9 @@ class _Kept(msgspec.Struct):
     tour_step: int = 0
     performer: bool = True
     timeline_height: float = 0.0
+    theme: str = "dark"
+    colours: str = "usual"
+    language: str = "en"
 
 
 class Preferences:
@@ -47,6 +52,8 @@ class Preferences:
         less_motion: the view turns at once, without gliding.
         toured: whether the tour was finished or put away; tour_step: the number of the step it resumes at.
         performer: performers are seen in a corner of the picture as their camera sees them.
+        theme: "dark" or "light"; colours: the set that tells limbs, performers and takes apart.
+        language: the code of the window's language.
         timeline_height: pixels that the timeline was given; 0 for the usual height.
     """
 
@@ -57,6 +64,10 @@ class Preferences:
         self.text_size, self.toured, self.tour_step = kept.text_size, kept.toured, max(kept.tour_step, 0)
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
+        speak(kept.language)
+        self.language = language_in_use()
+        use_theme(kept.theme, kept.colours)
+        self.theme, self.colours = theme_in_use()
 
     def save(self) -> None:
         """Write the file; where it cannot be written, the choices hold until the program ends."""
@@ -75,6 +86,18 @@ class Preferences:
     def calm(self) -> None:
         """Let the view turn at once, or let it glide again."""
         self.less_motion = not self.less_motion
+        self.save()
+
+    def paint(self, theme: str = "", colours: str = "") -> None:
+        """Use another theme, or another set of colours, at once; empty leaves it unchanged."""
+        use_theme(theme or self.theme, colours or self.colours)
+        self.theme, self.colours = theme_in_use()
+        self.save()
+
+    def speak(self, language: str) -> None:
+        """Use another language at once."""
+        speak(language)
+        self.language = language_in_use()
         self.save()
 
     def watch_performer(self) -> None:

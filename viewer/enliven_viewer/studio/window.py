@@ -18,6 +18,7 @@ from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.layout import draw_panels, places_of
 from enliven_viewer.studio.panels import (
+    apply_colours,
     apply_style,
     draw_dialogs,
     draw_tour,
@@ -34,6 +35,7 @@ from enliven_viewer.studio.perform import PerformerInset
 from enliven_viewer.studio.pictures import WindowPictures, hides_live
 from enliven_viewer.studio.places import Area, Places
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import theme_in_use
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
 _LONGEST_STEP = 2.0
@@ -83,6 +85,7 @@ class StudioWindow:
         self._inset = PerformerInset()
         self._last = time.monotonic()
         self._framed = False
+        self._theme = theme_in_use()[0]
 
     def run(
         self,
@@ -132,6 +135,9 @@ class StudioWindow:
             if is_minimised(glfw_window_hello_imgui()):
                 time.sleep(_MINIMISED_PAUSE)
             runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
+            if self._theme != theme_in_use()[0]:
+                self._theme = theme_in_use()[0]
+                apply_colours()
             if before is not None:
                 before(self)
 

@@ -104,4 +104,4 @@ class Canvas(Pen):
 
 
 def _packed(colour: Colour) -> int:
-    return imgui.color_convert_float4_to_u32(colour)
+    return imgui.color_convert_float4_to_u32((colour[0], colour[1], colour[2], colour[3]))

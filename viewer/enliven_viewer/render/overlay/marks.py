@@ -10,12 +10,12 @@ import numpy as np
 from enliven.arrays import Float32
 from enliven_viewer.playback import CueFrame
 from enliven_viewer.render.gl import load_program, set_uniform
+from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.render.scene import Scene, SceneCharacter
+from enliven_viewer.theme import PERFORMERS
 
 CUE_TINT = (1.0, 0.74, 0.22)
 """Linear light of attachment points where one performer holds a mesh: amber."""
-CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
-"""Linear light of attachment points where several performers hold a mesh: as their skeletons, in order."""
 NODE_TINT = (0.30, 0.62, 1.0)
 """Linear light of a graph's nodes: cold, apart from attachment points."""
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
@@ -53,8 +53,9 @@ def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
     """(A, 3) linear light of attachment points, as :func:`cue_rows`: as the skeletons of their performers."""
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
-    number = {body: k % len(CUE_TINTS) for k, body in enumerate(everybody)}
-    return np.array(CUE_TINTS, np.float32)[[number[owner] for owner in owners]]
+    tints = linear_from_srgb(np.array(PERFORMERS, float))
+    number = {body: k % len(tints) for k, body in enumerate(everybody)}
+    return np.asarray(tints[[number[owner] for owner in owners]], np.float32)
 
 
 def node_rows(actor: SceneCharacter, strength: float) -> Float32:

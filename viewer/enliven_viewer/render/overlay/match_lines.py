@@ -7,18 +7,10 @@ import numpy as np
 from enliven.arrays import Float32
 from enliven.matching import Board, MatchRow, joints_of_limb
 from enliven_viewer.render.overlay.tubes import tube_rows
+from enliven_viewer.theme import LIMBS
 
 Tint = tuple[float, float, float]
 """Red, green and blue, sRGB in [0, 1]."""
-TINTS: tuple[Tint, ...] = (
-    (0.20, 0.86, 0.84),
-    (1.0, 0.66, 0.20),
-    (0.72, 0.52, 1.0),
-    (0.48, 0.92, 0.36),
-    (1.0, 0.45, 0.55),
-    (0.95, 0.90, 0.40),
-)
-"""Of the performer's limbs, by their numbers: head, left arm, right arm, left leg, right leg, trunk."""
 _THICK = 0.012
 """Radius as a share of the longest chain; half of it once the chain is driven."""
 _DEEP = 0.3
@@ -49,7 +41,8 @@ def meant_rows(board: Board) -> tuple[MatchRow, ...]:
 def tints_of(row: MatchRow) -> tuple[Tint, ...]:
     """The colour of each line of a match: that of the performer's limb, or by their order."""
     limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
-    return tuple(TINTS[limb % len(TINTS)] for limb in limbs)
+    tints = [(red, green, blue) for red, green, blue in LIMBS]
+    return tuple(tints[limb % len(tints)] for limb in limbs)
 
 
 def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:

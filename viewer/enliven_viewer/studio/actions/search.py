@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 
 _START = 8.0
@@ -38,8 +39,9 @@ def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
     """The actions that some letters may mean, the likeliest first; all in their order for none."""
     scored = []
     for action in actions:
-        plain = likeness(typed, action.label)
-        wide = likeness(typed, f"{action.label} {action.menu} {action.about}")
+        names = dict.fromkeys((action.label, tr(action.label)))
+        plain = max((found for one in names if (found := likeness(typed, one)) is not None), default=None)
+        wide = likeness(typed, f"{' '.join(names)} {action.menu} {action.about} {tr(action.about)}")
         if plain is not None or wide is not None:
             scored.append((plain if plain is not None else (wide or 0.0) - _ELSEWHERE, action))
     return (

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 
 from enliven.errors import EnlivenError, InputError
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.actions.keys import spoken
 from enliven_viewer.studio.actions.search import ranked
@@ -68,7 +69,7 @@ class ActionTable:
     def do(self, action_id: str) -> bool:
         """Do an action, or say why it cannot be done; returns whether it was tried."""
         action = self._actions[action_id]
-        first, _, rest = action.why_not().partition(". ")
+        first, _, rest = tr(action.why_not()).partition(". ")
         if first:
             self._toasts.say(first.removesuffix("."), rest)
             return False
@@ -144,8 +145,9 @@ class ActionTable:
     def tip(self, action: Action) -> str:
         """The tooltip of an action: what it does, its key, and why it cannot be done now."""
         key = self.shown_key(action)
-        first = f"{action.label}  ({key})" if key else action.label
-        return "\n".join(line for line in (first, action.about, action.why_not()) if line)
+        label = tr(action.label)
+        first = f"{label}  ({key})" if key else label
+        return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)
 
     def _tidy(self) -> None:
         """Forget keys that are an action's own anyway, and save the rest."""

@@ -11,7 +11,7 @@ from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.ghosts.sampling import MomentBody, Sampled
 from enliven_viewer.studio.viewport import Lens
-from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK
+from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK, Paint
 
 _LINE = 1.5
 """Pixels, radius of a trail at the playhead."""
@@ -32,7 +32,7 @@ class GhostBody:
     """A ghost: a body, the sRGB that it is drawn in, and how much of it is seen, 0 to 1."""
 
     body: MomentBody
-    tint: tuple[int, int, int]
+    tint: Paint
     opacity: float
 
 
@@ -96,7 +96,7 @@ def smooth(line: Float) -> Float:
     return np.concatenate([pieces.reshape(-1, 3), line[-1:]])
 
 
-def _balls(places: Float, tint: tuple[int, ...], lens: Lens) -> Float32:
+def _balls(places: Float, tint: Paint, lens: Lens) -> Float32:
     tints = np.tile(linear_from_srgb(np.array([tint], float)), (len(places), 1))
     return tube_rows(places, places, _KEY * lens.spans(places), tints)
 

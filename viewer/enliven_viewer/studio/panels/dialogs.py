@@ -7,6 +7,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
+from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.files import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
 from enliven_viewer.studio.panels.key_list import draw_key_list
@@ -96,7 +97,7 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
 
 def _head(workspace: Workspace, browser: FileBrowser) -> None:
     """The folder, the order of its files, and a new folder."""
-    if imgui.button("Up"):
+    if imgui.button(f"{tr('Up')}###up"):
         browser.enter(browser.folder.parent)
     workspace.remember("folder up")
     imgui.same_line()
@@ -111,7 +112,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
         imgui.end_combo()
     imgui.same_line()
     if browser.new is None:
-        if imgui.button("New folder"):
+        if imgui.button(f"{tr('New folder')}###new folder"):
             browser.new = ""
         workspace.remember("new folder")
         imgui.same_line()
@@ -127,7 +128,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
     )
     workspace.remember("new folder name")
     imgui.same_line()
-    if imgui.button("Not now"):
+    if imgui.button(f"{tr('Not now')}###not now"):
         browser.new = None
     elif made:
         try:

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from enliven.document import Project, RigBase
 from enliven.modeling.edits import rename_character
+from enliven_viewer.language import tr
 from enliven_viewer.studio.workspace import Workspace
 
 Change = Callable[[Project, float], Project]
@@ -17,7 +18,7 @@ Change = Callable[[Project, float], Project]
 def told(text: str) -> None:
     """Show what the last widget is for, once the pointer rests on it."""
     if text and imgui.is_item_hovered():
-        imgui.set_tooltip(text)
+        imgui.set_tooltip(tr(text))
 
 
 def slider(
@@ -41,7 +42,7 @@ def slider(
 
 def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str = "") -> None:
     """A box to tick; one edit."""
-    toggled, wanted = imgui.checkbox(label, on)
+    toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     workspace.remember(label)
     told(tip)
     if toggled:

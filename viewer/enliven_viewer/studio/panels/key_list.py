@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet
@@ -38,9 +39,9 @@ def draw_key_list(workspace: Workspace) -> None:
             for title, lines in column:
                 quiet(title.upper())
                 for key, label in lines:
-                    imgui.text_unformatted(key)
+                    imgui.text_unformatted(tr(key))
                     imgui.same_line(_KEY)
-                    imgui.text_disabled(label)
+                    imgui.text_disabled(tr(label))
                 imgui.dummy(ImVec2(_COLUMN, 4))
             imgui.pop_text_wrap_pos()
             imgui.end_group()
@@ -59,9 +60,9 @@ def parts_of(actions: ActionTable) -> list[Part]:
     parts: dict[str, list[tuple[str, str]]] = {}
     for menu, listed in actions.menus.items():
         for one in listed:
-            title = f"{menu}: keys in {' and '.join(one.rooms)}" if one.rooms else menu
+            title = tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, one.rooms))) if one.rooms else tr(menu)
             if actions.keys_of(one):
-                parts.setdefault(title, []).append((actions.shown_key(one), one.label))
+                parts.setdefault(title, []).append((actions.shown_key(one), tr(one.label)))
     return list(parts.items())
 
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.stage import rooms_width
 from enliven_viewer.studio.workspace import Workspace
 
-_ALL_MENUS = "\uf0c9  Menu"
-"""The menu that has all others in a narrow window; the icon has three lines."""
+_MENU_ICON = "\uf0c9"
+"""Three lines: the menu that has all others in a narrow window."""
 
 
 def draw_menu(workspace: Workspace) -> None:
@@ -21,14 +22,14 @@ def draw_menu(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     names = list(workspace.actions.menus)
-    letters = sum(imgui.calc_text_size(name).x for name in names)
+    letters = sum(imgui.calc_text_size(tr(name)).x for name in names)
     # ImGui puts the spacing of items on both sides of a menu's name.
     needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
     room = imgui.get_window_width() - rooms_width(narrow=True)
     if needed <= room:
         _menus(workspace)
     else:  # one menu with all of them, so that the tabs stay in reach
-        opened = imgui.begin_menu(_ALL_MENUS)
+        opened = imgui.begin_menu(f"{_MENU_ICON}  {tr('Menu')}###all")
         workspace.remember("menu all")
         if opened:
             _menus(workspace)
@@ -39,7 +40,7 @@ def draw_menu(workspace: Workspace) -> None:
 def _menus(workspace: Workspace) -> None:
     """Draws each menu with its actions."""
     for menu, actions in workspace.actions.menus.items():
-        opened = imgui.begin_menu(menu)
+        opened = imgui.begin_menu(f"{tr(menu)}###{menu}")
         workspace.remember(f"menu {menu}")
         if opened:
             for number, (group, entries) in enumerate(itertools.groupby(actions, lambda one: one.group)):
@@ -51,7 +52,7 @@ def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: 
     """The entries of one group, in a menu of their own where it has a name."""
     if actions[0].apart and not first:
         imgui.separator()
-    if group and not imgui.begin_menu(group):
+    if group and not imgui.begin_menu(f"{tr(group)}###{group}"):
         return
     for number, action in enumerate(actions):
         if action.apart and number:
@@ -67,7 +68,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
     """One line of a menu; grey where the action cannot be done."""
     actions, on = workspace.actions, action.on is not None and action.on()
     key, possible = actions.shown_key(action), not action.why_not()
-    if imgui.menu_item(action.entry, key, on, possible)[0]:
+    if imgui.menu_item(f"{tr(action.entry)}###{action.id}", key, on, possible)[0]:
         actions.do(action.id)
     workspace.remember(f"menu {action.place}")
     action_tip(workspace, action.id)
@@ -76,7 +77,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
 def _recent(workspace: Workspace) -> None:
     """The files that were opened or saved last; the folder is on the tooltip."""
     paths = [Path(name) for name in workspace.preferences.recent]
-    if not imgui.begin_menu("Open recent", bool(paths)):
+    if not imgui.begin_menu(f"{tr('Open recent')}###recent", bool(paths)):
         return
     for number, path in enumerate(paths):
         if imgui.menu_item(f"{path.name}###recent {number}", "", False, True)[0]:

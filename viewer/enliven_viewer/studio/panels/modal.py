@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.workspace import Workspace
 
 _FLAGS = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
@@ -17,6 +18,7 @@ _MARGIN = 24.0
 @contextmanager
 def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
     """A dialogue in the middle, of a size in pixels; 0: fits its contents; True where drawn."""
+    title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()
     room = ImVec2(view.size.x - _MARGIN, view.size.y - _MARGIN)
@@ -30,7 +32,8 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
 
 def button(workspace: Workspace, label: str) -> bool:
     """A button of a dialogue, and its place."""
-    pressed = imgui.button(label, ImVec2(110, 0))
+    wide = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
+    pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(wide, 0))
     workspace.remember(f"dialog {label}")
     return bool(pressed)
 
@@ -52,7 +55,7 @@ def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> No
     """
     action = workspace.actions[action_id]
     imgui.begin_disabled(bool(action.why_not()))
-    if imgui.button(action.label, ImVec2(wide, 0)):
+    if imgui.button(f"{tr(action.label)}###{action.id}", ImVec2(wide, 0)):
         workspace.actions.do(action_id)
     imgui.end_disabled()
     workspace.remember(f"do {action.label}")

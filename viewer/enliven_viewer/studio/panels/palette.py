@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import modal
 from enliven_viewer.studio.panels.style import packed
@@ -26,7 +27,7 @@ def draw_palette(workspace: Workspace) -> None:
         imgui.set_next_item_width(-1)
         entered, typed = imgui.input_text_with_hint(
             "##typed",
-            "Type some letters of what you want to do",
+            tr("Type some letters of what you want to do"),
             finding.typed,
             imgui.InputTextFlags_.enter_returns_true,
         )
@@ -41,7 +42,7 @@ def draw_palette(workspace: Workspace) -> None:
             if _row(workspace, action, number == finding.marked, bool(moved)):
                 finding.marked, picked = number, action
         if not finding.found:
-            imgui.text_disabled("Nothing is called so.")
+            imgui.text_disabled(tr("Nothing is called so."))
         imgui.end_child()
         if entered or picked is not None:
             _do(workspace)
@@ -69,12 +70,12 @@ def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bo
         imgui.set_scroll_here_y()
     draw, font = imgui.get_window_draw_list(), imgui.get_font()
     top = at.y + (24 - imgui.get_font_size()) / 2
-    draw.add_text(ImVec2(at.x + 6, top), packed(FAINT if reason else INK), action.label)
-    left = at.x + 18 + imgui.calc_text_size(action.label).x
+    draw.add_text(ImVec2(at.x + 6, top), packed(FAINT if reason else INK), tr(action.label))
+    left = at.x + 18 + imgui.calc_text_size(tr(action.label)).x
     size = imgui.get_font_size() * 0.85
     room = wide - (left - at.x) - imgui.calc_text_size(key).x - 20
     draw.push_clip_rect(ImVec2(left, at.y), ImVec2(left + max(room, 0.0), at.y + 24), True)
-    draw.add_text(font, size, ImVec2(left, top + 2), packed(QUIET, 0.7), reason or action.menu)
+    draw.add_text(font, size, ImVec2(left, top + 2), packed(QUIET, 0.7), tr(reason or action.menu))
     draw.pop_clip_rect()
     right = at.x + wide - imgui.calc_text_size(key).x - 6
     draw.add_text(ImVec2(right, top), packed(FAINT if reason else QUIET), key)

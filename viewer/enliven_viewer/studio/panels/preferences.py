@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import LANGUAGES, Texts, tr
 from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import Workspace
@@ -14,6 +18,11 @@ _SIZE = (620.0, 520.0)
 """Pixels: an action with its key and a button beside it, and fifteen of them."""
 _KEY = 150.0
 """Pixels of a key's button: Ctrl+Shift+PgDn."""
+_THEME = 130.0
+"""Pixels of the choice of a theme: its longest name."""
+_THEMES = Texts({"dark": "Dark", "light": "Light"})
+_COLOURS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
+"""What the sets are called; the second is also for people who mix up red and green."""
 _FREE = 42.0
 """Pixels beside it of the button that takes the key away."""
 
@@ -27,7 +36,7 @@ def draw_preferences(workspace: Workspace) -> None:
         asking = bool(workspace.wanted_key.action)
         imgui.begin_child("##keys", ImVec2(0, -3 * imgui.get_frame_height() - 18))
         for menu, actions in workspace.actions.menus.items():
-            quiet(menu.upper())
+            quiet(tr(menu).upper())
             for action in actions:
                 _row(workspace, action)
         imgui.end_child()
@@ -36,17 +45,17 @@ def draw_preferences(workspace: Workspace) -> None:
             workspace.cancel()
         imgui.same_line()
         imgui.begin_disabled(not workspace.actions.changed)
-        if imgui.button("All keys as they came"):
+        if imgui.button(f"{tr('All keys as they came')}###usual"):
             workspace.actions.own_keys()
         workspace.remember("usual keys")
         imgui.end_disabled()
 
 
 def _reading(workspace: Workspace) -> None:
-    """The size of text, and whether the view glides."""
+    """The size of text, whether the view glides, the theme and the colours."""
     preferences, actions = workspace.preferences, workspace.actions
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted("Size of text")
+    imgui.text_unformatted(tr("Size of text"))
     imgui.same_line(110)
     for sign, action in (("-", "view.smaller_text"), ("+", "view.larger_text")):
         imgui.begin_disabled(bool(actions[action].why_not()))
@@ -57,18 +66,49 @@ def _reading(workspace: Workspace) -> None:
         imgui.same_line()
     imgui.text_unformatted(f"{preferences.text_size:.0%}")
     imgui.same_line(260)
-    if imgui.checkbox("Less motion", preferences.less_motion)[0]:
+    if imgui.checkbox(f"{tr('Less motion')}###calm", preferences.less_motion)[0]:
         actions.do("view.less_motion")
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(tr("Theme"))
+    imgui.same_line(110)
+    theme = _choice(workspace, "theme", _THEMES, preferences.theme, _THEME)
+    imgui.same_line(260)
+    imgui.text_unformatted(tr("Colours"))
+    imgui.same_line()
+    colours = _choice(workspace, "colours", _COLOURS, preferences.colours, -1.0)
+    told("Colours of limbs, performers, takes and control points")
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(tr("Language"))
+    imgui.same_line(110)
+    language = _choice(workspace, "language", LANGUAGES, preferences.language, 170.0)
+    if language != preferences.language:
+        preferences.speak(language)
+    if (theme, colours) != (preferences.theme, preferences.colours):
+        preferences.paint(theme, colours)
     imgui.separator()
+
+
+def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str, wide: float) -> str:
+    """A list of words to choose from; returns the key of the word that is chosen."""
+    imgui.set_next_item_width(wide)
+    opened = imgui.begin_combo(f"##{name}", words[now])
+    workspace.remember(name)
+    if opened:
+        for key, word in words.items():
+            if imgui.selectable(f"{word}###{name} {key}", key == now)[0]:
+                now = key
+            workspace.remember(f"{name} {key}")
+        imgui.end_combo()
+    return now
 
 
 def _row(workspace: Workspace, action: Action) -> None:
     """An action with a button for each way to change its key."""
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(action.label)
+    imgui.text_unformatted(tr(action.label))
     imgui.same_line(imgui.get_content_region_avail().x - _KEY - _FREE)
-    said = "Press a key ..." if wanted.action == action.id else key or "none"
+    said = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
     if imgui.button(f"{said}###key {action.id}", ImVec2(_KEY, 0)):
         wanted.begin(action.id)
     workspace.remember(f"key {action.id}")
@@ -77,6 +117,11 @@ def _row(workspace: Workspace, action: Action) -> None:
     if imgui.button(f"\uf00d##no {action.id}"):
         workspace.actions.free(action.id)
     imgui.end_disabled()
+
+
+def _taking(action: Action) -> str:
+    """Returns what the button says that takes a key for an action."""
+    return tr("Take it for \u201c{0}\u201d", tr(action.label))
 
 
 def _capture(workspace: Workspace) -> None:
@@ -92,10 +137,10 @@ def _capture(workspace: Workspace) -> None:
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with tinted(WAIT, imgui.Col_.text):
-        imgui.text_unformatted(f"{spoken(wanted.key)} is the key of \u201c{other.label}\u201d.")
-    if imgui.button(f"Take it for \u201c{actions[wanted.action].label}\u201d###take"):
+        imgui.text_unformatted(tr("{0} is the key of \u201c{1}\u201d.", spoken(wanted.key), tr(other.label)))
+    if imgui.button(f"{_taking(actions[wanted.action])}###take"):
         wanted.take(actions)
     workspace.remember("take the key")
     imgui.same_line()
-    if imgui.button("Leave it"):
+    if imgui.button(f"{tr('Leave it')}###leave"):
         wanted.begin("")

@@ -69,17 +69,20 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if editor.chosen() is not character:
         return
     jointed = bool((character.parents >= 0).any())
-    bones, vertices = int((character.parents >= 0).sum()), character.mesh and len(character.mesh.vertices)
-    said = [f"{bones} bone{'s' * (bones != 1)}"] if jointed else []
-    said.append(f"{vertices:,} vertices" if vertices else "no surface")
-    if editor.selection.handle is not None:
-        number = editor.selection.handle
-        said.append(f"node {character.handles[number] if number < len(character.handles) else number}")
-    quiet(", ".join(said))
+    quiet(made_of(character))
     if isinstance(character, Shape):
         _clips(workspace, character)
     draw_numbers(workspace)
     _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+
+
+def made_of(character: RigBase) -> str:
+    """Returns the number of a character's bones, and that it has no surface if it has none."""
+    bones = int((character.parents >= 0).sum())
+    said = [f"{bones} bone{'s' * (bones != 1)}" if bones else "no bones"]
+    if character.mesh is None or not len(character.mesh.vertices):
+        said.append("no surface")
+    return ", ".join(said)
 
 
 def _clips(workspace: Workspace, shape: Shape) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.mapping import BOUND, THROUGH, MotionQuality, Plan, limb_of
+from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, CHAIN, DARK, INK, QUIET
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
 _SHARE = 0.56
 """Share of the side panel that the view of sources takes: the list of shapes still fits above."""
@@ -102,20 +102,23 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
 
 def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     """How good a mapped motion is, line by line."""
-    pose = max((limb.median for limb in quality.limbs), default=0.0)
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
-    pose_line = f"Limbs point within {pose:.0f}\u00b0 of the performer's" + (
-        f": see {worst}" if worst else ""
-    )
-    good = quality.stretch <= BOUND
-    where = "good" if good else f"too much, at {', '.join(quality.joints[:2])}"
+    if not quality.worst_limbs:
+        pose_line = "Limbs point as the performer's do"
+    else:
+        pose_line = f"Limbs point elsewhere than the performer's: see {worst}"
     said = [pose_line] if quality.limbs else []
-    said.append(f"The surface stretches by {quality.stretch - 1.0:.0%}: {where}")
-    floor = [] if quality.sunk is None else [f"off the floor {max(quality.sunk, quality.afloat or 0.0):.1%}"]
-    if quality.slide is not None:
-        floor.append(f"feet slide {quality.slide:.0f} cm/s")
+    if quality.stretch > BOUND:
+        said.append(f"The surface stretches too much, at {', '.join(quality.joints[:2])}")
+    else:
+        said.append("The surface stretches little")
+    floor = []
+    if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > LEVEL:
+        floor.append("it sinks into the floor or floats above it")
+    if quality.slide is not None and quality.slide > SLIDE:
+        floor.append("feet slide")
     if quality.through > THROUGH:
-        floor.append(f"{quality.through:.0%} goes through itself: {', '.join(quality.parts[:2])}")
+        floor.append(f"it goes through itself: {', '.join(quality.parts[:2])}")
     less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
     return [*said, *([", ".join(floor)] if floor else []), *([f"Moved less: {told_less}"] if less else [])]
@@ -144,7 +147,7 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and source.clip is not None:
         draw.add_image_rounded(
-            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed((1, 1, 1, 1)), 6.0
+            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed(UNTINTED), 6.0
         )
     else:
         draw.add_rect_filled(origin, corner, packed(DARK), 6.0)
@@ -206,5 +209,3 @@ def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> Non
         a, b = ImVec2(*places[parent]), ImVec2(*places[joint])
         mine = joint in driven
         draw.add_line(a, b, packed(CHAIN if mine else QUIET, 1.0 if mine else 0.55), 2.4 if mine else 1.2)
-    with small():
-        draw.add_text(ImVec2(at.x + 6, at.y + 3), packed(INK), f"{offer.score:.2f}")

@@ -7,8 +7,26 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.places import Area
-from enliven_viewer.theme import ACCENT, DARK, FONT, INK, LINE, PANEL, PRESSED, QUIET, RAISED, Colour
+from enliven_viewer.theme import (
+    ACCENT,
+    CLEAR,
+    DARK,
+    DIMMED,
+    FAINT,
+    FONT,
+    GLASS,
+    INK,
+    LINE,
+    PANEL,
+    POPUP,
+    PRESSED,
+    QUIET,
+    RAISED,
+    Colour,
+    is_light,
+)
 
 BODY = 15.0
 """Pixels of the usual text."""
@@ -32,8 +50,7 @@ def load_fonts() -> None:
 
 def apply_style() -> None:
     """Glass panels, amber accents, round corners."""
-    style, kind = imgui.get_style(), imgui.Col_
-    imgui.style_colors_dark()
+    style = imgui.get_style()
     style.window_rounding = style.popup_rounding = 8.0
     style.frame_rounding = style.grab_rounding = style.tab_rounding = 5.0
     style.child_rounding = 6.0
@@ -42,13 +59,23 @@ def apply_style() -> None:
     style.window_padding, style.item_spacing = ImVec2(12, 10), ImVec2(8, 6)
     style.frame_padding = ImVec2(8, 4)
     style.scrollbar_size = 11.0
+    apply_colours()
+
+
+def apply_colours() -> None:
+    """Gives the widgets the colours of the theme in use."""
+    style, kind = imgui.get_style(), imgui.Col_
+    if is_light():
+        imgui.style_colors_light()
+    else:
+        imgui.style_colors_dark()
     amber = (ACCENT[0], ACCENT[1], ACCENT[2])
     colours = {
         kind.text: INK,
-        kind.text_disabled: (*QUIET[:3], 0.6),
+        kind.text_disabled: FAINT,
         kind.window_bg: PANEL,
-        kind.child_bg: (0.0, 0.0, 0.0, 0.0),
-        kind.popup_bg: (0.10, 0.112, 0.138, 0.99),
+        kind.child_bg: CLEAR,
+        kind.popup_bg: POPUP,
         kind.border: LINE,
         kind.menu_bar_bg: DARK,
         kind.frame_bg: RAISED,
@@ -56,7 +83,7 @@ def apply_style() -> None:
         kind.frame_bg_active: PRESSED,
         kind.button: RAISED,
         kind.button_hovered: PRESSED,
-        kind.button_active: (*amber, 0.55),
+        kind.button_active: (*amber, 0.45),
         kind.header: (*amber, 0.26),
         kind.header_hovered: (*amber, 0.18),
         kind.header_active: (*amber, 0.40),
@@ -64,13 +91,13 @@ def apply_style() -> None:
         kind.slider_grab: (*amber, 0.85),
         kind.slider_grab_active: ACCENT,
         kind.separator: LINE,
-        kind.scrollbar_bg: (0.0, 0.0, 0.0, 0.0),
+        kind.scrollbar_bg: CLEAR,
         kind.scrollbar_grab: PRESSED,
         kind.title_bg_active: DARK,
         kind.title_bg: DARK,
         kind.text_selected_bg: (*amber, 0.35),
         kind.nav_cursor: (*amber, 0.6),
-        kind.modal_window_dim_bg: (0.0, 0.0, 0.0, 0.5),
+        kind.modal_window_dim_bg: DIMMED,
     }
     for which, colour in colours.items():
         style.set_color_(which, ImVec4(*colour))
@@ -110,11 +137,21 @@ def small() -> Iterator[None]:
     imgui.pop_font()
 
 
+def caption(draw: imgui.ImDrawList, at: ImVec2, text: str, colour: Colour, size: float) -> None:
+    """Draws a line of text over a picture, on glass so that it is readable over any."""
+    grown = size / imgui.get_font_size()
+    extent = imgui.calc_text_size(text)
+    low = ImVec2(at.x - 5, at.y - 2)
+    high = ImVec2(at.x + grown * extent.x + 5, at.y + grown * extent.y + 2)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 5.0)
+    draw.add_text(imgui.get_font(), size, at, packed(colour), text)
+
+
 def heading(text: str) -> None:
     """The title of a part of a panel."""
     imgui.dummy(ImVec2(0, 2))
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text(text.upper())
+        imgui.text(tr(text).upper())
     imgui.separator()
 
 
@@ -122,5 +159,5 @@ def quiet(text: str) -> None:
     """A line of less weight, wrapped."""
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.push_text_wrap_pos(0.0)
-        imgui.text_unformatted(text)
+        imgui.text_unformatted(tr(text))
         imgui.pop_text_wrap_pos()

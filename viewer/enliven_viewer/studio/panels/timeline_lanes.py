@@ -25,7 +25,7 @@ from enliven_viewer.studio.timeline import (
     TimelineLayout,
 )
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED, Colour
+from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, ON_COLOUR, QUIET, RAISED, Colour
 
 _LOCK, _UNLOCK, _SOLO, _OPEN, _FOLDED = "\uf023", "\uf09c", "\uf025", "\uf0d7", "\uf0da"
 """Icons of Font Awesome 4: a closed lock and an open one, headphones, triangles down and to the right."""
@@ -127,7 +127,7 @@ class LanePainter:
             wide = imgui.calc_text_size(said).x
             corner = ImVec2(min(low.x + wide + 12, high.x), low.y + _NAME)
             draw.add_rect_filled(low, corner, packed(tint, 0.9), 4.0)
-            draw.add_text(ImVec2(low.x + 6, low.y), packed(DARK, 1.0), said)
+            draw.add_text(ImVec2(low.x + 6, low.y), packed(ON_COLOUR), said)
         draw.pop_clip_rect()
         draw.add_rect(
             low, high, packed(INK if held else DARK, 1.0 if held else 0.5), 4.0, 1.5 if held else 1.0

@@ -11,12 +11,23 @@ from enliven_viewer.studio.panels.examples import constraint_text
 from enliven_viewer.studio.panels.style import packed, small
 from enliven_viewer.studio.timeline import Lane, TimelineLayout
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, GOOD, INK, QUIET, RAISED, Colour, point_colour
+from enliven_viewer.theme import (
+    ACCENT,
+    BAD,
+    CHAIN,
+    CONTACT,
+    DARK,
+    FLIGHT,
+    GOOD,
+    INK,
+    ON_COLOUR,
+    QUIET,
+    RAISED,
+    SHADOW,
+    Colour,
+    point_colour,
+)
 
-_CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)
-"""The time on the floor: green."""
-_FLIGHT: Colour = (0.46, 0.58, 0.86, 1.0)
-"""The time in the air: blue."""
 _LABELS = {"poses": "key poses", "band": "on the floor", "held": "held hard"}
 _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
@@ -74,13 +85,13 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
     draw, top = imgui.get_window_draw_list(), origin.y + lane.top
     rows = workspace.timeline.rows
     for number, (switch, left, right) in enumerate(rows.details.bands(layout, lane)):
-        tint = _CONTACT if switch.kind == "contact" else _FLIGHT
+        tint = CONTACT if switch.kind == "contact" else FLIGHT
         low, high = ImVec2(origin.x + left, top + 2), ImVec2(origin.x + right, top + lane.height - 2)
         draw.add_rect_filled(low, high, packed(tint, 0.75), 2.0)
         if right - left > 52:
             with small():
                 word = "contact" if switch.kind == "contact" else "flight"
-                draw.add_text(ImVec2(origin.x + left + 7, top), packed(DARK), word)
+                draw.add_text(ImVec2(origin.x + left + 7, top), packed(ON_COLOUR), word)
         if number:
             marked = rows.marked
             held = marked is not None and (marked.kind, marked.layers, marked.item) == (
@@ -133,7 +144,7 @@ def _diamond(draw: imgui.ImDrawList, x: float, y: float, reach: float, tint: int
     corners = (ImVec2(x, y - reach), ImVec2(x + reach, y), ImVec2(x, y + reach), ImVec2(x - reach, y))
     if filled:
         draw.add_quad_filled(*corners, tint)
-        draw.add_quad(*corners, packed((0.0, 0.0, 0.0, 0.65)), 1.2)
+        draw.add_quad(*corners, packed(SHADOW, 0.65), 1.2)
     else:
         draw.add_quad_filled(*corners, packed(DARK, 0.6))
         draw.add_quad(*corners, tint, 1.6)

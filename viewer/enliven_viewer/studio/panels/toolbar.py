@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.style import packed, panel
@@ -63,18 +64,19 @@ def _face(at: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool)
     if chosen or hovered:
         tint = packed(ACCENT, 0.22 if chosen else 0.08)
         draw.add_rect_filled(at, ImVec2(at.x + size.x, at.y + size.y), tint, 7.0)
+    label = tr(action.label)
     colours = (ACCENT, ACCENT) if chosen else (INK, QUIET)
     if size.y >= _STACKED:
         top = at.y + max((size.y - _ICON - _NAME - 6.0) / 2, 0.0)
         name_top = min(top + _ICON + 6.0, at.y + size.y - _NAME - 2.0)
         _centred(action.icon, _ICON, at.x, size.x, top, colours[0])
-        _centred(action.label, _NAME, at.x, size.x, name_top, colours[1])
+        _centred(label, _NAME, at.x, size.x, name_top, colours[1])
         return
     icon, letters = min(_LOW_ICON, size.y - 1.0), min(_LOW_NAME, size.y - 2.0)
     _centred(action.icon, icon, at.x, _ICON_SPACE, at.y + (size.y - icon) / 2 - 1.0, colours[0])
     grown = letters / imgui.get_font_size()
-    room = min(imgui.calc_text_size(action.label).x * grown, size.x - _ICON_SPACE)
-    _centred(action.label, letters, at.x + _ICON_SPACE, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
+    room = min(imgui.calc_text_size(label).x * grown, size.x - _ICON_SPACE)
+    _centred(label, letters, at.x + _ICON_SPACE, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
 
 
 def _centred(text: str, high: float, left: float, room: float, top: float, colour: Colour) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import spoken
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
@@ -93,22 +94,24 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         draw.add_convex_poly_filled(points, packed(mark.colour))
     else:
         at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
-        draw.add_text(ImVec2(at.x + 1, at.y + 1), packed((0, 0, 0, 0.6)), mark.text)
+        written = imgui.calc_text_size(mark.text)
+        low, high = ImVec2(at.x - 4, at.y - 1), ImVec2(at.x + written.x + 4, at.y + written.y + 1)
+        draw.add_rect_filled(low, high, packed(GLASS, mark.colour[3]), 4.0)
         draw.add_text(at, packed(mark.colour), mark.text)
 
 
 def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw the tool's name and hint, and its warning beneath."""
     tool = workspace.input.tool
-    shift = imgui.calc_text_size(f"{tool.label}   ").x
+    shift = imgui.calc_text_size(f"{tr(tool.label)}   ").x
     room = max(area.width - shift - 54, 80.0)
-    extent = imgui.calc_text_size(tool.hint, wrap_width=room)
+    extent = imgui.calc_text_size(tr(tool.hint), wrap_width=room)
     wide, high = shift + extent.x + 28, extent.y + 17
     x, y = area.x + 14, area.y + 14
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
     workspace.widgets["hint"] = (x, y, x + wide, y + high)
-    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
-    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tool.hint, room)
+    draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tr(tool.label))
+    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
 
@@ -120,7 +123,7 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
         ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height), packed(DARK)
     )
     size = SMALL
-    words = f"{tool.label}   {tool.hint}"
+    words = f"{tr(tool.label)}   {tr(tool.hint)}"
     grown = size / imgui.get_font_size()
     high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
     while high > area.height - 6 and size > _LEAST_LETTERS:
@@ -129,14 +132,14 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
         high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
     top = area.y + (area.height - high) / 2
     draw.add_text(font, size, ImVec2(area.x + 14, top), packed(INK), words, room)
-    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(ACCENT), tool.label)
+    draw.add_text(font, size, ImVec2(area.x + 14, top), packed(ACCENT), tr(tool.label))
     workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 
 def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]
     text = f"\uf071  {said}"
     wide = imgui.calc_text_size(text).x + 26
-    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed(GLASS), 9.0)
+    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed((*GLASS[:3], 0.92)), 9.0)
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
@@ -148,7 +151,7 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
     below = 38 if workspace.input.tool.warning else 0
     x, y = area.x + (area.width - wide) / 2, area.y + 66 + below
     draw.add_rect_filled(
-        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
+        ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.85)), 10.0
     )
     draw.add_text(font, size, ImVec2(x, y), packed(INK), workspace.caption)
     if workspace.pressed:

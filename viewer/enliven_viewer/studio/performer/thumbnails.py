@@ -15,6 +15,7 @@ from enliven.meshes import Mesh
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.puppets import PuppetSurfaces, puppet_meshes
+from enliven_viewer.theme import look_in_theme, theme_in_use
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
@@ -54,7 +55,7 @@ class Thumbnails:
         Args:
             slot: the number of the picture; until it is drawn, the last picture of the slot is shown.
         """
-        key = _key(puppet, places)
+        key = (*_key(puppet, places), theme_in_use())
         known = self._done.get(key)
         if known is not None:
             self._done[key] = self._done.pop(key)
@@ -92,6 +93,7 @@ class Thumbnails:
         camera.frame((low, high), aspect, at_once=True, room=_ROOM)
         camera.advance(10.0)
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
+        self._renderer.look = look_in_theme("studio")
         self._renderer.draw(Scene((actor,), (), PLAIN, extent=(low, high)), camera.view(aspect))
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
 

@@ -14,7 +14,7 @@ from enliven.arrays import Float, Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
-from enliven_viewer.theme import AXES, HELD_AXIS, Colour
+from enliven_viewer.theme import AXES, HELD_AXIS, MARK, Colour, Paint
 
 LENGTH = 84.0
 """Pixels of an arrow."""
@@ -122,7 +122,7 @@ class Manipulator:
             found.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
             found.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
         if not alone or alone == "view":
-            tint = _float(HELD_AXIS) if lit == "view" else (1.0, 1.0, 1.0, 0.85)
+            tint = _float(HELD_AXIS) if lit == "view" else (*MARK[:3], 0.85)
             found.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
         return tuple(found)
 
@@ -135,7 +135,7 @@ class Manipulator:
         first, last = ((float(x), float(y)) for x, y in pixels)
         return [Line((first, last), (*_float(AXES[axis])[:3], 0.55), 1.2)]
 
-    def _arrow(self, axis: int, colour: tuple[int, int, int]) -> Float32:
+    def _arrow(self, axis: int, colour: Paint) -> Float32:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
         ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
         tints = linear_from_srgb(np.array([colour, colour], float))
@@ -197,5 +197,5 @@ def _inside(corners: Float, at: Float) -> bool:
     return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))
 
 
-def _float(colour: tuple[int, int, int]) -> Colour:
+def _float(colour: Paint) -> Colour:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
-from enliven_viewer.theme import GHOST, WARNING
+from enliven_viewer.theme import GHOST, WARNING, Paint
 
 _LINE = 2.0
 """Pixels."""
@@ -123,5 +123,5 @@ class PuppetOverlay:
         return self._mesh[3]
 
 
-def _tint(colour: tuple[int, int, int], opacity: float) -> tuple[float, float, float, float]:
+def _tint(colour: Paint, opacity: float) -> tuple[float, float, float, float]:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, opacity)

@@ -47,7 +47,7 @@ class Solver:
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
         if self._count > TOLD:
             toasts.say(
-                f"{puppet.id} has {self._count:,} vertices: it takes a moment until it can be dragged",
+                f"{puppet.id} is a very fine mesh: it takes a moment until it can be dragged",
                 "Everything else goes on meanwhile.",
             )
 

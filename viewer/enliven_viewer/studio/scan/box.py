@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.studio.viewport import Disc, Lens, Line, Point
-from enliven_viewer.theme import ACCENT, Colour
+from enliven_viewer.theme import ACCENT
 
 _REACH = 16.0
 """Pixels from a handle within which it is taken."""
@@ -26,7 +26,8 @@ _FIRST = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
 """(2, 3) metres of a box where nothing was scanned yet: a chair's."""
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
 """The twelve pairs of corners that a side joins; corner k is high along the axes of its bits."""
-_FAINT: Colour = (*ACCENT[:3], 0.7)
+_FAINT = 0.7
+"""Opacity of the box: the thing in it is seen through."""
 
 
 def box_about(points: Float) -> Float:
@@ -86,7 +87,7 @@ class DraggedBox:
         for a, b in _EDGES:
             ends = tuple(lens.pixels_of(corners[[a, b]]))
             if len(ends) == 2:
-                lines.append(Line(ends, _FAINT, 2.0))
+                lines.append(Line(ends, (*ACCENT[:3], _FAINT), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
             for at in lens.pixels_of(self._handle(end, axis)[None]):

@@ -10,9 +10,7 @@ from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven.meshes import Mesh
 from enliven.wire import ScanPieceMessage
 from enliven_viewer.studio.picture import GrowingPicture
-
-_PLAIN = np.array([205, 205, 200], np.uint8)
-"""sRGB of a surface that a camera without colours saw."""
+from enliven_viewer.theme import PLAIN_SURFACE
 
 
 class GrowingMesh:
@@ -57,7 +55,7 @@ def _joined(pieces: list[ScanPieceMessage]) -> GrowingPicture:
         vertices.append((steps + np.array(one.place, float) * one.side).astype(np.float32) * one.step)
         faces.append(found + count)
         told = np.frombuffer(one.colours, np.uint8).reshape(-1, 3)
-        colours.append(told if len(told) else np.tile(_PLAIN, (len(steps), 1)))
+        colours.append(told if len(told) else np.tile(np.array(PLAIN_SURFACE, np.uint8), (len(steps), 1)))
         count += len(steps)
     points, joined = np.concatenate(vertices), np.concatenate(faces)
     seen = np.concatenate([np.frombuffer(one.seen, np.uint8) for one in pieces])

@@ -16,7 +16,7 @@ from enliven.possession import find_person_in_mesh, standing_figure
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
-from enliven_viewer.theme import ACCENT, QUIET
+from enliven_viewer.theme import ACCENT, MARK, QUIET
 
 END_NAMES = ("Head", "Left hand", "Right hand", "Left foot", "Right foot")
 """What the ends are of, in their order."""
@@ -118,8 +118,8 @@ class EndsTool(Tool):
                 continue
             held = self._held is not None and self._held[0] == number
             place: Point = (float(at[0]), float(at[1]))
-            shown += [Disc(place, _RADIUS, colour), Disc(place, _RADIUS, _RING, 3.0 if held else 1.5)]
-            shown.append(Label((place[0] + _ASIDE[0], place[1] + _ASIDE[1]), word, _RING))
+            shown += [Disc(place, _RADIUS, colour), Disc(place, _RADIUS, MARK, 3.0 if held else 1.5)]
+            shown.append(Label((place[0] + _ASIDE[0], place[1] + _ASIDE[1]), word, MARK))
         return Overlay(tuple(shown))
 
     def wait(self) -> None:
@@ -145,10 +145,6 @@ class EndsTool(Tool):
             return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 
         self.editor.edit(told, named)
-
-
-_RING = (1.0, 1.0, 1.0, 0.9)
-"""Rings and names: readable on every mesh."""
 
 
 def suggested_ends(mesh: Mesh) -> Int:

@@ -13,7 +13,7 @@ from enliven.modeling.mesh import plane_of_symmetry
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Overlay, StandingCharacter, surface_at
-from enliven_viewer.theme import AFTER, BEFORE, Colour
+from enliven_viewer.theme import AFTER, BEFORE, MARK, PLAIN_SURFACE, SHADOW, Colour
 
 BRUSHES: dict[Brush, str] = {"softer": "Softer", "stiffer": "Stiffer", "erase": "As it was"}
 """What strokes do, by the words on the buttons."""
@@ -29,22 +29,14 @@ _DENSE = 0.35
 """Of the radius: places of a stroke are so near to one another that it is even along its way."""
 _LEAP = 4.0
 """Of the radius: over a wider gap the stroke went from one part of the mesh to another."""
-_PLAIN = (205, 208, 214)
-"""sRGB over what is not painted: on a mesh of any colour blue and orange are told apart then."""
 _WASH = 0.62
 """Opacity over what is not painted: the light on it is seen through, its colours hardly."""
 _FULL = 0.82
 """Opacity where a spot is strongest."""
-_DARK = (0.0, 0.0, 0.0, 0.45)
-"""Of the ring's edge, which shows it on bright meshes."""
-_RINGS: dict[Brush, Colour] = {
-    "softer": (*(part / 255 for part in AFTER), 0.95),  # type: ignore[dict-item]
-    "stiffer": (*(part / 255 for part in BEFORE), 0.95),  # type: ignore[dict-item]
-    "erase": (1.0, 1.0, 1.0, 0.95),
-}
-"""Of the ring, by what a stroke does."""
-_SIDE = (1.0, 1.0, 1.0, 0.75)
-"""Of the ring where the other side is painted."""
+_RING_EDGE = 0.45
+"""Opacity of the ring's edge, which shows it on meshes of any brightness."""
+_OTHER_SIDE = 0.75
+"""Opacity of the ring where the other side is painted."""
 
 
 class PaintTool(Tool):
@@ -152,8 +144,11 @@ class PaintTool(Tool):
     def overlay(self) -> Overlay:
         if self._at is None:
             return Overlay()
-        colour = _RINGS[self._now if self._stroke else self.brush]
-        marks = [Disc(self._at, self.radius, _DARK, 4.0), Disc(self._at, self.radius, colour, 2.0)]
+        colour = _ring(self._now if self._stroke else self.brush)
+        marks = [
+            Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE), 4.0),
+            Disc(self._at, self.radius, colour, 2.0),
+        ]
         one = self.editor.chosen()
         plane = None if one is None or one.mesh is None or self._over is None else self._plane(one.mesh)
         if plane is not None and one is not None and one.mesh is not None and self._over is not None:
@@ -161,7 +156,7 @@ class PaintTool(Tool):
             other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(one.mesh.vertices - other, axis=1).argmin())
             marks += [
-                Disc(at, self.radius, _SIDE, 1.5)
+                Disc(at, self.radius, (*MARK[:3], _OTHER_SIDE), 1.5)
                 for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
             ]
         return Overlay(tuple(marks))
@@ -217,11 +212,18 @@ def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> F
     return np.asarray(share @ mesh.vertices[own])
 
 
+def _ring(brush: Brush) -> Colour:
+    """Returns the colour of the ring, by what a stroke does."""
+    if brush == "erase":
+        return (*MARK[:3], 0.95)
+    return (*(part / 255 for part in (AFTER if brush == "softer" else BEFORE)), 0.95)
+
+
 def shades(stiffness: Float32) -> UInt8:
     """(V, 4) sRGB and opacity: blue where it is stiffer, orange where it is softer, grey where it is 1."""
     doublings = np.log2(stiffness) / MOST_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))
-    colours = np.array(_PLAIN) + np.sqrt(strength) * (full - np.array(_PLAIN))
+    colours = np.array(PLAIN_SURFACE) + np.sqrt(strength) * (full - np.array(PLAIN_SURFACE))
     opacity = 255 * (_WASH + (_FULL - _WASH) * strength)
     return np.concatenate([colours, opacity], 1).astype(np.uint8)

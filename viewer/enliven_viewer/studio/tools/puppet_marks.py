@@ -23,10 +23,8 @@ from enliven_viewer.studio.puppets import (
 )
 from enliven_viewer.studio.tools.base import Pointer, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
-from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
+from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
-_WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
-"""Names and rings around what is chosen: readable on every mesh."""
 _SEEN_THROUGH = 0.08
 """Of the eye's distance: control points are seen clearly through whatever covers them by less."""
 _ALWAYS = 0.8
@@ -107,9 +105,10 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
         place = standing.vertices[vertex]
         # At the far side it is fainter.
         seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
-        white, dark = ((1.0, 1.0, 1.0, 0.8), 0.35) if seen else ((1.0, 1.0, 1.0, 0.3), 0.12)
+        bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
+        white = (*MARK[:3], bright)
         for pixel in lens.pixels_of(place[None]):
-            found.append(Disc(pixel, GHOST_RADIUS, (0.0, 0.0, 0.0, dark), 3.5))
+            found.append(Disc(pixel, GHOST_RADIUS, (*SHADOW[:3], dark), 3.5))
             found.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
             found.append(Disc(pixel, 1.6, white))
     return found
@@ -139,7 +138,7 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
             continue
         for pixel in lens.pixels_of(standing.handles[[number]]):
             if number == chosen:
-                found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
+                found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, (*MARK[:3], 0.9), 1.5))
             point = points[number]
             at = (pixel[0] + 16, pixel[1] + 24)
             found.append(Label(at, point.name, INK))

@@ -10,12 +10,13 @@ import numpy as np
 
 from enliven.document import Character, RigBase
 from enliven.modeling.edits import rig_of
-from enliven_viewer.theme import DEFAULT_COLOURS
+from enliven_viewer.theme import DEFAULT_COLOURS, Paint, theme_in_use
 
 
-def default_colour(character_id: str) -> tuple[int, int, int]:
+def default_colour(character_id: str) -> Paint:
     """The sRGB of a mesh without colours of its own, always the same for a name."""
-    return DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
+    colour: Paint = DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
+    return colour
 
 
 class DrawnMeshes:
@@ -33,7 +34,7 @@ class DrawnMeshes:
         """The mesh, in its default colour where it brings none; None where it has no surface."""
         if character.mesh is None or not len(character.mesh.faces):
             return None
-        parts = tuple(getattr(character, name) for name in character.drawn_by)
+        parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])
         known = self._known.get(character.id)
         if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
             known = self._known[character.id] = (parts, _coloured(self._draw(character)))

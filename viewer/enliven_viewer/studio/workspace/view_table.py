@@ -11,6 +11,7 @@ from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.theme import is_light
 
 
 def playing_actions(c: Commands) -> Iterator[Action]:
@@ -87,6 +88,15 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         lambda: preferences.resize(-1),
         lambda: at_end(SIZES[0], "small"),
         about="Text, and everything around it.",
+    )
+    yield Action(
+        "view.light_theme",
+        "View",
+        "Light theme",
+        (),
+        lambda: preferences.paint("dark" if is_light() else "light"),
+        on=is_light,
+        about="Dark letters on light panels, and a bright stage.",
     )
     yield Action(
         "view.less_motion",

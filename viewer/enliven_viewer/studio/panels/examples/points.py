@@ -14,7 +14,7 @@ from enliven_viewer.studio.panels.fields import Change, name_field, slider, swit
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, point_colour
+from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, point_colour
 
 _ROW = 24.0
 """Pixels from one control point of the list to the next: a line of text with room to click."""
@@ -73,7 +73,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
         draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW - 4), tint, 5.0)
     middle = origin.y + (_ROW - 4) / 2
     draw.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _tint(number))
-    draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed((0, 0, 0, 0.5)), 0, 1.0)
+    draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
     draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
     with small():
         said = point.joint or "no joint yet"

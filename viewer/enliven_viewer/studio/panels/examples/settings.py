@@ -18,7 +18,7 @@ _NUMBERS = (
     ("surface", "exaggeration", "exaggeration", 0.0, 3.0, "exaggerate %.2f"),
     ("surface", "hold", "hold", 0.0, 2.0, "hold %.2f"),
     ("surface", "volume", "volume", 0.0, 1.0, "keep %.2f of the volume"),
-    ("examples", "acceleration", "smooth", 0.0, 2.0, "smooth %.2f (lambda_A)"),
+    ("examples", "acceleration", "smooth", 0.0, 2.0, "smooth %.2f"),
     ("examples", "nearest", "nearest", 1, 12, "mix %d examples"),
     ("locomotion", "plant", "plant", 0.0, 1.0, "plant feet %.2f"),
 )

@@ -14,7 +14,7 @@ from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tint
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"
@@ -63,8 +63,8 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
             imgui.text_unformatted(_said(coverage, len(puppet.poses)))
         if imgui.is_item_hovered():
             imgui.set_tooltip(
-                "How far the pose of the take that is farthest from all examples is from them.\n"
-                "Without examples it is 100 %; below 70 % they are enough."
+                "Whether every moment of the take is like one of the key poses.\n"
+                "A dashed picture is a moment that none of them is like."
             )
     number = puppets.number
     if number is None:
@@ -78,10 +78,11 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
 def _said(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
         return f"about {coverage.needed} would be enough for {coverage.take}"
-    far = f"the farthest moment is {100 * coverage.left:.0f} % away"
     if coverage.needed == 0:
-        return f"enough for {coverage.take}: {far}"
-    return f"{coverage.needed} more would be enough for {coverage.take}: {far}"
+        return f"enough for {coverage.take}: every moment is like one of them"
+    if coverage.needed == 1:
+        return f"one more would be enough for {coverage.take}, at the dashed moment"
+    return f"{coverage.needed} more would be enough for {coverage.take}, at the dashed moments"
 
 
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
@@ -185,7 +186,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
     if texture is None:
         draw.add_rect_filled(origin, corner, packed(DARK), 7.0)
     else:
-        white = packed((1, 1, 1, 1))
+        white = packed(UNTINTED)
         draw.add_image_rounded(
             imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
         )

@@ -97,9 +97,9 @@ def _format(workspace: Workspace) -> None:
     """The options of the kinds of files."""
     options = workspace.exporting
     if any(isinstance(one, Puppet) for one in workspace.editor.project.characters.values()):
-        options.morphs = imgui.checkbox("Puppets as morph targets (.glb)", options.morphs)[1]
+        options.morphs = imgui.checkbox("Exact puppets (.glb)", options.morphs)[1]
         workspace.remember("export morphs")
-        told("Exact shapes, in a larger file; else vertices follow bones, which every program plays")
+        told("As morph targets, in a larger file; else the surface follows bones, which every program plays")
         imgui.same_line(0.0, 18.0)
     centimetres = imgui.checkbox("Centimetres (.bvh)", options.unit == "cm")[1]
     options.unit = "cm" if centimetres else "m"

@@ -11,7 +11,7 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, FAINT, INK, QUIET
+from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
 _LEAST = 0.12
 """Of the height of the side that the tree keeps: its filter, and a row where the window is high."""
@@ -212,7 +212,7 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
 
 def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
     """One small button without a frame: bright while it is set."""
-    with tinted((0, 0, 0, 0), imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
+    with tinted(CLEAR, imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
         pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
         imgui.pop_style_var()

@@ -39,5 +39,5 @@ def _sentence(draw, area: Area, text: str) -> None:  # type: ignore[no-untyped-d
     size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))
     left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _ABOVE
     low, high = ImVec2(left - 26, top - 12), ImVec2(left + wide * size + 26, top + size + 12)
-    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.78)), 14.0)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 14.0)
     draw.add_text(imgui.get_font(), size, ImVec2(left, top), packed(INK), text)

@@ -13,8 +13,8 @@ from enliven.person import Body, Joint
 from enliven.wire import CameraMessage
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render.overlay import CUE_TINTS, limb_tints
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.render.overlay import limb_tints
+from enliven_viewer.studio.panels.style import caption, packed
 from enliven_viewer.studio.perform import (
     WIDER,
     PerformerInset,
@@ -27,7 +27,7 @@ from enliven_viewer.studio.perform import (
 from enliven_viewer.studio.picture import GlancePictures
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import DARK, INK, LINE, QUIET, Colour
+from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, performer_colour
 
 _LIMB = 0.075
 """Metres, thickness of a limb: seen in an inset of a hundred pixels."""
@@ -106,17 +106,14 @@ def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # 
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
     if texture is not None:
-        picture, white = imgui.ImTextureRef(texture), packed((1.0, 1.0, 1.0, 1.0))
+        picture, white = imgui.ImTextureRef(texture), packed(UNTINTED)
         draw.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
     draw.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
-        tint = tuple(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)])
         limbs = one.limbs.get(body.id, {})
-        _figure(draw, area, body, (*tint, 1.0), width_of(one.camera), limbs)  # type: ignore[arg-type]
+        _figure(draw, area, body, performer_colour(number), width_of(one.camera), limbs)
     said = name if bodies else f"{name}: no one in view"
-    draw.add_text(
-        imgui.get_font(), _TEXT, ImVec2(area.x + 9, area.y + 6), packed(INK if bodies else QUIET), said
-    )
+    caption(draw, ImVec2(area.x + 9, area.y + 6), said, INK if bodies else QUIET, _TEXT)
     draw.pop_clip_rect()
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 

@@ -8,12 +8,12 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
 from enliven_viewer.playback import NS
-from enliven_viewer.render.overlay import CUE_TINTS, Pen
+from enliven_viewer.render.overlay import Pen
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, GLASS, GOOD, INK, WAIT, Colour
+from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, performer_colour
 
 _LARGE = 26.0
 """Pixels of the words about who holds what: read from three metres away."""
@@ -112,7 +112,7 @@ def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ig
     for holder in reversed(perform.holders):
         present = perform.performers
         number = present.index(holder.body) if holder.body in present else 0
-        tint = (*(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)]), 1.0)
+        tint = performer_colour(number)
         _line(draw, area, bottom, holder.words, tint)
         bottom -= HOLDER
 
@@ -131,7 +131,7 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # 
     wide = _wide(text, size)
     left, top = area.x + (area.width - wide) / 2, bottom - size - 14
     low, high = ImVec2(left - 44, top), ImVec2(left + wide + 20, bottom)
-    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.78)), 12.0)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
     draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))
     draw.add_text(imgui.get_font(), size, ImVec2(left, top + 7), packed(INK), text)
 
@@ -142,14 +142,14 @@ def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: igno
         text = str(perform.recording.counted)
         x = area.x + (area.width - _wide(text, _COUNT)) / 2
         y = area.y + area.height * 0.4 - _COUNT / 2
-        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed((0.0, 0.0, 0.0, 0.5)), text)
+        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
     elif perform.recording.phase == "recording":
         text = f"Recording   {time_text(perform.recording.recorder.seconds)}"
         wide = _wide(text, 20.0)
         x, y = area.x + (area.width - wide) / 2, area.y + 18
         draw.add_rect_filled(
-            ImVec2(x - 40, y - 8), ImVec2(x + wide + 18, y + 29), packed((*GLASS[:3], 0.78)), 10.0
+            ImVec2(x - 40, y - 8), ImVec2(x + wide + 18, y + 29), packed((*GLASS[:3], 0.85)), 10.0
         )
         draw.add_circle_filled(ImVec2(x - 20, y + 11), 7.0, packed(BAD))
         draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
@@ -163,7 +163,7 @@ def draw_size(perform: PerformSession, draw, area: Area) -> None:  # type: ignor
     for text, high in zip(perform.sizes.words, (_SIZE, _HOW), strict=True):
         size = min(high, high * (area.width - 4 * _LEFT) / max(_wide(text, high), 1.0))
         low, far = ImVec2(left, top), ImVec2(left + _wide(text, size) + 36, top + size + 14)
-        draw.add_rect_filled(low, far, packed((*GLASS[:3], 0.78)), 12.0)
+        draw.add_rect_filled(low, far, packed((*GLASS[:3], 0.85)), 12.0)
         draw.add_text(imgui.get_font(), size, ImVec2(left + 18, top + 7), packed(INK), text)
         top += size + 20
 

@@ -6,7 +6,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import PARTS, LiveStage, time_text
+from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
@@ -111,8 +111,8 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
         }
         return words.get(edge.signal, "Connected, but no picture arrives"), WAIT
     late = edge.sensor_to_pose_ms
-    behind = "" if late is None else f", {late + (edge.pose_to_screen_ms or 0.0):.0f} ms behind"
-    return f"Connected{behind}", GOOD
+    behind = late_words(None if late is None else late + (edge.pose_to_screen_ms or 0.0))
+    return f"Connected, {behind}" if behind else "Connected", GOOD
 
 
 def _plain(address: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import ROOMS
@@ -46,12 +47,12 @@ def draw_rooms(workspace: Workspace) -> None:
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
             perform.room = room
-        told(f"{_MEANT[room]}  (Ctrl+{number + 1})")
+        told(f"{tr(_MEANT[room])}  (Ctrl+{number + 1})")
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
-        letters = imgui.calc_text_size(room).x
+        letters = imgui.calc_text_size(tr(room)).x
         at = ImVec2(x + (tab - letters) / 2, (high - imgui.get_text_line_height()) / 2)
-        draw.add_text(at, packed(ACCENT if lit else INK), room)
+        draw.add_text(at, packed(ACCENT if lit else INK), tr(room))
         if room == "Perform" and perform.recording.phase == "recording":
             draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))
     imgui.end_main_menu_bar()

@@ -95,7 +95,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
     workspace.remember("scan name")
     imgui.begin_disabled(bool(lacking))
-    with tinted((*ACCENT[:3], 0.55), imgui.Col_.button):
+    with tinted((*ACCENT[:3], 0.4), imgui.Col_.button):
         if imgui.button("\uf030  Start", _TALL):
             workspace.actions.do("scan.start")
     workspace.remember("scan start")
@@ -141,7 +141,7 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     imgui.end_disabled()
     if said.thing != "person":
         _keeping(workspace, scan)
-    with tinted((*GOOD[:3], 0.5), imgui.Col_.button):
+    with tinted((*GOOD[:3], 0.4), imgui.Col_.button):
         if imgui.button("It becomes a character...###done" if making else "\uf00c  Done###done", _TALL):
             workspace.actions.do("scan.done")
     workspace.remember("scan done")
@@ -189,6 +189,6 @@ def _words(draw, area: Area, text: str, tint: Colour) -> None:  # type: ignore[n
     wide = grown * size
     x, y = area.x + (area.width - wide) / 2, area.y + 26
     low, high = ImVec2(x - 48, y - 12), ImVec2(x + wide + 24, y + size + 12)
-    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.82)), 12.0)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
     draw.add_circle_filled(ImVec2(x - 24, y + size / 2), 9.0, packed(tint))
     draw.add_text(imgui.get_font(), size, ImVec2(x, y), packed(INK), text)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.panels.style import caption, packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import INK, LINE
+from enliven_viewer.theme import INK, LINE, UNTINTED
 
 _SHARE = 0.3
 """Share of the picture's height."""
@@ -38,8 +38,8 @@ def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
     """Draw the picture that the window made of it."""
     draw, place = imgui.get_background_draw_list(), place_of_side_view(workspace, area)
     low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
-    white = packed((1.0, 1.0, 1.0, 1.0))
+    white = packed(UNTINTED)
     draw.add_image_rounded(imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0)
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
-    draw.add_text(imgui.get_font(), _TEXT, ImVec2(place.x + 9, place.y + 6), packed(INK), "From the side")
+    caption(draw, ImVec2(place.x + 9, place.y + 6), "From the side", INK, _TEXT)
     workspace.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -1,0 +1,127 @@
+"""Update the catalogues of the window, viewer/enliven_viewer/locale/*.po, after texts have changed.
+
+.venv/bin/python scripts/texts.py          # new texts are added without a translation, old ones leave
+.venv/bin/python scripts/texts.py fr       # begins a catalogue of another language
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import polib
+
+from enliven_viewer.language import CATALOGUES
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.workspace import Workspace
+
+HOUSE = Path(__file__).parents[1]
+STUDIO = HOUSE / "viewer" / "enliven_viewer" / "studio"
+SHOWING = {"tr": (0,), "heading": (0,), "quiet": (0,), "told": (0,), "button": (1,), "choice": (1, 2)}
+SHOWING |= {"modal": (0,), "switch": (1, 4), "Texts": (0,)}
+"""Functions that translate what they show, with the places of their texts."""
+TABLES = {"_TITLES", "_MEANT", "_MOUSE", "_SIDES"}
+"""Tables of texts that one of these functions is called with."""
+SAYING = ("hint", "lacks", "why_not", "at_end")
+"""Beginnings of names of functions with texts that such a function shows: hints of tools, and reasons."""
+
+
+def constants(node: ast.AST) -> Iterator[ast.Constant]:
+    """Yields the whole texts in an expression: not keys of a table, and not parts of another text."""
+    if isinstance(node, ast.Constant):
+        if isinstance(node.value, str) and any(letter.isalpha() for letter in node.value):
+            yield node
+    elif isinstance(node, ast.Dict):
+        for value in node.values:
+            yield from constants(value)
+    elif isinstance(node, (ast.Tuple, ast.List)):
+        for value in node.elts:
+            yield from constants(value)
+    elif isinstance(node, ast.IfExp):
+        yield from constants(node.body)
+        yield from constants(node.orelse)
+    elif isinstance(node, ast.BoolOp):
+        for value in node.values:
+            yield from constants(value)
+
+
+def shown(tree: ast.Module) -> Iterator[ast.Constant]:
+    """Yields the texts of a module that a function shows which translates them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = node.func.id if isinstance(node.func, ast.Name) else ""
+            for place in SHOWING.get(name, ()):
+                if place < len(node.args):
+                    yield from constants(node.args[place])
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if any(isinstance(one, ast.Name) and one.id in TABLES for one in targets):
+                yield from constants(node.value)
+        elif isinstance(node, ast.FunctionDef) and node.name.lstrip("_").startswith(SAYING):
+            for part in ast.walk(node):
+                if isinstance(part, ast.Return) and part.value is not None:
+                    yield from constants(part.value)
+
+
+def texts() -> dict[str, str]:
+    """Returns every text that the window translates, with its file and line, or its action."""
+    found: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        workspace = Workspace.new(Editor(), Path(folder))
+    for action in workspace.actions:
+        for text in (action.menu, action.group, action.label, action.entry, action.about):
+            if text:
+                found.setdefault(text, f"action {action.id}")
+    for name in (*ROOMS, *(tool.label for tool in workspace.input.tools.values())):
+        found.setdefault(name, "workspaces and tools")
+    for path in sorted(STUDIO.rglob("*.py")):
+        for node in shown(ast.parse(path.read_text("utf-8"))):
+            found.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
+    return found
+
+
+def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
+    """Adds what a catalogue lacks, and takes out what the window does not have any more."""
+    for entry in list(catalogue):
+        if entry.msgid not in found:
+            catalogue.remove(entry)
+    for text, place in found.items():
+        entry = catalogue.find(text)
+        if entry is None:
+            entry = polib.POEntry(msgid=text)
+            catalogue.append(entry)
+        entry.comment = place.rpartition(":")[0] or place  # without the line, which other edits change
+    catalogue.sort(key=lambda entry: (entry.comment, entry.msgid))
+
+
+def main() -> None:
+    """Updates every catalogue, and begins one for each language that is named."""
+    for name in sys.argv[1:]:
+        path = CATALOGUES / f"{name}.po"
+        if not path.exists():
+            begun = polib.POFile(wrapwidth=0)
+            begun.metadata = {
+                "Content-Type": "text/plain; charset=utf-8",
+                "Content-Transfer-Encoding": "8bit",
+                "Language": name,
+                "Plural-Forms": "nplurals=2; plural=(n != 1);",
+            }
+            path.parent.mkdir(exist_ok=True)
+            begun.save(str(path))
+    found = texts()
+    for path in sorted(CATALOGUES.glob("*.po")):
+        catalogue = polib.pofile(str(path), wrapwidth=0)
+        update(catalogue, found)
+        catalogue.save(str(path))
+        lacking = [entry for entry in catalogue if not entry.msgstr]
+        print(f"{path.name}: {len(catalogue)} texts, {len(lacking)} without a translation")
+        for entry in lacking:
+            print(f"  {found[entry.msgid]}: {entry.msgid!r}")
+
+
+if __name__ == "__main__":
+    main()

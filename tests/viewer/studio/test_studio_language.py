@@ -1,0 +1,131 @@
+"""The window in German: texts of menus, actions, tools and tips are translated, and fit."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import polib
+import pytest
+from in_a_window import in_a_window
+
+from enliven_viewer.language import CATALOGUES, LANGUAGES, Texts, language_in_use, speak, tr, tr_n
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+SESSION = Path(__file__).parents[1] / "studio_german_session.py"
+SCRIPT = Path(__file__).parents[3] / "scripts" / "texts.py"
+
+
+@pytest.fixture(autouse=True)
+def _english_after():
+    yield
+    speak("en")
+
+
+@pytest.fixture(scope="module")
+def script():
+    made = importlib.util.spec_from_file_location("texts_of_the_window", SCRIPT)
+    module = importlib.util.module_from_spec(made)
+    made.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != "en"])
+def test_every_text_has_a_translation(script, language) -> None:
+    found, catalogue = script.texts(), polib.pofile(str(CATALOGUES / f"{language}.po"))
+    known = {entry.msgid: entry.msgstr for entry in catalogue}
+    lacking = [f"{place}: {text!r}" for text, place in found.items() if not known.get(text)]
+    assert not lacking, f"{language} lacks texts; run scripts/texts.py and translate:\n" + "\n".join(lacking)
+    left = sorted(set(known) - set(found))
+    assert not left, f"{language} has texts that the window has no more; run scripts/texts.py: {left}"
+    assert len(found) > 400
+
+
+@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != "en"])
+def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(language) -> None:
+    for entry in polib.pofile(str(CATALOGUES / f"{language}.po")):
+        said = f"{entry.comment}: {entry.msgid!r}"
+        for pattern in (r"\{\d[^}]*\}", r"%\.?\d*[fd]", r"Ctrl\+\w\b", r"\((?:[A-Z]|Ctrl\+\w|Shift\+\w)\)"):
+            values = sorted(re.findall(pattern, entry.msgid))
+            assert sorted(re.findall(pattern, entry.msgstr)) == values, said
+        # A reason is shown as a title and, after the first full stop, as what to do about it.
+        assert (". " in entry.msgid) == (". " in entry.msgstr), said
+
+
+def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
+    import ast
+
+    module = """
+_MEANT = {"Play": "Only the picture"}
+heading("A title")
+button(workspace, "Press me")
+choice(workspace, "Yes" if new else "Keep", "No")
+names = Texts({"dark": "Dark theme"})
+said = tr("{0} of all", number)
+class Tool:
+    def hint(self):
+        return "Click it."
+    def _lacks_shape(self):
+        return "" if self.shape else "No shape is chosen."
+    def other(self):
+        return "not shown"
+"""
+    assert {one.value for one in script.shown(ast.parse(module))} == {
+        *("Only the picture", "A title", "Press me", "Yes", "Keep", "No", "Dark theme", "{0} of all"),
+        *("Click it.", "No shape is chosen."),
+    }
+
+
+def test_a_language_changes_at_once_and_is_kept(tmp_path) -> None:
+    workspace = Workspace.new(Editor(), tmp_path)
+    undo = workspace.actions["edit.undo"]
+    assert tr(undo.label) == "Undo" and language_in_use() == "en"
+    workspace.preferences.speak("de")
+    assert tr(undo.label) == "Rückgängig" and undo.label == "Undo"
+    assert workspace.actions.tip(undo).startswith("Rückgängig  (Ctrl+Z)")
+    workspace.actions.do("edit.undo")
+    assert workspace.editor.toasts.shown[-1].text == "Es gibt nichts mehr rückgängig zu machen"
+    speak("en")
+    assert Preferences(tmp_path).language == language_in_use() == "de"
+    workspace.preferences.speak("xx")
+    assert language_in_use() == "en" and tr("Undo") == "Undo"
+
+
+def test_an_action_is_found_by_its_name_in_both_languages(tmp_path) -> None:
+    workspace = Workspace.new(Editor(), tmp_path)
+    workspace.preferences.speak("de")
+    for typed in ("Rückgängig", "Undo", "rückg"):
+        assert workspace.actions.find(typed)[0].id == "edit.undo", typed
+    assert (
+        workspace.actions.find("Verlauf")[0].id == workspace.actions.find("History")[0].id == "edit.history"
+    )
+    workspace.preferences.speak("en")
+    assert workspace.actions.find("Undo")[0].id == "edit.undo"
+
+
+def test_values_plurals_and_tables_follow_the_language() -> None:
+    names = Texts({"dark": "Dark"})
+    assert (
+        names["dark"] == "Dark"
+        and tr("{0} is the key of \u201c{1}\u201d.", "A", "x") == "A is the key of “x”."
+    )
+    assert [tr_n("{0} bone of {1}", "{0} bones of {1}", count, "it") for count in (1, 2)] == [
+        "1 bone of it",
+        "2 bones of it",
+    ]
+    speak("de")
+    assert names["dark"] == "Dunkel" and list(names.values()) == ["Dunkel"]
+    assert tr("") == "" and tr("a name that nobody translates") == "a name that nobody translates"
+
+
+def test_german_fits_into_the_window_and_keeps_every_widget(tmp_path) -> None:
+    shown = in_a_window(SESSION, str(tmp_path))
+    assert len(shown) == 11
+    for name, said in shown.items():
+        assert said["letters"] > 100, f"{name}: the letters were not found"
+        assert not said["cut"], f"{name}: {said['cut']}"
+        assert not said["overlapping"], f"{name}: {said['overlapping']}"
+        assert said["widgets"] == said["widgets in English"], name

@@ -1,0 +1,110 @@
+"""The window speaks to artists: no counts of vertices, milliseconds, scores or names of settings."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from made_acting_stage import acting_stage
+
+import enliven_viewer
+from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
+from enliven.mapping.quality import LimbError, MotionQuality
+from enliven_viewer.live.hud import late_words
+from enliven_viewer.studio.panels.examples.strip import _said as coverage_words
+from enliven_viewer.studio.panels.side import made_of
+from enliven_viewer.studio.panels.source import _said as motion_words
+
+STUDIO = Path(enliven_viewer.__file__).parent / "studio"
+ENGINEERS = re.compile(
+    r"\bms\b|vertices|vertex|\bfps\b|lambda|revision|quaternion|\bedges? \d|% away|cm/s|girdle|\bRMS\b"
+)
+"""Words and units that are no use to who makes a film."""
+NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
+"""Modules with words of files and messages, which translate them."""
+
+
+def texts_of(path: Path) -> list[tuple[int, str]]:
+    """Returns line and text of every string of a module that is not a docstring and has a space."""
+    tree = ast.parse(path.read_text("utf-8"))
+    plain = {id(one.value) for one in ast.walk(tree) if isinstance(one, ast.Expr)}
+    return [
+        (one.lineno, one.value)
+        for one in ast.walk(tree)
+        if isinstance(one, ast.Constant)
+        and isinstance(one.value, str)
+        and id(one) not in plain
+        and " " in one.value.strip()
+    ]
+
+
+def test_no_text_of_the_window_has_words_of_engineers() -> None:
+    for path in sorted(STUDIO.rglob("*.py")):
+        if str(path.relative_to(STUDIO)) in NOT_SHOWN:
+            continue
+        for line, text in texts_of(path):
+            assert not ENGINEERS.search(text), f"{path}:{line}: {text!r}"
+    assert ENGINEERS.search("12 ms behind") and ENGINEERS.search("2,869 vertices")
+
+
+def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
+    workspace = acting_stage(tmp_path)
+    project = workspace.editor.project
+    assert made_of(project.character("limb")) == "2 bones"
+    assert made_of(project.character("post")).startswith(("no bones", "1 bone"))
+
+
+def test_being_late_is_said_in_words_and_only_where_it_is_felt() -> None:
+    assert late_words(None) == late_words(20.0) == late_words(149.0) == ""
+    assert late_words(200.0) == "a little late"
+    assert late_words(900.0) == "late: move slowly"
+
+
+def test_how_many_examples_are_enough_is_said_without_percents() -> None:
+    from enliven_viewer.studio.examples.coverage import TakeCoverage
+
+    fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
+    made = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "left": 1.38})
+    assert coverage_words(made, 0) == "about 1 would be enough for sway"
+    assert coverage_words(made, 2) == "one more would be enough for sway, at the dashed moment"
+    assert coverage_words(replace(made, needed=3), 2).startswith("3 more would be enough")
+    assert coverage_words(replace(made, needed=0), 4).startswith("enough for sway")
+    for needed in range(4):
+        assert "%" not in coverage_words(replace(made, needed=needed), 2)
+
+
+def quality(**changes: object) -> MotionQuality:
+    """Returns a motion that is good in every way, with changes."""
+    fields = {name: () for name in MotionQuality.__dataclass_fields__}
+    good = {"stretch": 1.1, "sunk": 0.0, "afloat": 0.0, "slide": 0.0, "through": 0.0, "joints": ("knee",)}
+    return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})  # type: ignore[arg-type]
+
+
+class _Plan:
+    """A mapping that moves no limb less."""
+
+    chains = ()
+
+
+def test_how_good_a_motion_is_is_said_in_words_that_name_the_place() -> None:
+    arm = LimbError(**{**dict.fromkeys(LimbError.__dataclass_fields__, 0.0), "limb": "left arm"})
+    good = motion_words(_Plan(), quality(limbs=(arm,)))  # type: ignore[arg-type]
+    assert good == ["Limbs point as the performer's do", "The surface stretches little"]
+    bad = motion_words(
+        _Plan(),  # type: ignore[arg-type]
+        quality(
+            limbs=(replace(arm, median=40.0, p90=50.0),),
+            stretch=2 * BOUND,
+            sunk=2 * LEVEL,
+            slide=2 * SLIDE,
+            through=2 * THROUGH,
+        ),
+    )
+    assert bad == [
+        "Limbs point elsewhere than the performer's: see left arm",
+        "The surface stretches too much, at knee",
+        "it sinks into the floor or floats above it, feet slide, it goes through itself: arm, belly",
+    ]
+    assert not any(re.search(r"\d", line) for line in (*good, *bad))

@@ -1,0 +1,73 @@
+"""The language of the window: every text goes through :func:`tr`, and catalogues of gettext translate it.
+
+The text in English is the key, and stands in the code. A catalogue is a file such as ``locale/de.po`` beside
+this module; polib reads it, and gettext of the standard library looks texts up. It can change at any time.
+"""
+
+from __future__ import annotations
+
+import gettext
+import io
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import polib
+
+CATALOGUES = Path(__file__).parent / "locale"
+"""Where a file for each language is, named by its code of ISO 639."""
+LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch (zum Teil)"}
+"""The name of each language in itself, by its code."""
+
+
+class _InUse:
+    """The catalogue that was chosen last."""
+
+    language = "en"
+    catalogue: gettext.NullTranslations = gettext.NullTranslations()
+
+
+def speak(language: str) -> None:
+    """Uses a language from now on; one without a catalogue is English."""
+    path = CATALOGUES / f"{language}.po"
+    if language not in LANGUAGES or not path.exists():
+        _InUse.language, _InUse.catalogue = "en", gettext.NullTranslations()
+        return
+    _InUse.catalogue = gettext.GNUTranslations(io.BytesIO(polib.pofile(str(path)).to_binary()))
+    _InUse.language = language
+
+
+def language_in_use() -> str:
+    """Returns the code of the language in use."""
+    return _InUse.language
+
+
+def tr(text: str, *values: object) -> str:
+    """Returns a text in the language in use, with values in the place of ``{0}``, ``{1}``, ..."""
+    translated = _InUse.catalogue.gettext(text) if text else ""
+    return translated.format(*values) if values else translated
+
+
+def tr_n(one: str, many: str, count: int, *values: object) -> str:
+    """Returns the form of a text for a count, which is ``{0}`` in it; values are ``{1}`` and on."""
+    return _InUse.catalogue.ngettext(one, many, count).format(count, *values)
+
+
+def labelled(text: str, name: str) -> str:
+    """Returns the label of a widget with a name as its id, which stays the same in every language."""
+    return f"{text}###{name}"
+
+
+class Texts(Mapping[str, str]):
+    """A table of English texts; reading an entry returns it in the language in use."""
+
+    def __init__(self, english: Mapping[str, str]) -> None:
+        self.english = dict(english)
+
+    def __getitem__(self, key: str) -> str:
+        return tr(self.english[key])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.english)
+
+    def __len__(self) -> int:
+        return len(self.english)
