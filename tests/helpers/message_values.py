@@ -102,6 +102,11 @@ def _fit_scan(v: dict[str, Any]) -> None:
         v[name] = v[name] if len(v[name]) == length else []
 
 
+def _fit_voice(v: dict[str, Any]) -> None:
+    count = min(len(v["phrases"]), len(v["actions"]))
+    v["phrases"], v["actions"] = v["phrases"][:count], v["actions"][:count]
+
+
 def _fit_piece(v: dict[str, Any]) -> None:
     count = len(v["seen"])
     v["vertices"], v["colours"] = bytes(6 * count), bytes(3 * count) if v["colours"] else b""
@@ -142,6 +147,7 @@ FITTED: dict[str, Callable[[dict[str, Any]], None]] = {
     "PackedMatch": _fit_match,
     "MatchesMessage": _fit_matches,
     "CameraMessage": _fit_camera,
+    "VoiceMessage": _fit_voice,
     "ScanMessage": _fit_scan,
     "ScanPieceMessage": _fit_piece,
     "Scan": _fit_order,
