@@ -47,7 +47,7 @@ from enliven.wire import HoldMessage
 _FEWEST = 2
 """Poses that a character needs at least to count as performed."""
 _FEWEST_EXAMPLES = 2
-"""Fewest examples with which a puppet moves by itself; with fewer its mesh is possessed."""
+"""Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
 _STILL = 0.005
 """Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
 _TURNED = 0.01

@@ -1,4 +1,4 @@
-"""Draws the words for an audience: who is in which character, and whether the stage is silent."""
+"""Draws text for an audience: who is in which character, and a notice while the edge sends nothing."""
 
 from __future__ import annotations
 
