@@ -75,7 +75,6 @@ class EdgeClient:
             raise InputError(
                 "no edge to link to", where="link", mend="Give an address, such as 127.0.0.1:5580."
             )
-        self._context: zmq.Context[Any] = zmq.Context()
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
         self._prefixed = several = prefixed or len(found) > 1
@@ -84,7 +83,9 @@ class EdgeClient:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        self.edges = [EdgeConnection(self._context, e, name[:64], label, self._notices.append) for e in found]
+        # The process's own context: one of this object's would wait for sockets when garbage is collected.
+        context: zmq.Context[Any] = zmq.Context.instance()
+        self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
 
     def poll(self) -> None:
         """Take in everything that has arrived and ask for what is missing; returns at once."""
@@ -163,7 +164,6 @@ class EdgeClient:
         """Let the sockets go."""
         for edge in self.edges:
             edge.close()
-        self._context.destroy(linger=0)
 
     def _find_clashes(self) -> None:
         """Mark edges of one name that are alive at once; after a restart the old one is silent."""
