@@ -19,7 +19,7 @@ from enliven.samples import load_sample
 from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.start import place_card
-from enliven_viewer.studio.start import TOUR, legs_of
+from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
 from enliven_viewer.studio.start.steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -216,6 +216,47 @@ def test_the_legs_of_the_armchair_are_found() -> None:
     assert len(legs) == 4
     middles = np.array([mesh.vertices[leg].mean(0) for leg in legs])
     assert (np.abs(middles[:, 0]) > 0.15).all() and (middles[:, 1] < 0.2).all()
+
+
+@pytest.mark.parametrize("size", [(1000.0, 600.0), (620.0, 421.0)])
+def test_the_stroke_of_the_tour_cuts_one_leg_and_nothing_else(
+    workspace: Workspace, size: tuple[float, float]
+) -> None:
+    """From each side, along the arrow: what is gone then belongs to one leg."""
+    workspace.actions.do("sample.chair")
+    editor = workspace.editor
+    (chair,) = editor.project.graphs.values()
+    editor.choose(chair.id)
+    editor.size, rest, strokes = size, chair.mesh.vertices, 0
+    box = (rest.min(0), rest.max(0))
+    for turn in np.linspace(0.0, 2 * np.pi, 7, endpoint=False):
+        editor.camera.frame(box, size[0] / size[1], reset=True)
+        editor.camera.orbit(turn, 0.0)
+        editor.camera.frame(box, size[0] / size[1], room=1.5, at_once=True)
+        path = leg_to_cut(editor, chair).path
+        if not path:
+            continue
+        strokes += 1
+        assert draw_cut(workspace, path)
+        kept = {tuple(each) for each in editor.project.graphs[chair.id].mesh.vertices.tolist()}
+        gone = np.array([tuple(each) not in kept for each in rest.tolist()])
+        shares = sorted(float(gone[leg].mean()) for leg in legs_of(chair.mesh))
+        assert shares[-1] > 0.25 and shares[-2] == 0.0, shares
+        assert gone.sum() < 0.025 * len(rest), "nothing but the leg"
+        workspace.actions.do("edit.undo")
+        editor.choose(chair.id)
+    assert strokes > 4, "from most sides"
+
+
+def draw_cut(workspace: Workspace, path: tuple[tuple[float, float], ...]) -> bool:
+    """Draw a stroke with the scissors; returns whether it cut."""
+    workspace.input.take("cut")
+    count, (start, end) = len(workspace.editor.project.graphs), np.array(path)
+    workspace.input.press(tuple(start))
+    for share in np.linspace(0.0, 1.0, 12):
+        workspace.input.move(tuple(start + share * (end - start)))
+    workspace.input.release(tuple(end))
+    return len(workspace.editor.project.graphs) == count + 1
 
 
 @pytest.mark.parametrize("window", [(1360.0, 820.0), (640.0, 360.0)])

@@ -10,6 +10,10 @@ from enliven.document import GraphShape
 from enliven.meshes import Mesh
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.start.target import Rectangle, Target
+from enliven_viewer.studio.viewport import Point
+
+Stroke = tuple[Point, Point]
+"""Both ends, in pixels of the picture."""
 
 _HEIGHTS = np.linspace(0.05, 0.4, 15)
 """Shares of the height of a chair below which its legs are looked for: seats are higher."""
@@ -17,12 +21,20 @@ _STANDS = 0.02
 """Share of the height of a chair within which a leg begins over the floor."""
 _LEAST_VERTICES = 12
 """Fewer are a splinter, not a leg."""
-_BELOW = 0.72
-"""Height of the cut over that up to which the legs are apart: nothing else is cut through there."""
+_CUTS = (0.72, 0.6, 0.5, 0.4, 0.3)
+"""Shares of a leg's height at which it may be cut: as much as can be, with nothing else cut through."""
+_BANDS = 8
+"""Parts of a leg's vertices; those of one part, around the cut, say how wide the leg is there."""
 _AIR = 10.0
-"""Pixels of air around a leg, and as far as the stroke begins beside it: well outside of it."""
-_REACH = 24.0
-"""Pixels by which the stroke begins and ends beside the leg: the next leg is farther away."""
+"""Pixels of air around a leg."""
+_REACH = 14.0
+"""Pixels by which the stroke begins and ends beside the leg: well outside of it."""
+_SEEN = 4.0
+"""Pixels between the middles of a leg's halves: where it seems shorter, it points at the eye."""
+_BEYOND = 2 * _REACH
+"""Pixels around a leg's box in which a stroke may lie: it reaches as far over both sides."""
+_BESIDE = 3.0
+"""Pixels beside a stroke in which nothing else may be: a hand does not draw straight."""
 _HIGH = 0.35
 """Share of the height of a chair above which a part is put: over the seat."""
 _AS_FAR = 0.03
@@ -71,16 +83,76 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
-    """Returns the leg that is nearest to the eye while the chair stands still, and the stroke across it."""
-    rest, now, legs = chair.mesh.vertices, _pixels(editor, chair), legs_of(chair.mesh)
-    leg = min(legs, key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
-    heights = rest[leg, 1] - rest[:, 1].min()
-    cut = leg[heights <= _BELOW * heights.max()]
-    edge = now[cut[np.argsort(-rest[cut, 1])[: max(len(cut) // 6, 3)]]]
-    low, high = edge.min(0), edge.max(0)
-    y = float((low[1] + high[1]) / 2)
-    path = ((float(low[0]) - _REACH, y), (float(high[0]) + _REACH, y))
-    return Target(box=_aired(_box(now[cut])), path=path)
+    """Returns a leg as it is seen now, and a stroke across it that passes through nothing else.
+
+    The leg that is nearest to the eye is tried first. A stroke cuts all that it passes over in the picture.
+    Where other parts of the chair are behind every leg there is therefore no stroke: a dancing chair soon
+    moves on, and of one that stands still the view can be turned.
+    """
+    rest, now = chair.mesh.vertices, _pixels(editor, chair)
+    legs = sorted(legs_of(chair.mesh), key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
+    for leg in legs:
+        box, others = _aired(_box(now[leg])), _others(chair.mesh, leg, now)
+        for share in _CUTS:
+            path = _stroke_across(rest[leg, 1], now[leg], share)
+            if path is not None and _in_picture(path, editor.size) and not _meets(path, others):
+                return Target(box=box, path=path)
+    return Target(box=_aired(_box(now[legs[0]])))
+
+
+def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
+    """(M, 3, 2) pixels of the triangles beside a leg that are not in it altogether; NaN behind the eye."""
+    inside = np.zeros(len(mesh.vertices), bool)
+    inside[leg] = True
+    near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
+    low, high = pixels[leg].min(0) - _BEYOND, pixels[leg].max(0) + _BEYOND
+    for axis in (0, 1):  # corner by corner: reductions over three elements take ten times as long
+        one, two, three = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
+        near &= np.maximum(np.maximum(one, two), three) > low[axis]
+        near &= np.minimum(np.minimum(one, two), three) < high[axis]
+    return pixels[mesh.faces[near]]
+
+
+def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Stroke | None:
+    """The ends of a stroke across a leg, at right angles to it; None where the leg is seen from its end.
+
+    Args:
+        heights: (N,) of its vertices at rest, metres.
+        pixels: (N, 2) where they are in the picture.
+        share: of the leg's height, where it is cut.
+    """
+    heights = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-6)
+    upper, lower = heights > 0.5, heights <= 0.5
+    band = pixels[np.argsort(np.abs(heights - share))[: max(len(heights) // _BANDS, 3)]]
+    if not np.isfinite(pixels).all() or not upper.any():
+        return None
+    way = pixels[upper].mean(0) - pixels[lower].mean(0)
+    length = float(np.linalg.norm(way))
+    if length < _SEEN:
+        return None
+    across = np.array([-way[1], way[0]]) / length
+    along, wide = float((band @ way).mean()) / length, band @ across
+    ends = [along * way / length + at * across for at in (wide.min() - _REACH, wide.max() + _REACH)]
+    left, right = sorted((float(x), float(y)) for x, y in ends)
+    return left, right
+
+
+def _in_picture(path: Stroke, size: tuple[float, float]) -> bool:
+    return all(0.0 <= x < size[0] and 0.0 <= y < size[1] for x, y in path)
+
+
+def _meets(path: Stroke, triangles: Float) -> bool:
+    """Returns whether a stroke passes over triangles (M, 3, 2) of the picture, or within some pixels of one.
+
+    It meets none that lies on one side of the stroke's line, or beyond one of its ends.
+    """
+    start, end = np.asarray(path[0]), np.asarray(path[1])
+    way = (end - start) / np.linalg.norm(end - start)
+    along = (triangles - start) @ way
+    aside = (triangles - start) @ np.array([-way[1], way[0]])
+    beyond = (along.max(1) < 0.0) | (along.min(1) > np.linalg.norm(end - start))
+    beside = (aside.max(1) < -_BESIDE) | (aside.min(1) > _BESIDE)
+    return bool((~beyond & ~beside).any())
 
 
 def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
