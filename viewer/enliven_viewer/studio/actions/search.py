@@ -35,13 +35,20 @@ def likeness(typed: str, name: str) -> float | None:
     return max((score for score, _ in best), default=0.0) - _SKIPPED * len(text) if best else None
 
 
+def _likest(typed: str, *texts: str) -> float | None:
+    """The largest :func:`likeness` to one of some texts: the words of two languages are not mixed."""
+    return max((found for one in {*texts} if (found := likeness(typed, one)) is not None), default=None)
+
+
 def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
     """The actions that some letters may mean, the likeliest first; all in their order for none."""
     scored = []
     for action in actions:
-        names = dict.fromkeys((action.label, tr(action.label)))
-        plain = max((found for one in names if (found := likeness(typed, one)) is not None), default=None)
-        wide = likeness(typed, f"{' '.join(names)} {action.menu} {action.about} {tr(action.about)}")
+        label, about = tr(action.label), tr(action.about)
+        plain = _likest(typed, action.label, label)
+        wide = _likest(
+            typed, f"{action.label} {action.menu} {action.about}", f"{label} {action.menu} {about}"
+        )
         if plain is not None or wide is not None:
             scored.append((plain if plain is not None else (wide or 0.0) - _ELSEWHERE, action))
     return (
