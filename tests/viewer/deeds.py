@@ -40,7 +40,12 @@ def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[
 
 def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
     """Click an action in its menu."""
-    ctx.menu_click(f"##MainMenuBar/{action.place}")
+    ctx.menu_click(menu_path(action.place))
+
+
+def menu_path(place: str) -> str:
+    """The test engine's path of an entry of the menus, such as "File/Save": ids are English in every language."""
+    return "/".join(["##MainMenuBar", *(f"###{part}" for part in place.split("/"))])
 
 
 def by_key(ctx: imgui.test_engine.TestContext, action: Action) -> None:

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from deeds import by_key, by_menu, press, scripted
+from deeds import by_key, by_menu, menu_path, press, scripted
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions import Action
@@ -103,7 +103,7 @@ def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace = window.workspace
     workspace.editor.select(character=None)
     ctx.yield_(2)
-    ctx.menu_action(imgui.test_engine.TestAction.hover, "##MainMenuBar/Shape/Make a puppet of it")
+    ctx.menu_action(imgui.test_engine.TestAction.hover, menu_path("Shape/Make a puppet of it"))
     ctx.sleep_no_skip(1.0, 0.1)  # a tooltip shows once the pointer rests
     picture(ctx, "greyed")
     press(ctx, "escape")
@@ -146,9 +146,9 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     change_key(ctx, "view.bones", "f")
     said["asked"] = [workspace.wanted_key.key, actions.keys_of(bones)]
     picture(ctx, "keys")
-    ctx.item_click("//Preferences/###take")
+    ctx.item_click("//###Preferences/###take")
     said["taken"] = [actions.keys_of(bones), actions.keys_of(actions["view.all"])]
-    ctx.item_click("//Preferences/Close")
+    ctx.item_click("//###Preferences/###Close")
     ctx.yield_(2)
     workspace.editor.show_bones = True
     press(ctx, "f")
@@ -156,11 +156,11 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     actions.own_keys()
     workspace.ask("preferences")
     ctx.yield_(3)
-    ctx.set_ref(ctx.window_info("//Preferences/##keys").id_)
+    ctx.set_ref(ctx.window_info("//###Preferences/##keys").id_)
     ctx.item_click("\uf00d##no view.bones")
     ctx.set_ref("")
     said["freed"] = actions.keys_of(bones)
-    ctx.item_click("//Preferences/Close")
+    ctx.item_click("//###Preferences/###Close")
     actions.own_keys()
     picture(ctx, "window")
     workspace.ask("help")
@@ -171,7 +171,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 def change_key(ctx: imgui.test_engine.TestContext, action_id: str, key: str) -> None:
     """Click on an action's key in the preferences, and press another."""
-    keys = ctx.window_info("//Preferences/##keys").id_
+    keys = ctx.window_info("//###Preferences/##keys").id_
     ctx.set_ref(keys)
     ctx.item_click(f"###key {action_id}")
     ctx.set_ref("")
@@ -185,7 +185,7 @@ def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace.history_shown = True
     ctx.yield_(3)
     steps = len(workspace.editor.history.steps)
-    ctx.item_click("//History/###step 2")
+    ctx.item_click("//###History/###step 2")
     said["went to"] = [workspace.editor.history.at, steps == len(workspace.editor.history.steps)]
     picture(ctx, "history")
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import glfw
 import numpy as np
-from deeds import scripted
+from deeds import menu_path, scripted
 from imgui_bundle import imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
@@ -63,7 +63,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["recent"] = [Path(name).name for name in workspace.preferences.recent]
     film(ctx, window)
-    ctx.menu_click("##MainMenuBar/File/Open recent/###recent 1")
+    ctx.menu_click(menu_path("File/Open recent/recent 1"))
     ctx.yield_(2)
     said["recent asks"] = workspace.asking
     workspace.go_on(discard=True)
@@ -113,7 +113,7 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace.editor.edit("a sound", lambda project: project.with_sounds(Sound("tone", tone)))
     for name in ("star", "post"):
         workspace.editor.edit("delete", lambda project, name=name: project.without(name))
-    ctx.menu_click("##MainMenuBar/File/Film...")
+    ctx.menu_click(menu_path("File/Film..."))
     ctx.yield_(3)
     ctx.key_press(imgui.Key.enter)
     end = time.monotonic() + 100

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from deeds import scripted
+from deeds import menu_path, scripted
 from imgui_bundle import ImVec2, imgui
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
@@ -60,7 +60,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     settle(ctx)
     said["merged"] = sorted(editor.project.shapes)
     said["told"] = [toast.text for toast in editor.toasts.shown]
-    ctx.menu_click("##MainMenuBar/Edit/Undo")
+    ctx.menu_click(menu_path("Edit/Undo"))
     said["undone"] = sorted(editor.project.shapes)
     ctx.item_click(ROW.format("character post"))
     settle(ctx)
@@ -69,7 +69,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")
     said["renamed"] = sorted(editor.project.shapes)
-    ctx.item_click("side/Duplicate")
+    ctx.item_click("side/###edit.duplicate")
     said["copied"] = sorted(editor.project.shapes)
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot join the keys themselves
     said["after ctrl z"] = sorted(editor.project.shapes)
@@ -80,16 +80,16 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.key_press(imgui.Key.f1)
     ctx.yield_()
     said["help"] = workspace.asking
-    ctx.item_click("Keys/Close")
-    ctx.menu_click("##MainMenuBar/File/Quit")
+    ctx.item_click("//###Keys/###Close")
+    ctx.menu_click(menu_path("File/Quit"))
     ctx.yield_()
     said["asks"] = workspace.asking
-    ctx.item_click("Save your work?/Cancel")
+    ctx.item_click("//###Save your work?/###Cancel")
     said["stays"] = not workspace.ended
     said["done"] = True
-    ctx.menu_click("##MainMenuBar/File/Quit")
+    ctx.menu_click(menu_path("File/Quit"))
     ctx.yield_()
-    ctx.item_click("Save your work?/Discard")
+    ctx.item_click("//###Save your work?/###Discard")
 
 
 def main() -> None:

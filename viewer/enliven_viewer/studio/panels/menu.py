@@ -68,7 +68,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
     """One line of a menu; grey where the action cannot be done."""
     actions, on = workspace.actions, action.on is not None and action.on()
     key, possible = actions.shown_key(action), not action.why_not()
-    if imgui.menu_item(f"{tr(action.entry)}###{action.id}", key, on, possible)[0]:
+    if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
         actions.do(action.id)
     workspace.remember(f"menu {action.place}")
     action_tip(workspace, action.id)
@@ -77,7 +77,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
 def _recent(workspace: Workspace) -> None:
     """The files that were opened or saved last; the folder is on the tooltip."""
     paths = [Path(name) for name in workspace.preferences.recent]
-    if not imgui.begin_menu(f"{tr('Open recent')}###recent", bool(paths)):
+    if not imgui.begin_menu(f"{tr('Open recent')}###Open recent", bool(paths)):
         return
     for number, path in enumerate(paths):
         if imgui.menu_item(f"{path.name}###recent {number}", "", False, True)[0]:
