@@ -44,7 +44,7 @@ def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
 
 
 def menu_path(place: str) -> str:
-    """The test engine's path of an entry of the menus, such as "File/Save": ids are English in every language."""
+    """The test engine's path of an entry of the menus, such as "File/Save": English ids in any language."""
     return "/".join(["##MainMenuBar", *(f"###{part}" for part in place.split("/"))])
 
 

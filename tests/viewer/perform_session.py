@@ -92,7 +92,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             time.sleep(PAUSE)
 
     def click(name: str) -> None:
-        ctx.yield_(2)
+        workspace.drawn.want((name,))
+        ctx.yield_(3)
+        workspace.drawn.want(())
         left, top, right, bottom = workspace.widget(name)
         ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
         ctx.mouse_click(0)

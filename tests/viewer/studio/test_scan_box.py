@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from enliven.wire import Scan, ScanMessage
+from enliven.wire import SCAN, Scan, ScanMessage
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.scan import DraggedBox, ScanSession, box_about
@@ -75,6 +76,28 @@ def test_it_never_turns_inside_out(drags, turn):
     assert (np.diff(box.corners, axis=0) >= 0.02 - 1e-9).all()
 
 
+@settings(max_examples=40)
+@given(
+    tilts=st.lists(st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), min_size=2, max_size=2),
+    moves=st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3), min_size=2, max_size=2),
+)
+def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(tilts, moves):
+    """Until then the scan's place on the stage changes, by as much as the camera was away from the thing."""
+    before, after = np.eye(4), np.eye(4)
+    for place, (x, z), move in zip((before, after), tilts, moves, strict=True):
+        place[:3, :3], place[:3, 3] = Rotation.from_euler("xz", [x, z]).as_matrix(), move
+    box = DraggedBox()
+    box.corners = np.array([[-0.2, 0.3, -0.3], [0.2, 0.9, 0.1]])
+    world = np.linalg.inv(before)
+    middle = world[:3, :3] @ box.corners.mean(0) + world[:3, 3]
+    box.follow(before, after)
+    np.testing.assert_allclose(box.corners.mean(0), after[:3, :3] @ middle + after[:3, 3], atol=1e-9)
+    np.testing.assert_allclose(np.diff(box.corners, axis=0), [[0.4, 0.6, 0.4]], atol=1e-9)
+    box.corners = np.array([[-0.2, 0.0, -0.3], [0.2, 0.9, 0.1]])
+    box.follow(before, after)
+    assert box.corners[0, 1] == 0.0 and box.corners[1, 1] >= 0.02, "what stands on the floor stands on it"
+
+
 def test_it_begins_round_what_stands_in_the_middle():
     random = np.random.default_rng(0)
     thing = random.uniform([-0.3, 0.0, 0.1], [0.2, 0.9, 0.4], (4000, 3))
@@ -93,6 +116,12 @@ class Client:
 
     def ask(self, order, then):
         self.asked.append(order)
+
+    def take(self, topic):
+        return []
+
+    def latest(self, topic):
+        return {"": self.said} if topic is SCAN else {}
 
 
 class Perform:
@@ -134,6 +163,11 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
         "done", box=[-0.4, 0.0, -0.4, 0.4, order.box[4], 0.4], stage_from_scan=order.stage_from_scan
     )
     assert order.box[4] == pytest.approx(0.6, abs=1e-6) and len(order.stage_from_scan) == 12
+    before = scan.box.corners.copy()
+    moved = [1.0, 0, 0, 0.3, 0, 1, 0, 0, 0, 0, 1, -0.2]
+    scan.perform.client.said = ScanMessage(number=1, phase="paused", stage_from_scan=moved)
+    scan.advance()
+    np.testing.assert_allclose(scan.box.corners, before + np.array([0.3, 0.0, -0.2]))
     scan.keep("all")
     scan.done()
     assert scan.perform.client.asked[-1] == Scan("done", whole=True)

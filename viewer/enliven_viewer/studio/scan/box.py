@@ -80,6 +80,21 @@ class DraggedBox:
         """The button went up."""
         self._held = None
 
+    def follow(self, before: Float, after: Float) -> None:
+        """Stay round what it holds where the edge places the scan anew, as it does until it knows the floor.
+
+        Args:
+            before, after: (4, 4) from the scan's world to the stage. Both are upright, so that the sides
+                stay so; a side on the floor stays on the floor.
+        """
+        change = after @ np.linalg.inv(before)
+        middle = self.corners.mean(0)
+        shift = np.broadcast_to(change[:3, :3] @ middle + change[:3, 3] - middle, (2, 3)).copy()
+        if abs(self.corners[0, 1]) < _STANDS:
+            shift[0, 1] = 0.0
+        self.corners = self.corners + shift
+        self.corners[1, 1] = max(self.corners[1, 1], self.corners[0, 1] + _THIN)
+
     def marks(self, lens: Lens) -> tuple[Line | Disc, ...]:
         """Returns its edges and handles in the viewport's pixels."""
         corners = np.array([[self.corners[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])

@@ -215,8 +215,10 @@ class ScanSession:
             return
         client.take(SCAN)
         client.take(SCAN_PIECE)
-        before = self.said
+        before, place = self.said, self.stage_from_scan
         self.said = client.latest(SCAN).get("", _OFF)
+        if self.said.number == before.number and self.said.stage_from_scan != before.stage_from_scan:
+            self.box.follow(place, self.stage_from_scan)
         self._end_when_round()
         self._growing.take(client.latest(SCAN_PIECE), self.said.number)
         if self.active and self.said.number != before.number:

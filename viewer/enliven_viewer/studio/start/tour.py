@@ -112,6 +112,7 @@ class Tour:
         step = self.step
         if step is None:
             self.target = Target()
+            self._widgets.want(())
             return
         if self.ticked > 0.0:
             self._tick(seconds)
@@ -168,6 +169,7 @@ class Tour:
         """Leave the studio as it was found."""
         self._stop_showing()
         self._let_play()
+        self._widgets.want(())
 
     def _go(self, number: int) -> None:
         self._stop_showing()

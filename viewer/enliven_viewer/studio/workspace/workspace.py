@@ -395,11 +395,11 @@ class Workspace:
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.widgets[name] = (low.x, low.y, high.x, high.y)
         self.drawn.note(name, self.widgets[name])
-        if name in self.drawn.wanted and not self.drawn.left_alone and self.tour is not None:
+        if name in self.drawn.wanted and not self.drawn.left_alone:
             clip = imgui.get_window_draw_list()
             top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
             if low.y < top or high.y > bottom:
-                imgui.set_scroll_here_y(0.5)  # what the tour means is scrolled into sight
+                imgui.set_scroll_here_y(0.5)  # what the tour or a script means is scrolled into sight
 
     def _export(self, path: Path) -> None:
         """Write the file beside the window, since surfaces may have to be solved for it."""
