@@ -110,7 +110,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
     """Let a shape play one of its clips, or none."""
-    what = tr("play {0}", clip) if clip else tr("play no clip")
+    what = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
 
 

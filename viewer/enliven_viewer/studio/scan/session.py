@@ -126,7 +126,7 @@ class ScanSession:
 
     def open(self) -> None:
         """Show the panel, in the workspace where the stage is."""
-        self.perform.room, self.shown = tr("Perform"), True
+        self.perform.room, self.shown = "Perform", True
 
     def start(self) -> None:
         """Begin a scan."""
