@@ -13,6 +13,11 @@ WIDGETS = {
     *("text_colored", "set_tooltip", "calc_text_size", "separator_text", "begin_tab_item"),
 }
 """Functions of ImGui with texts that people see."""
+LABELLED = {
+    *("button", "small_button", "checkbox", "radio_button", "selectable", "menu_item", "text"),
+    *("text_unformatted", "text_wrapped", "text_disabled"),
+}
+"""Those of them with a first argument that is seen, and no id alone."""
 TELLING = {"add_text", "say", "complain", "tell", "caption", "fitting", "_wrapped", "_centred", "_tell"}
 """Methods and functions that draw or tell all their texts."""
 ERRORS = {"InputError", "ResourceError", "FileChangedError"}
@@ -38,7 +43,7 @@ def untranslated(tree: ast.AST) -> Iterator[ast.Constant]:
         for call in own(function):
             if isinstance(call, ast.Call):
                 for argument in shown_arguments(call):
-                    yield from literals(argument, known)
+                    yield from literals(argument, known, plain_word=is_label(call, argument))
 
 
 def own(function: ast.AST) -> Iterator[ast.AST]:
@@ -82,10 +87,22 @@ def shown_arguments(call: ast.Call) -> list[ast.expr]:
     return []
 
 
-def literals(node: ast.expr, known: dict[str, list[ast.expr]]) -> Iterator[ast.Constant]:
-    """Yields the readable literals that an expression can be, by way of plain names too."""
+def is_label(call: ast.Call, argument: ast.expr) -> bool:
+    """Whether an argument is drawn as it is, so that one small word is a text as well, and no id."""
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else ""
+    return name == "add_text" or (name in LABELLED and argument is call.args[0])
+
+
+def literals(
+    node: ast.expr, known: dict[str, list[ast.expr]], *, plain_word: bool = False
+) -> Iterator[ast.Constant]:
+    """Yields the readable literals that an expression can be, by way of plain names too.
+
+    Args:
+        plain_word: whether one word in small letters is a text.
+    """
     if isinstance(node, ast.Constant):
-        if is_readable(node.value):
+        if is_readable(node.value, plain_word=plain_word):
             yield node
     elif isinstance(node, ast.JoinedStr):
         for part in node.values:
@@ -96,8 +113,8 @@ def literals(node: ast.expr, known: dict[str, list[ast.expr]]) -> Iterator[ast.C
                 if "##" in part.value:
                     break
     elif isinstance(node, ast.IfExp):
-        yield from literals(node.body, known)
-        yield from literals(node.orelse, known)
+        yield from literals(node.body, known, plain_word=plain_word)
+        yield from literals(node.orelse, known, plain_word=plain_word)
     elif isinstance(node, ast.BoolOp):
         for value in node.values:
             yield from literals(value, known)
@@ -110,11 +127,16 @@ def literals(node: ast.expr, known: dict[str, list[ast.expr]]) -> Iterator[ast.C
     elif isinstance(node, ast.Name):
         for value in known.get(node.id, []):
             if not isinstance(value, ast.Name):
-                yield from literals(value, {})
+                yield from literals(value, {}, plain_word=plain_word)
 
 
-def is_readable(value: object) -> bool:
-    """Whether a literal has two letters, and a space or a capital: an id and a number have not."""
+def is_readable(value: object, *, plain_word: bool = False) -> bool:
+    """Whether a literal has two letters, and a space or a capital: an id and a number have not.
+
+    Args:
+        plain_word: whether two letters are enough.
+    """
     if not isinstance(value, str) or value.startswith("##") or value in SAME_EVERYWHERE | FOR_DEVELOPERS:
         return False
-    return bool(re.search(r"[^\W\d_]{2}", value)) and bool(re.search(r" |[A-Z]", value.strip()))
+    letters = re.search(r"[^\W\d_]{2}", value.partition("##")[0])
+    return bool(letters) and (plain_word or bool(re.search(r" |[A-Z]", value.strip())))

@@ -15,7 +15,7 @@ import polib
 
 CATALOGUES = Path(__file__).parent / "locale"
 """Where a file for each language is, named by its code of ISO 639."""
-LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch (zum Teil)"}
+LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch"}
 """The name of each language in itself, by its code."""
 
 

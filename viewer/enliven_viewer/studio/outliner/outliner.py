@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from enliven.document import FREE, Handling, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
-from enliven_viewer.language import later
+from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
 
@@ -47,7 +47,7 @@ class Outliner:
     def rows(self) -> tuple[Row, ...]:
         """The rows that are shown."""
         project, live = self.editor.project, self._live()
-        key = (project, live, frozenset(self.opened), self.typed)
+        key = (project, live, frozenset(self.opened), self.typed, language_in_use())
         if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
             self._known = (key, rows_of(project, live, self.opened, self.typed))
         return self._known[1]

@@ -41,7 +41,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         size = imgui.get_content_region_avail()
         tool.source.size = (max(size.x, 1.0), max(size.y - _ROWS - (_SAID if tool.made else 0.0), 1.0))
         _picture(workspace, tool, texture)
-        _, tool.loop = imgui.checkbox("loop", tool.loop)
+        _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
         workspace.remember("loop")
         imgui.same_line()
         if imgui.button(labelled(tr("Matches"), "Matches"), ImVec2(84, 0)):

@@ -91,7 +91,7 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
         draw.add_rect_filled(low, high, packed(tint, 0.75), 2.0)
         if right - left > 52:
             with small():
-                word = "contact" if switch.kind == "contact" else "flight"
+                word = tr("contact") if switch.kind == "contact" else tr("flight")
                 draw.add_text(ImVec2(origin.x + left + 7, top), packed(ON_COLOUR), word)
         if number:
             marked = rows.marked

@@ -164,7 +164,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
 def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the switches of symmetry: mirrored examples, the plane, and editing both sides at once."""
     editor = workspace.editor
-    toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
+    toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     workspace.remember("symmetric")
     told("Every example counts for its mirror image too: pose one side, and both are shown")
     if toggled:

@@ -53,7 +53,7 @@ def _range(workspace: Workspace) -> None:
     options.first = imgui.drag_float("##first", options.first, 0.02, 0.0, editor.length, "%.2f")[1]
     workspace.remember("export first")
     imgui.same_line()
-    imgui.text_unformatted("to")
+    imgui.text_unformatted(tr("to"))
     imgui.same_line()
     imgui.set_next_item_width(_FIELD - 30)
     last = options.last or editor.length
