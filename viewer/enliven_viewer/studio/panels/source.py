@@ -44,7 +44,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
         workspace.remember("loop")
         imgui.same_line()
-        if imgui.button(labelled(tr("Matches"), "Matches"), ImVec2(84, 0)):
+        if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
         told("Rank the parts of the chosen shape that look like the take as it stands now")

@@ -376,7 +376,7 @@ class PerformSession:
     def _may(self, lacking: str) -> bool:
         """Whether nothing is lacking; says what is."""
         if lacking:
-            self.editor.toasts.say(*lacking.split(". "))
+            self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking
 
 

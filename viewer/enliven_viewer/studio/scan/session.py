@@ -132,7 +132,7 @@ class ScanSession:
         """Begin a scan."""
         self.open()
         if lacking := self.lacks_stage():
-            self.editor.toasts.say(*lacking.split(". "))
+            self.editor.toasts.say(*tr(lacking).split(". "))
             return
         within = _WITHIN if self.way == "turned" else None
         name = self.name.strip() or None

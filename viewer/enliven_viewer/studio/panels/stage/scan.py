@@ -73,7 +73,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     """What is chosen before a scan."""
     heading("Scan")
     quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
-    lacking = scan.lacks_stage()
+    lacking = tr(scan.lacks_stage())
     if lacking:
         with tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
