@@ -21,7 +21,7 @@ LABELLED = {
 TELLING = {"add_text", "say", "complain", "tell", "caption", "fitting", "_wrapped", "_centred", "_tell"}
 """Methods and functions that draw or tell all their texts."""
 ERRORS = {"InputError", "ResourceError", "FileChangedError"}
-"""Errors that the window shows; where they happened is no text."""
+"""Errors that the window shows; the place where they happened is not translated."""
 STEPS = {"edit", "drop"}
 """Methods with the name of a step of the history, which is translated where the history is drawn."""
 SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
@@ -88,7 +88,7 @@ def shown_arguments(call: ast.Call) -> list[ast.expr]:
 
 
 def is_label(call: ast.Call, argument: ast.expr) -> bool:
-    """Whether an argument is drawn as it is, so that one small word is a text as well, and no id."""
+    """Whether an argument is drawn unchanged, so that even one word in small letters is a text, not an id."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else ""
     return name == "add_text" or (name in LABELLED and argument is call.args[0])
 

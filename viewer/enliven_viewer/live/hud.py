@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
 _FELT_MS = 150.0
-"""Delay of the picture from which people feel that it follows them: shorter ones feel like a mirror."""
+"""Delay above which people feel that the picture follows them: shorter ones feel like a mirror."""
 _DISTURBING_MS = 350.0
-"""Delay from which people overshoot, since they wait for the picture."""
+"""Delay above which people overshoot, since they wait for the picture."""
 _SMOOTH = 20.0
 """Pictures a second below which movement is seen to jerk, and it is said."""
 _NOTICE = 84.0

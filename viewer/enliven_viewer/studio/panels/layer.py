@@ -46,7 +46,7 @@ _LABELS = {
     "travel": later("travel"),
     "level_feet": later("level feet"),
 }
-"""What the numbers and switches are called."""
+"""Names of the numbers and switches."""
 _FEET = {
     "auto": later("Auto: held where they stand"),
     "always": later("Always: no foot slides"),

@@ -12,7 +12,7 @@ from enliven_viewer.studio.editor import Editor
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
 LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
-"""What people call each of :data:`LOOSE_WORLDS`."""
+"""Names for artists of each of :data:`LOOSE_WORLDS`."""
 _OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
 _HINTS = {
     "off": later("Boxes and balls that a character can knock over."),
@@ -33,7 +33,7 @@ class StagePhysics:
         self.state: PhysicsMessage | None = None
 
     def advance(self, client: EdgeClient) -> None:
-        """Takes in what the edge tells."""
+        """Take in the edge's messages."""
         client.take(PHYSICS)
         self.state = client.latest(PHYSICS).get("")
 
@@ -49,7 +49,7 @@ class StagePhysics:
 
     @property
     def words(self) -> str:
-        """What it needs, or why it cannot be: two sentences at most."""
+        """What to do to get objects, or the reason against them: two sentences at most."""
         state = self.state
         if state is None:
             return _OLD_EDGE
@@ -59,7 +59,7 @@ class StagePhysics:
 
     @property
     def has_problem(self) -> bool:
-        """Whether the words are a reason why there are no objects."""
+        """Whether the words are a reason against objects."""
         return self.state is not None and self.state.state in ("missing", "failed")
 
     def ask(self, client: EdgeClient | None, number: int) -> None:

@@ -315,13 +315,13 @@ class PerformSession:
         return "The stage is silent. Look whether its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """Why the microphone cannot be switched, and what to do about it."""
+        """The reason why the microphone cannot be switched, with advice."""
         return self.lacks_edge() or (
             tr("{0}. Update it", self.voice.status) if self.voice.state is None else ""
         )
 
     def lacks_physics(self) -> str:
-        """Why the physics cannot be switched, and what to do about it."""
+        """The reason why the physics cannot be switched, with advice."""
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:

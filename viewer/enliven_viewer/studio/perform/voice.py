@@ -1,4 +1,4 @@
-"""Spoken commands in the window: the state of the edge's microphone, and what it heard last."""
+"""Spoken commands in the window: the state of the edge's microphone, and the words it heard last."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class StageVoice:
         self._asked: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
-        """Takes in what the edge tells; opens the microphone of a stage of this window if it is wanted."""
+        """Take in the edge's messages; open the microphone of a stage of this window if it is wanted."""
         for message in client.take(HEARD):
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         client.take(VOICE)
@@ -63,7 +63,7 @@ class StageVoice:
 
     @property
     def words(self) -> str:
-        """What was heard in the last seconds; empty for nothing."""
+        """The words that were heard in the last seconds; empty for none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._until:
             return ""
@@ -81,7 +81,7 @@ class StageVoice:
 
     @property
     def advice(self) -> str:
-        """What to do: to repair the microphone, or what to say."""
+        """Advice: how to repair the microphone, or which words to say."""
         if self.state is None:
             return ""
         if self.state.state == "missing":

@@ -1,4 +1,4 @@
-"""The steps of the tour: a table of what each says, where it points, and how it is seen and shown."""
+"""The steps of the tour: a table of their sentences, targets, conditions and commands."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _dance(toured: Toured) -> None:
 
 
 def _look_at_chair(toured: Toured) -> None:
-    """Bring the dancing chair into the picture, with room to draw beside it."""
+    """Bring the dancing chair into the picture, with room to draw around it."""
     _dance(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:

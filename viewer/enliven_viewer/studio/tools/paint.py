@@ -222,7 +222,7 @@ def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> F
 
 
 def _ring(brush: Brush) -> Colour:
-    """Returns the colour of the ring, by what a stroke does."""
+    """Returns the colour of the ring, by the effect of a stroke."""
     if brush == "erase":
         return (*MARK[:3], 0.95)
     return (*(part / 255 for part in (AFTER if brush == "softer" else BEFORE)), 0.95)

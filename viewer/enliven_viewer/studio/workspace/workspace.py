@@ -307,9 +307,10 @@ class Workspace:
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
     def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Let the tour see what was done; to be called once a picture, so long after the one before.
+        """Let the tour check its step; to be called once a picture.
 
         Args:
+            seconds: since the last picture.
             origin: the top left of the picture, in the window's pixels.
         """
         if self.tour is None:

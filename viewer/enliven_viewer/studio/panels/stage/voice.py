@@ -1,4 +1,4 @@
-"""The microphone in the Perform panel, in space of its own: its switch, its state, and what it heard."""
+"""The microphone in the Perform panel, in space of its own: switch, state, and the words it heard."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the choice of loose objects, and what they need, in space that never grows."""
+    """Draw the choice of loose objects and their requirements, in space that never grows."""
     physics = perform.physics
     heading("Physics")
     imgui.begin_disabled(physics.state is None)

@@ -38,7 +38,7 @@ _DASH = 9.0
 _HAND = 30.0
 """Pixels of the hand that shows a step."""
 _POINTS_AT = 56.0
-"""Pixels of an arrow at most: a longer one would cross what is beside the thing that is meant."""
+"""Longest arrow, pixels: a longer one would cross the neighbours of its target."""
 _TIP = (380.0, 58.0)
 """Pixels to both sides of a widget, and below its middle, where its tooltip appears under the pointer."""
 _FLAGS = (
@@ -103,7 +103,7 @@ def _grown(meant: Rectangle) -> Rectangle:
 
 
 def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
-    """Draw the card, beside what it means."""
+    """Draw the card, next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
     wide = min(_CARD, size.x - 20)
@@ -121,7 +121,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
-    # What is said changes, the card may move; while it is the same, its buttons stay under the pointer.
+    # The card may move when its sentence changes; else its buttons stay under the pointer.
     key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
     meant = _with_way(tour, area, shape)
@@ -234,7 +234,7 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
 
 
 def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draw the sentence alone, next to what it means in a dialogue: windows below cannot be clicked."""
+    """Draw the sentence alone, next to its target in a dialogue: windows below cannot be clicked."""
     if shape is None:
         return None
     draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
@@ -318,7 +318,7 @@ def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
 
 
 def _hand(workspace: Workspace, tour: Tour) -> None:
-    """Draw the hand that shows a step, and pass on what it types."""
+    """Draw the hand that shows a step, and pass on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
         return
