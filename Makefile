@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -83,6 +83,11 @@ session-films: setup-dev ## film the paper's sessions in the studio, into out/se
 
 example-films: setup-dev ## film meshes that act by a few example poses, into out/examples: make example-films ONLY="cactus"
 	@.venv/bin/python tests/benchmarks/examples/example_films.py $(ONLY)
+
+examples: setup-dev ## run the scripts of examples/ that need no files of yours, into out/scripts
+	@mkdir -p out/scripts && cd out/scripts && for script in $(or $(ONLY),possess_chair legs_only made_mesh scan_and_possess \
+		canon cut_and_merge undo_edits key_poses track_people); do \
+		echo "$$script" && ../../.venv/bin/python ../../examples/$$script.py || exit 1; done
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
 	@.venv/bin/python -m pytest tests/system --record-references

@@ -46,7 +46,7 @@ FRAMES = 45
 def make_own_files(folder: Path) -> None:
     """Writes every file of one's own that a document names into a folder."""
     _write_meshes(folder)
-    _write_models(folder)
+    write_models(folder)
     _write_recordings(folder)
     _write_performances(folder)
     states = np.full((25, 1), 2)
@@ -67,7 +67,8 @@ def _write_meshes(folder: Path) -> None:
     write_project(folder / "SQUID.enliven", project)
 
 
-def _write_models(folder: Path) -> None:
+def write_models(folder: Path) -> None:
+    """Writes rigged models with a motion, and motion captures, into a folder."""
     frames = 8.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     for name in ("TRAFFIC.bvh",):
         (folder / name).write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))

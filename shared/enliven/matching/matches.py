@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 from enliven.arrays import Float, Int32
 from enliven.matching.subtrees import Branch, SubTree
@@ -30,8 +31,8 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
-class Ranking:
-    """All matches, the best first.
+class Ranking(Sequence[Match]):
+    """All matches, the best first; a sequence, also of slices.
 
     Attributes:
         candidates: of the target.
@@ -50,14 +51,19 @@ class Ranking:
     def __len__(self) -> int:
         return len(self.scores)
 
-    def __getitem__(self, place: int) -> Match:
+    @overload
+    def __getitem__(self, place: int) -> Match: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> tuple[Match, ...]: ...
+
+    def __getitem__(self, place: int | slice) -> Match | tuple[Match, ...]:
+        if isinstance(place, slice):
+            return tuple(self[number] for number in range(*place.indices(len(self))))
         candidate = self.candidates[self.which[place]]
         branches = candidate.branches
         pairs = tuple(branches[j] if j >= 0 else None for j in self.columns[place])
         return Match(candidate, pairs, float(self.scores[place]))
-
-    def __iter__(self) -> Iterator[Match]:
-        return (self[place] for place in range(len(self)))
 
     def identity(self, place: int) -> tuple[int, ...]:
         """The candidate and the columns of a match; they name it in every ranking of the same matcher."""

@@ -214,7 +214,10 @@ def test_a_performer_with_more_limbs_than_the_target_still_gets_matches():
     ranking = Matcher(abstract(tree.points, tree.links), np.array(tree.points, float)).rank(
         source, ScreenView()
     )
-    assert len(ranking) == 10
+    assert len(ranking) == len(list(ranking)) == 10
+    assert ranking[2:4] == (ranking[2], ranking[3]) and ranking[-1] == list(ranking)[-1]
+    with pytest.raises(IndexError):
+        ranking[10]
     best = ranking[0]
     assert best.pairs[4] is None
     assert best.pairs[0].chain == (0, 1)

@@ -1,0 +1,13 @@
+"""Let three chairs dance one after the other: copies of one that play later."""
+
+from enliven import Recording, copy, load_sample, possess
+from enliven.possession import ActorSettings
+from enliven_edge.assets import CHAIR
+from enliven_viewer.film import write_project_sheet
+
+performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][60:150]
+project, first = possess(load_sample("chair"), performer, settings=ActorSettings())
+for number in (1, 2):
+    project, _ = copy(project, first, offset=[1.1 * number, 0.0, 0.0], delay=0.4 * number)
+
+write_project_sheet("canon.png", project, [0.4, 1.2, 1.6, 2.0], "A canon of chairs")

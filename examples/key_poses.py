@@ -1,0 +1,21 @@
+"""Pose a cactus for two moments of a motion; it acts in between, with squash and stretch."""
+
+import numpy as np
+
+from enliven import Recording, cactus_project, clip_of_bodies, fit_examples
+from enliven_edge.assets import CHAIR
+from enliven_viewer.film import write_project_sheet
+
+frames = list(Recording(CHAIR).truth())[:90]
+seconds = [(frame.time_ns - frames[0].time_ns) / 1e9 for frame in frames]
+take = clip_of_bodies([frame.bodies[0] for frame in frames], seconds, "take")
+
+cactus = cactus_project().puppets["cactus"].mesh
+top, pot = int(cactus.vertices[:, 1].argmax()), int(cactus.vertices[:, 1].argmin())
+rest = cactus.vertices[[top, pot]]
+bowed = rest + np.array([[0.0, -0.25, 0.35], [0.0, 0.0, 0.0]])
+# Control points: a vertex each, and the joint of the performer that it follows.
+points = {"top": (top, "head"), "pot": (pot, "hip center")}
+project, _ = fit_examples(cactus, take, points, {0.0: rest, 2.6: bowed})
+
+write_project_sheet("key_poses.png", project, [0.0, 1.3, 2.2, 2.6], "A cactus with two key poses")

@@ -1,0 +1,17 @@
+"""Move a chair with a performer who stands in it, and keep it as a project and a GLB."""
+
+from enliven import Recording, export, load_sample, possess, write_project
+from enliven.possession import ActorSettings
+from enliven_edge.assets import CHAIR
+from enliven_viewer.film import write_project_sheet
+
+performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][60:150]
+# The settings let the chair come to the performer; without them it stays where it was modelled.
+project, chair = possess(load_sample("chair"), performer, settings=ActorSettings())
+
+write_project("possess_chair.enliven", project)  # opens in the studio
+export(project, "possess_chair.glb")  # opens in Blender and other programs
+
+times = [0.0, 0.8, 1.6, 2.4]
+bodies = [performer[round(30 * time)] for time in times]
+write_project_sheet("possess_chair.png", project, times, "A chair with a performer in it", bodies=bodies)

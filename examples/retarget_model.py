@@ -1,0 +1,19 @@
+"""Move a rigged model by a motion of another skeleton: retarget_model.py TAKE.bvh MODEL.glb"""
+
+import sys
+
+import numpy as np
+
+from enliven import export, read_gltf, read_take, retarget
+from enliven_viewer.film import write_project_sheet
+
+take, notes = read_take(sys.argv[1])
+model = read_gltf(sys.argv[2], height=1.6, floor=True)
+print(*notes, *model.notes, sep="\n")
+
+made = retarget(model.shape, take)
+for chain in made.plan.chains:
+    print(f"{chain.source} -> {chain.target}")
+export(made.project, "retarget_model.glb")
+times = [float(time) for time in np.linspace(0.0, made.duration, 4)]
+write_project_sheet("retarget_model.png", made.project, times, "A model that moves by a take")

@@ -1,0 +1,87 @@
+"""Every script of examples/ runs as it stands, is short, and imports public names only."""
+
+import ast
+import runpy
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blocks import ROOT
+from own_files import write_models
+from PIL import Image
+
+from enliven.wire import free_ports
+
+SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
+MOST_LINES = 40
+ARGUMENTS = {"retarget_model": ("TRAFFIC.bvh", "HORSE.glb"), "match_limbs": ("SPIDER.glb",)}
+"""Files that scripts are called with; they are made for the test."""
+TILE, GAP = 420, 10
+"""Pixels of a picture of a sheet, and between two."""
+NEEDS_EDGE = "listen_to_edge"
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("models")
+    write_models(folder)
+    return folder
+
+
+def run(script: Path, arguments: list[str], folder: Path, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", [script.name, *arguments])
+    runpy.run_path(str(script), run_name="__main__")
+
+
+@pytest.mark.parametrize(
+    "script", [one for one in SCRIPTS if one.stem != NEEDS_EDGE], ids=lambda one: one.stem
+)
+def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypatch, capsys):
+    run(script, [str(models / name) for name in ARGUMENTS.get(script.stem, ())], tmp_path, monkeypatch)
+    pictures = sorted(tmp_path.glob("*.png"))
+    assert pictures or capsys.readouterr().out.count("\n") >= 3, "it shows something, or prints it"
+    for path in pictures:
+        assert path.stem.startswith(script.stem)
+        sheet = np.asarray(Image.open(path).convert("L"), float)
+        wide = TILE + GAP
+        tiles = [sheet[-TILE - GAP : -40, n * wide + GAP :][:, :TILE] for n in range(sheet.shape[1] // wide)]
+        assert len(tiles) == 4 and all((a != b).mean() > 2e-4 for a, b in pairwise(tiles)), "it moves"
+
+
+def test_a_script_follows_a_running_edge(tmp_path, monkeypatch, capsys):
+    script, (port, control) = ROOT / "examples" / f"{NEEDS_EDGE}.py", free_ports()[:2]
+    words = ["--sensor", "synthetic", "--port", str(port), "--control-port", str(control), "--seconds", "60"]
+    edge = subprocess.Popen([sys.executable, "-m", "enliven", "edge", *words], stderr=subprocess.DEVNULL)
+    try:
+        for seconds in ("3", "10", "30"):
+            run(script, [f"127.0.0.1:{port}:{control}", seconds], tmp_path, monkeypatch)
+            if "characters: ['chair']" in capsys.readouterr().out:
+                return
+        pytest.fail("the chair of the edge was not heard in 43 s")
+    finally:
+        edge.terminate()
+        edge.wait(30)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda one: one.stem)
+def test_a_script_is_short_and_imports_public_names(script):
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < MOST_LINES
+    tree = ast.parse(text)
+    assert ast.get_docstring(tree), "it says what it does"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.module and node.module.count(".") <= 2
+            assert not any(
+                part.startswith("_") for part in [*node.module.split("."), *(one.name for one in node.names)]
+            )
+
+
+def test_the_list_names_each_script_once_with_its_sentence():
+    listed = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
+    for script in SCRIPTS:
+        assert listed.count(f"[{script.name}]({script.name})") == 1, script.name

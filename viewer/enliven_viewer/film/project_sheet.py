@@ -1,0 +1,88 @@
+"""A contact sheet of a project: all its characters at some times, seen from one place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document import Character, Project, SkinWeights
+from enliven.meshes import Mesh
+from enliven.oneshot import mesh_at
+from enliven.person import Body
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
+from enliven_viewer.render.gl import offscreen_context
+
+_AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
+"""Angles of the camera: from the front towards the left, and down."""
+_COLUMNS = 6
+"""Most pictures in one row."""
+_STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
+"""Meshes with performers in them, without attachment points and graphs."""
+
+
+def write_project_sheet(
+    path: Path | str,
+    project: Project,
+    times: Sequence[float],
+    title: str = "",
+    *,
+    bodies: Sequence[Body] = (),
+    size: tuple[int, int] = (420, 420),
+) -> None:
+    """Draw the characters of a project at some times as one PNG.
+
+    Args:
+        times: seconds of the project.
+        title: written above the pictures.
+        bodies: a performer at each of the times, drawn with the characters; or none.
+        size: of each picture in pixels (width, height).
+
+    Raises:
+        ValueError: for another number of bodies than times.
+        InputError: for a character without a mesh.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
+    """
+    if bodies and len(bodies) != len(times):
+        raise ValueError(f"{len(bodies)} bodies for {len(times)} times")
+    scenes = [
+        Scene(
+            tuple(_still(mesh_at(project, name, time), name) for name in project.characters),
+            tuple(bodies[index : index + 1]),
+            _STYLE,
+        )
+        for index, time in enumerate(times)
+    ]
+    box = bounds_of([np.stack(scene.box) for scene in scenes if scene.box is not None])
+    if box is None:
+        return
+    renderer, camera = Renderer(offscreen_context(), size), OrbitCamera(math.radians(28))
+    camera.face(_AZIMUTH, _ELEVATION)
+    camera.frame(box, size[0] / size[1], at_once=True)
+    tiles = []
+    for time, scene in zip(times, scenes, strict=True):
+        renderer.draw(scene, camera.view(size[0] / size[1]))
+        tiles.append(Tile(time, renderer.pixels()))
+    write_sheet(Path(path), tiles, _COLUMNS, title, ", ".join(project.characters))
+
+
+def _still(mesh: Mesh, name: str) -> SceneCharacter:
+    """Returns a mesh as a character that one transform holds."""
+    count = len(mesh.vertices)
+    weights = np.zeros((count, 4), np.float32)
+    weights[:, 0] = 1.0
+    character = Character(
+        id=name,
+        vertices=mesh.vertices.astype(np.float32),
+        faces=mesh.faces,
+        skin=SkinWeights(np.zeros((count, 4), np.uint16), weights),
+        pivots=np.zeros((1, 3), np.float32),
+        edges=np.zeros((0, 2), np.int32),
+        colours=mesh.colours,
+        materials=mesh.materials,
+    )
+    return SceneCharacter(character, character.rest_pose(), vertices=character.vertices)
