@@ -54,14 +54,14 @@ def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypa
 
 def test_a_script_follows_a_running_edge(tmp_path, monkeypatch, capsys):
     script, (port, control) = ROOT / "examples" / f"{NEEDS_EDGE}.py", free_ports()[:2]
-    words = ["--sensor", "synthetic", "--port", str(port), "--control-port", str(control), "--seconds", "60"]
+    words = ["--sensor", "synthetic", "--port", str(port), "--control-port", str(control), "--seconds", "300"]
     edge = subprocess.Popen([sys.executable, "-m", "enliven", "edge", *words], stderr=subprocess.DEVNULL)
     try:
-        for seconds in ("3", "10", "30"):
+        for seconds in ("3", "10", "10", "30", "30", "60", "60"):  # kernels may have to be compiled first
             run(script, [f"127.0.0.1:{port}:{control}", seconds], tmp_path, monkeypatch)
             if "characters: ['chair']" in capsys.readouterr().out:
                 return
-        pytest.fail("the chair of the edge was not heard in 43 s")
+        pytest.fail("the chair of the edge was not heard")
     finally:
         edge.terminate()
         edge.wait(30)
