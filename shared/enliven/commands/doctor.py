@@ -1,4 +1,4 @@
-"""enliven doctor: what this machine has, what it lacks, and how to mend it."""
+"""enliven doctor: what this machine has and lacks, or how a running edge is, and what to do about it."""
 
 from __future__ import annotations
 
@@ -9,29 +9,73 @@ from rich.table import Table
 
 from enliven.commands.terminal import plain_console, plain_text
 from enliven.doctor import Check, all_checks
+from enliven.errors import ResourceError
+from enliven.health import Severity
 
 _LACKING = 4
 """Exit code where a check fails: the same 4 as of :class:`enliven.errors.ResourceError`."""
 
+PATIENCE_S = 5.0
+"""Seconds in which a heartbeat of an edge must come: it sends ten in this time."""
+
 
 def doctor(
     as_json: bool = typer.Option(False, "--json", help="Print the checks as JSON, for scripts."),
+    remote: str = typer.Option("", "--remote", metavar="HOST[:PORT]", help="Check the edge that runs there."),
 ) -> None:
     """Say what this machine has and lacks: OpenGL, ports, sensors, permissions, and how to mend it.
 
-    Ends with exit code 0 where all is well, 4 where something is missing.
+    With --remote it checks a running edge instead, here or on another machine, by its heartbeat: its
+    sensor, rate and delay, and everything that it reports as wrong.
+
+    Ends with exit code 0 if all is well, 4 if something is missing or wrong.
 
     \b
       enliven doctor
       enliven doctor --json | python -m json.tool
+      enliven doctor --remote 127.0.0.1
     """
-    found = all_checks()
+    found = edge_checks(remote) if remote else all_checks()
     if as_json:
         typer.echo(json.dumps([vars(check) for check in found], indent=2))
     else:
         plain_console().print(_table(found))
     if not all(check.ok for check in found):
         raise typer.Exit(_LACKING)
+
+
+def edge_checks(address: str) -> list[Check]:
+    """Checks the edge at an address, HOST or HOST:PORT or HOST:PORT:CONTROL_PORT.
+
+    Raises:
+        InputError: for an address that is none.
+    """
+    from enliven.wire import hear_edge, parse_endpoint
+
+    endpoint = parse_endpoint(address)
+    try:
+        status = hear_edge(endpoint, PATIENCE_S)
+    except ResourceError as error:
+        return [Check("edge", False, f"{error.where}: {error.what}", error.mend)]
+    people = f"{status.performers} performer{'s' * (status.performers != 1)}"
+    ended = status.phase == "ended"
+    checks = [
+        Check(
+            "edge", not ended, f"{status.edge}: {status.phase}, {people}", "Start it again." if ended else ""
+        ),
+        Check(
+            "sensor", bool(status.sensor), status.sensor or "none", "Connect one, or wait until it is found."
+        ),
+        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames passed over"),
+        Check(
+            "delay",
+            True,
+            f"{status.latency_p50_ms:.0f} ms, of the slowest in a hundred {status.latency_p99_ms:.0f} ms",
+        ),
+    ]
+    return checks + [
+        Check(state.kind, state.severity == Severity.NOTE, state.what, state.mend) for state in status.health
+    ]
 
 
 def _table(found: list[Check]) -> Table:

@@ -43,6 +43,7 @@ from .fields import (
     MAX_SENT_BYTES as MAX_SENT_BYTES,
     MAX_SETTINGS as MAX_SETTINGS,
 )
+from .heartbeat import hear_edge as hear_edge
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up

@@ -1,0 +1,52 @@
+"""The heartbeat of an edge, heard once: for a check from a script or from another machine."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import zmq
+
+from enliven.errors import ResourceError
+from enliven.wire.envelope import Malformed, OtherVersion, unpack_stream
+from enliven.wire.sockets import UNREAD_STREAMS, Endpoint, make_socket
+from enliven.wire.streams import StatusMessage
+from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
+
+
+def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
+    """Returns the next heartbeat of an edge.
+
+    Args:
+        seconds: to wait for it; an edge sends two a second.
+
+    Raises:
+        ResourceError: if none comes in time, or the edge speaks another version of the wire.
+    """
+    context: zmq.Context[Any] = zmq.Context.instance()
+    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS), ""
+    try:
+        socket.setsockopt(zmq.SUBSCRIBE, b"")
+        socket.connect(endpoint.stream_address)
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            if not socket.poll(max(round(1000 * left), 1)):
+                break
+            try:
+                topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))
+            except OtherVersion as error:
+                other = str(error)
+            except (Malformed, zmq.Again):
+                continue
+            else:
+                if topic is STATUS and isinstance(message, StatusMessage):
+                    return message
+    finally:
+        socket.close(linger=0)
+    where = str(endpoint)
+    if other:
+        raise ResourceError(other, where=where, mend="Install the same version of enliven on both machines.")
+    mend = (
+        "Start it there: enliven edge, with --host and --open for other machines. Check address and firewall."
+    )
+    raise ResourceError(f"no edge was heard for {seconds:g} s", where=where, mend=mend)
