@@ -36,6 +36,28 @@ class ResourceError(EnlivenError):
     exit_code = 4
 
 
+_MAX_MAKER_LETTERS = 40
+"""Letters of a program's name that an error repeats from a file."""
+
+
+def refuse_later_version(version: int, newest: int, where: str, made_by: str = "") -> None:
+    """Raises InputError if a file is of a later version than the newest that is read.
+
+    Args:
+        version: the version that the file states.
+        newest: the newest version of its format that this enliven reads.
+        where: the file, and the place in it.
+        made_by: the program that wrote the file, such as "enliven 0.3.0"; empty if unknown.
+    """
+    if version <= newest:
+        return
+    from enliven import __version__  # a package that is being loaded has no version yet
+
+    maker = f", made by {made_by[:_MAX_MAKER_LETTERS]}" if made_by else ""
+    mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
+    raise InputError(f"it is of version {version}{maker}", where=where, mend=mend)
+
+
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
     """Returns why something failed, in words that a user may read.
 
