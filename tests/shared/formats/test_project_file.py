@@ -155,6 +155,31 @@ def closed(header, arrays):
     return out.getvalue()
 
 
+LATER = "reads up to version 2: update enliven"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda h: h.update(version=3, made_by="9.9"), f"is of version 3, made by enliven 9.9.*{LATER}"),
+        (lambda h: (h.update(version=3), h.pop("made_by")), f"is of version 3. This.*{LATER}"),
+        (lambda h: h.update(version=3, project=["in", "another", "way"]), f"is of version 3.*{LATER}"),
+        (
+            lambda h: (h.update(made_by="9.9"), first_layer(h).update(glow=1)),
+            "enliven 9.9, .*update enliven",
+        ),
+        (lambda h: first_layer(h).update(glow=1), "'glow' is not known here. Take an earlier copy"),
+    ],
+)
+def test_a_project_of_a_later_version_is_refused_and_kept(tmp_path, change, words):
+    path = tmp_path / "later.enliven"
+    path.write_bytes(spoiled(lambda header, _: change(header)))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=words):
+        read_project(path)
+    assert path.read_bytes() == before
+
+
 def first_shape(header):
     return header["project"]["characters"]["shape 0"]
 
