@@ -41,8 +41,12 @@ MOST_MB = {"edge": 640, "oak": 980, "studio": 980}
 They are a few percent above today's sizes, which docs/releasing.md explains."""
 LARGEST = 7
 """Packages of an environment that are listed with their sizes."""
-FILM = ("run", "--film", "--size", "320x180", "-o", "film.mp4")
-"""The main job, small: the shipped recording moves the chair."""
+EDGE = (
+    "edge", "--possess-at", "1", "--seconds", "3", "--speed", "0", "--port", "0", "--record", "performance.mcap"
+)  # fmt: skip
+"""The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
+FILM = ("run", "--film", "--size", "320x180", "--out", "film")
+"""The main job, small: an edge and a viewer, and a film of what the viewer shows."""
 
 OWN_FILES = """
 import runpy, sys
@@ -286,8 +290,7 @@ class Environment:
 
     def edge(self) -> Iterator[str]:
         """Possesses the chair with the shipped recording, and records the performance."""
-        self._enliven("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0",
-                      "--port", "0", "--record", "performance.mcap")  # fmt: skip
+        self._enliven(*EDGE)
         yield self._done("enliven edge")
 
     def library_page(self) -> Iterator[str]:
@@ -300,8 +303,10 @@ class Environment:
     def film(self) -> Iterator[str]:
         """Films the main job: an edge and a viewer that shows it."""
         self._enliven(*FILM)
-        size = (self.place / "work" / FILM[-1]).stat().st_size
-        yield self._done(f"enliven run --film, {size / 1e6:.1f} MB")
+        films = list((self.place / "work" / FILM[-1]).glob("*.mp4"))
+        if not films or not films[0].stat().st_size:
+            raise ReleaseError(f"with {self._asked} installed, enliven {' '.join(FILM)} made no film")
+        yield self._done(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
 
     def camera_library(self) -> Iterator[str]:
         """Imports the library of OAK cameras, and searches for one."""

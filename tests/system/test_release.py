@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from enliven import cli
+
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("release", ROOT / "scripts" / "release.py")
 release = importlib.util.module_from_spec(SPEC)
@@ -79,6 +81,12 @@ def test_the_extra_oak_is_in_the_wheel(archives):
     told = metadata(archives, "enliven_edge")
     assert "oak" in told.get_all("Provides-Extra")
     assert any(line.startswith("depthai==3") and "'oak'" in line for line in told.get_all("Requires-Dist"))
+
+
+@pytest.mark.parametrize("words", [release.EDGE, release.FILM])
+def test_command_lines_of_the_trial_have_known_options(words, capsys):
+    assert cli.run([*words, "--help"]) == 0
+    assert cli.run([*words, "--no-such-option", "--help"]) == 2
 
 
 def test_every_package_has_the_version_of_the_source():
