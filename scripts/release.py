@@ -42,8 +42,9 @@ They are a few percent above today's sizes, which docs/releasing.md explains."""
 LARGEST = 7
 """Packages of an environment that are listed with their sizes."""
 EDGE = (
-    "edge", "--possess-at", "1", "--seconds", "3", "--speed", "0", "--port", "0", "--record", "performance.mcap"
-)  # fmt: skip
+    *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
+    *("--port", "0", "--record", "performance.mcap"),
+)
 """The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
 FILM = ("run", "--film", "--size", "320x180", "--out", "film")
 """The main job, small: an edge and a viewer, and a film of what the viewer shows."""
