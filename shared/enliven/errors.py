@@ -30,6 +30,10 @@ class InputError(EnlivenError):
     exit_code = 3
 
 
+class LaterVersionError(InputError):
+    """A file of a later version than this enliven reads. It is neither used nor replaced."""
+
+
 class ResourceError(EnlivenError):
     """Something of this machine that is missing or taken: a port, a sensor, OpenGL (exit code 4)."""
 
@@ -41,7 +45,7 @@ _MAX_MAKER_LETTERS = 40
 
 
 def refuse_later_version(version: int, newest: int, where: str, made_by: str = "") -> None:
-    """Raises InputError if a file is of a later version than the newest that is read.
+    """Raises LaterVersionError if a file is of a later version than the newest that is read.
 
     Args:
         version: the version that the file states.
@@ -55,7 +59,7 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
 
     maker = f", made by {made_by[:_MAX_MAKER_LETTERS]}" if made_by else ""
     mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
-    raise InputError(f"it is of version {version}{maker}", where=where, mend=mend)
+    raise LaterVersionError(f"it is of version {version}{maker}", where=where, mend=mend)
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from enliven.errors import InputError, refuse_later_version
+from enliven.errors import EnlivenError, InputError, LaterVersionError, refuse_later_version
 from enliven.files import read_file
 
 T = TypeVar("T")
@@ -103,6 +103,18 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         raise InputError(what, where=str(path), mend=mend)
     refuse_later_version(version, newest, str(path))
     return found
+
+
+def refuse_later_toml(path: Path) -> None:
+    """Raises LaterVersionError if a TOML file is of a later version, so that it is not replaced."""
+    if not path.is_file():
+        return
+    try:
+        read_toml(path)
+    except LaterVersionError:
+        raise
+    except EnlivenError:
+        return  # another file, or a damaged one: whoever writes says so if it cannot be replaced
 
 
 def _inside(value: Any) -> list[Any]:

@@ -9,28 +9,30 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from enliven import __version__, cli
-from enliven.errors import InputError
-from enliven.example_sessions import read_session
+from enliven.errors import InputError, LaterVersionError
+from enliven.example_sessions import read_session, write_session
 from enliven.formats.project import read_project
 from enliven.frames import DepthFrame
-from enliven.mapping import read_plan
+from enliven.mapping import read_plan, write_plan
 from enliven.recording import Recorder, Recording, recover, schemas
 from enliven.settings import load_settings
 from enliven.takes import clips_of_recording, read_possessed
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.fusion.placement.space import load_space
-from enliven_edge.sensors.stereo.calibration import load_calibration
+from enliven_edge.fusion.placement.space import load_space, save_space
+from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.project_store import ProjectStore
 
 STORED = Path(__file__).parent / "versions" / "0.1"
 TOML_READERS = {
@@ -100,6 +102,38 @@ def test_settings_of_a_later_version_are_refused(stored, name):
         f"This is enliven {__version__}, which reads up to version 1: update enliven."
     )
     assert path.read_text() == text
+
+
+TOML_WRITERS = {
+    "plan.toml": lambda path: write_plan(read_plan(STORED / path.name), path),
+    "space.toml": lambda path: save_space(path, load_space(STORED / path.name), []),
+    "stereo.toml": lambda path: save_calibration(path, load_calibration(STORED / path.name), []),
+    "session.toml": lambda path: write_session(path, read_project(STORED / "session.enliven"), "cactus"),
+}
+
+
+@pytest.mark.parametrize("name", TOML_WRITERS)
+def test_files_of_a_later_version_are_not_replaced(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("version = 2\n")
+    with pytest.raises(LaterVersionError, match="is of version 2"):
+        TOML_WRITERS[name](path)
+    assert path.read_text() == "version = 2\n" and [file.name for file in tmp_path.iterdir()] == [name]
+    path.write_text("something else")
+    TOML_WRITERS[name](path)
+    assert TOML_READERS[name](path) is not None
+
+
+def test_the_studio_does_not_save_over_a_project_of_a_later_version(tmp_path):
+    path = tmp_path / "later.enliven"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("project.json", '{"format": "enliven project", "version": 9, "made_by": "9.9"}')
+    before = path.read_bytes()
+    store = ProjectStore(Editor(), tmp_path)
+    for step in (lambda: store.open(path), lambda: store.save(path), lambda: store.save(path, over=True)):
+        with pytest.raises(LaterVersionError, match="is of version 9, made by enliven 9"):
+            step()
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("version", ["0", "true", '"new"', "1.5"])

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import write_file
-from enliven.settings import TOML_VERSION, load_settings, setting
+from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
 
 _LENGTH = 1e-3
 """Metres by which the baseline may differ from the translation's length: a slip of the hand is more."""
@@ -77,8 +77,10 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
     """Writes the file whole or not at all.
 
     Raises:
+        InputError: if the file is of a later version; it stays.
         ResourceError: where it cannot be written; then what was there is untouched.
     """
+    refuse_later_toml(path)
     write_file(path, _text(calibration, remarks))
 
 

@@ -15,7 +15,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -54,9 +54,26 @@ def write_project(path: Path | str, project: Project) -> None:
     """Writes a project; the same project makes the same bytes.
 
     Raises:
+        InputError: if the file is a project of a later version; it stays.
         ResourceError: where the file cannot be written; one that was there stays.
     """
+    refuse_later_project(Path(path))
     write_file(Path(path), project_bytes(project), "Save it elsewhere.")
+
+
+def refuse_later_project(path: Path) -> None:
+    """Raises LaterVersionError if a file is a project of a later version, so that it is not replaced."""
+    if not path.is_file():  # a pipe would wait for its other end
+        return
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.getinfo(_HEADER).file_size > _FREE_BYTES:
+                return
+            header = json.loads(_unpacked_entry(archive, _HEADER))
+    except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
+        return  # there is none, or it is another file: writing says so if it cannot be replaced
+    if isinstance(header, dict) and header.get("format") == _FORMAT:
+        _refuse_later(header, str(path))
 
 
 def read_project(path: Path | str) -> Project:
@@ -175,16 +192,24 @@ def _header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise _foreign(data, where)
     version, project = header.get("version"), header.get("project")
-    is_number = isinstance(version, int) and not isinstance(version, bool)
-    if is_number:  # a later version may state everything else in another way
-        maker = header.get("made_by")
-        refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
-    if not is_number or not isinstance(project, dict) or version < 1:
+    _refuse_later(header, where)  # first, since a later version may state everything else in another way
+    if not _is_whole(version) or not isinstance(project, dict) or version < 1:
         raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")
     for step in range(version, VERSION):
         project = _UPGRADES[step](project)
     header["project"] = project
     return header
+
+
+def _refuse_later(header: dict[str, Any], where: str) -> None:
+    """Raises LaterVersionError if a header states a later version."""
+    version, maker = header.get("version"), header.get("made_by")
+    if _is_whole(version):
+        refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
+
+
+def _is_whole(version: Any) -> TypeGuard[int]:
+    return isinstance(version, int) and not isinstance(version, bool)
 
 
 def _arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
