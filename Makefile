@@ -11,7 +11,7 @@ run: setup       ## watch a chair move with a recorded person (a window, or a fi
 test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
-	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
+	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50 $(ARGS); tests=$$?; \
 	wait $$types || { echo "pyrefly found what is written above"; exit 1; }; exit $$tests
 
 test-long: setup-dev ## the long forms of tests: 50 real windows killed, 500 random strokes, 10,000 visitors (20 minutes)

@@ -10,10 +10,10 @@ NAME = "firmware_configs"
 
 
 class FirmwareConfigs(BuildHookInterface):
-    """Puts firmware_configs, which lies beside the packages in a checkout, into the wheel and the sdist."""
+    """Puts firmware_configs into the wheel and the sdist: in a checkout it lies next to the packages."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Takes the folder from beside the package's, or, in an unpacked sdist, from inside that."""
+        """Takes the folder next to the package's, or, in an unpacked sdist, the one inside it."""
         root = Path(self.root)
         folder = next(at / NAME for at in (root, root.parent) if (at / NAME).is_dir())
         target = NAME if self.target_name == "sdist" else f"enliven_edge/{NAME}"

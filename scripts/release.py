@@ -30,11 +30,11 @@ PACKAGES = {
 }  # fmt: skip
 """The importable package in each folder that is a distribution; those that others need come first."""
 BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
-"""Files of a distribution's folder that its sdist has beside the package, where they are there."""
+"""Files that an sdist has in addition to the package, if the distribution's folder has them."""
 FIRMWARE = "firmware_configs"
-"""The folder beside the packages that belongs to enliven-edge."""
+"""The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
-"""What is installed into an empty environment each, by the name of the environment."""
+"""Requirements that are installed into an empty environment each, by the name of the environment."""
 MOST_MB = {"edge": 640, "oak": 980, "studio": 980}
 """Most megabytes (10^6 bytes) of an environment, byte code counted, Python and pip not.
 
@@ -75,7 +75,7 @@ for block in blocks.blocks_of(page):
 
 
 class ReleaseError(Exception):
-    """What is wrong with the release, and what to do."""
+    """A fault of the release; the message also says what to do."""
 
 
 def version() -> str:
@@ -92,7 +92,7 @@ def section(changelog: str, of: str) -> str:
     """Returns the changelog's lines on a version without their heading; for a development one the unreleased.
 
     Raises:
-        ReleaseError: where there is no such section, or it is empty.
+        ReleaseError: if the section is missing or empty.
     """
     name = "Unreleased" if is_development(of) else of
     found = re.search(
@@ -106,7 +106,7 @@ def section(changelog: str, of: str) -> str:
 
 
 def check_commit(of: str) -> None:
-    """Refuses a release whose files are not those of a commit with its tag.
+    """Refuses a release unless its files are those of a commit with its tag.
 
     Raises:
         ReleaseError: where files are changed or new, or the tag is missing or elsewhere.
@@ -169,7 +169,7 @@ def sdist_files(sdist: Path) -> set[str]:
 
 
 def check_files(folder: str, built: Path) -> None:
-    """Compares what a wheel and an sdist hold with what git tracks.
+    """Compares the files of a wheel and an sdist with those that git tracks.
 
     Raises:
         ReleaseError: naming files that are lacking or too many.

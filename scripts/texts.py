@@ -14,18 +14,35 @@ from pathlib import Path
 
 import polib
 
+from enliven.document import ArapSettings, ExampleSettings, GraphShape, LocomotionSettings, Puppet, Shape
 from enliven_viewer.language import CATALOGUES
+from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.panels.examples.settings import NUMBERS, sentence_of
 from enliven_viewer.studio.perform import ROOMS
 from enliven_viewer.studio.workspace import Workspace
 
 HOUSE = Path(__file__).parents[1]
-STUDIO = HOUSE / "viewer" / "enliven_viewer" / "studio"
-SHOWING = {"tr": (0,), "heading": (0,), "quiet": (0,), "told": (0,), "button": (1,), "choice": (1, 2)}
-SHOWING |= {"modal": (0,), "switch": (1, 4), "Texts": (0,)}
+VIEWER = HOUSE / "viewer" / "enliven_viewer"
+ROOMS_OF_TEXTS = "studio", "live"
+"""Folders of the modules that draw the window."""
+SHOWING = {
+    "tr": (0,),
+    "tr_n": (0,),
+    "heading": (0,),
+    "quiet": (0,),
+    "told": (0,),
+    "button": (1,),
+    "choice": (1, 2),
+}
+SHOWING |= {"modal": (0,), "switch": (1, 4), "Texts": (0,), "later": (0,), "slider": (5,)}
+SHOWING |= {"edit": (0,), "drop": (0,), "_edit": (0,), "_add": (0,), "_take_away": (0,), "_copy": (0,)}
+SHOWING |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
 """Functions that translate what they show, with the places of their texts."""
 TABLES = {"_TITLES", "_MEANT", "_MOUSE", "_SIDES"}
 """Tables of texts that one of these functions is called with."""
+SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
+"""Settings of a puppet with numbers that have tips."""
 SAYING = ("hint", "lacks", "why_not", "at_end")
 """Beginnings of names of functions with texts that such a function shows: hints of tools, and reasons."""
 
@@ -53,7 +70,7 @@ def shown(tree: ast.Module) -> Iterator[ast.Constant]:
     """Yields the texts of a module that a function shows which translates them."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
-            name = node.func.id if isinstance(node.func, ast.Name) else ""
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             for place in SHOWING.get(name, ()):
                 if place < len(node.args):
                     yield from constants(node.args[place])
@@ -67,6 +84,11 @@ def shown(tree: ast.Module) -> Iterator[ast.Constant]:
                     yield from constants(part.value)
 
 
+def modules() -> list[Path]:
+    """Returns the modules that draw the window."""
+    return sorted(path for room in ROOMS_OF_TEXTS for path in (VIEWER / room).rglob("*.py"))
+
+
 def texts() -> dict[str, str]:
     """Returns every text that the window translates, with its file and line, or its action."""
     found: dict[str, str] = {}
@@ -78,21 +100,45 @@ def texts() -> dict[str, str]:
                 found.setdefault(text, f"action {action.id}")
     for name in (*ROOMS, *(tool.label for tool in workspace.input.tools.values())):
         found.setdefault(name, "workspaces and tools")
-    for path in sorted(STUDIO.rglob("*.py")):
+    for name in (GraphShape.word, Puppet.word, Shape.word):
+        found.setdefault(name, "characters")
+    for look in LOOKS:
+        found.setdefault(look, "looks")
+    for group, name, *_ in NUMBERS:
+        found.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
+    for path in modules():
         for node in shown(ast.parse(path.read_text("utf-8"))):
             found.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
     return found
 
 
+def plurals() -> dict[str, str]:
+    """Returns the texts for a count of one, each with the text for another count."""
+    calls = (node for path in modules() for node in ast.walk(ast.parse(path.read_text("utf-8"))))
+    return {
+        str(ast.literal_eval(node.args[0])): str(ast.literal_eval(node.args[1]))
+        for node in calls
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "tr_n"
+    }
+
+
+def is_translated(entry: polib.POEntry) -> bool:
+    """Whether an entry of a catalogue has a translation, or one for each form of its plural."""
+    return all(entry.msgstr_plural.values()) if entry.msgid_plural else bool(entry.msgstr)
+
+
 def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
     """Adds what a catalogue lacks, and takes out what the window does not have any more."""
+    many = plurals()
     for entry in list(catalogue):
-        if entry.msgid not in found:
+        if entry.msgid not in found or entry.msgid_plural != many.get(entry.msgid, ""):
             catalogue.remove(entry)
     for text, place in found.items():
         entry = catalogue.find(text)
         if entry is None:
             entry = polib.POEntry(msgid=text)
+            if text in many:
+                entry.msgid_plural, entry.msgstr_plural = many[text], {0: "", 1: ""}
             catalogue.append(entry)
         entry.comment = place.rpartition(":")[0] or place  # without the line, which other edits change
     catalogue.sort(key=lambda entry: (entry.comment, entry.msgid))
@@ -117,7 +163,7 @@ def main() -> None:
         catalogue = polib.pofile(str(path), wrapwidth=0)
         update(catalogue, found)
         catalogue.save(str(path))
-        lacking = [entry for entry in catalogue if not entry.msgstr]
+        lacking = [entry for entry in catalogue if not is_translated(entry)]
         print(f"{path.name}: {len(catalogue)} texts, {len(lacking)} without a translation")
         for entry in lacking:
             print(f"  {found[entry.msgid]}: {entry.msgid!r}")

@@ -38,7 +38,7 @@ OTHER = (
     "puppet jump up", "puppet walk away", "puppet sing a song", "puppet open the door", "puppet wake up now",
     "puppet please be quiet", "puppet count to ten", "puppet are you there",
 )  # fmt: skip
-"""Speech that is no phrase, also with the name before it."""
+"""Speech that matches no phrase, also after the name."""
 NOISE = (20.0, 200.0)
 """Loudness of the room (standard deviation; speech peaks at 9,000): quiet, and 33 dB below the peaks."""
 
@@ -68,7 +68,7 @@ def listen(recogniser: Recogniser, sound: np.ndarray, noise: float) -> tuple[lis
 
 
 def noises() -> dict[str, np.ndarray]:
-    """Returns eight seconds each of sounds that nobody says."""
+    """Returns eight seconds each of sounds without speech."""
     random, time = np.random.default_rng(1), np.arange(8 * RATE) / RATE
     spectrum = np.fft.rfft(random.normal(size=len(time)))
     pink = np.fft.irfft(spectrum / np.sqrt(np.maximum(np.arange(len(spectrum)), 1)), len(time))

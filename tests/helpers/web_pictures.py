@@ -22,11 +22,11 @@ from enliven_viewer.settings import RenderSettings
 SIZE = 256
 """Pixels of a side of each picture."""
 _CELL = 16
-"""Pixels of a side of each region whose mean colour is compared."""
+"""Side, pixels, of each region of which the mean colour is compared."""
 _FULL = 0.25
 """Share of a region that both viewers must cover, away from edges: a few pixels have no mean to compare."""
 _LIFT = 50.0
-"""Metres by which everything is raised: enliven's floor would hide what is below it."""
+"""Metres by which everything is raised: enliven's floor would hide parts below it."""
 _WAY = np.array([0.5, 0.35, 0.8])
 """Direction from the subject to the camera."""
 _BRIGHT = {"emissiveFactor": [1000.0, 0.0, 1000.0], "extensions": {"KHR_materials_unlit": {}}}
@@ -113,7 +113,7 @@ def _with_materials(character: Character, own: MeshMaterials, change: dict, name
 
 
 def _lowered(view: CameraView) -> np.ndarray:
-    """(4, 4) clip_from_world of the same camera for what is not raised."""
+    """(4, 4) clip_from_world of the same camera, for models that are not raised."""
     raised = np.eye(4)
     raised[1, 3] = _LIFT
     return view.clip_from_world @ raised

@@ -30,7 +30,7 @@ wanted: list[str] = []
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, settings: str) -> None:
-    """What an artist does, and says."""
+    """Do and say what an artist does and says."""
     workspace = window.workspace
     editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
     voice, physics = perform.voice, perform.physics

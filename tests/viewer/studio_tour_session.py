@@ -62,7 +62,7 @@ def shot(name: str) -> Iterator[Action]:
 
 
 def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator[Action]:
-    """Wait for the outline of a part, and note it and what it has to enclose."""
+    """Wait for the outline of a part; note it, and the widget that it has to enclose."""
     shown = lambda: "tour outline" in workspace.widgets  # noqa: E731
     if not picture:
         fits = lambda: shown() and name in workspace.tour.target.widgets  # noqa: E731
@@ -79,7 +79,7 @@ def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator
 
 
 def by_hand(workspace: Workspace) -> Iterator[Action]:
-    """What a child does who reads each sentence."""
+    """Do what a child does after reading each sentence."""
     editor, perform = workspace.editor, workspace.perform
     yield from meets(workspace, "do Armchair")
     yield Click(Widget("do Armchair"))
@@ -200,7 +200,7 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
 
 
 def work(workspace: Workspace, how: str) -> Iterator[Action]:
-    """The start page, the tour by its button, and what is done in each step."""
+    """Open the start page, begin the tour by its button, and do each step."""
     yield Wait(0.3)
     yield from shot("00 start")
     yield Click(Widget("do Take the tour"))

@@ -15,7 +15,7 @@ import polib
 
 CATALOGUES = Path(__file__).parent / "locale"
 """Where a file for each language is, named by its code of ISO 639."""
-LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch (zum Teil)"}
+LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch"}
 """The name of each language in itself, by its code."""
 
 
@@ -41,10 +41,27 @@ def language_in_use() -> str:
     return _InUse.language
 
 
+class Later(str):
+    """An English text with the values in it, which :func:`tr` translates where it is drawn."""
+
+    pattern: str
+    values: tuple[object, ...]
+
+
+def later(text: str, *values: object) -> Later:
+    """Returns a text in English that keeps what it was made of: a step of the history, a state."""
+    made = Later(text.format(*values) if values else text)
+    made.pattern, made.values = text, values
+    return made
+
+
 def tr(text: str, *values: object) -> str:
     """Returns a text in the language in use, with values in the place of ``{0}``, ``{1}``, ..."""
+    if isinstance(text, Later):
+        return tr(text.pattern, *(values or text.values))
     translated = _InUse.catalogue.gettext(text) if text else ""
-    return translated.format(*values) if values else translated
+    told = (tr(one) if isinstance(one, Later) else one for one in values)
+    return translated.format(*told) if values else translated
 
 
 def tr_n(one: str, many: str, count: int, *values: object) -> str:

@@ -244,14 +244,14 @@ kind of colour vision tell apart. They stand in the order in which neighbours di
 
 
 class _InUse:
-    """What every colour reads: the theme and the set of colours that were chosen last."""
+    """The theme and the set of colours in use, which every colour reads."""
 
     theme: ThemeName = "dark"
     colours: ColourSetName = "usual"
 
 
 class _Shown(Sequence[Any]):
-    """A colour, or some colours, by name: reads as the numbers of what is in use.
+    """A colour, or some colours, by name: reads as the numbers of the theme in use.
 
     Args:
         name: of an attribute of :class:`Theme` or :class:`ColourSet`.
@@ -285,9 +285,9 @@ INK: Colour = _Shown("ink")
 QUIET: Colour = _Shown("quiet")
 """Text of less weight."""
 FAINT: Colour = _Shown("faint")
-"""Text of what cannot be done now, and bones that no limb of the performer drives."""
+"""Text of actions that cannot be done now, and bones that no limb of the performer drives."""
 ACCENT: Colour = _Shown("accent")
-"""What is active or live: amber, or umber on light panels."""
+"""Active or live things: amber, or umber on light panels."""
 GOOD: Colour = _Shown("good")
 """Bluish green: all is well. Eyes that mix up red and green still tell it from the next two."""
 WAIT: Colour = _Shown("wait")
@@ -308,7 +308,7 @@ DARK: Colour = _Shown("dark")
 POPUP: Colour = _Shown("popup")
 """Menus, dialogues and tooltips."""
 DIMMED: Colour = _Shown("dimmed")
-"""What lies behind a dialogue is covered by it."""
+"""The window behind a dialogue is covered by it."""
 LINE: Colour = _Shown("line")
 """Lines between parts: barely seen."""
 TRACK: Colour = _Shown("track")
@@ -355,9 +355,9 @@ BEFORE: Paint = _Shown("before")
 AFTER: Paint = _Shown("after")
 """Where a character will be: orange."""
 GLANCE_FAR: Paint = _Shown("glance_far")
-"""What a camera sees far away, or does not know: as the ground of panels."""
+"""The far or unknown part of a depth picture: like the ground of panels."""
 GLANCE_NEAR: Paint = _Shown("glance_near")
-"""What a camera sees nearest: a performer's skeleton, in its colour, differs from it."""
+"""The nearest part of a depth picture: it differs from the colour of a performer's skeleton."""
 PLAIN_SURFACE: Paint = (205, 208, 214)
 """A mesh without colours while it is painted or scanned: so light that every paint is seen on it."""
 

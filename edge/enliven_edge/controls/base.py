@@ -127,7 +127,7 @@ class Device(ABC):
         return True
 
     def take_not_understood(self) -> list[str]:
-        """Returns the speech since the last call that is no phrase of a voice control."""
+        """Returns the speech since the last call that matches none of the phrases of a voice control."""
         return []
 
     def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
@@ -230,7 +230,7 @@ class ControlReader:
         return [press.command for press in self.take() if press.command]
 
     def take(self) -> list[Press]:
-        """Returns the presses since the last call, also speech that is no phrase; never waits."""
+        """Returns the presses since the last call, and speech that matches no phrase; never waits."""
         presses = []
         while self._said:
             presses.append(self._said.popleft())

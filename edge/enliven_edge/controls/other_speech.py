@@ -1,4 +1,4 @@
-"""Recognises speech that is no phrase of the list, to show what was understood instead."""
+"""Recognises speech outside the list of phrases, so that a viewer can show the words that were heard."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ _DEEDS = (
     "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
     "long little first great old work way people place back make take give tell find see want need know think"
 )
-"""Common words that may follow a name: speech to the puppet that is no phrase of the list."""
+"""Common words that may follow a name: speech to the puppet that matches no phrase of the list."""
 _OTHER_WEIGHT = 1e-4
 """Weight of a name with other words, of 1 for a phrase: with more, phrases are taken for other speech."""
 
@@ -225,7 +225,7 @@ class Recogniser:
             self._not_understood.append(words)
 
     def take_not_understood(self) -> list[str]:
-        """Returns the words of other speech since the last call: of short utterances that are no phrase."""
+        """Returns the words of short utterances since the last call that matched no phrase."""
         words, self._not_understood = self._not_understood, []
         return words
 

@@ -1,4 +1,4 @@
-"""What commands print: lines, tables and progress in which text from outside stays text.
+"""Output of commands: lines, tables and progress in which text from outside stays text.
 
 File names, names of devices and of characters, and words of other programs may hold terminal escapes, line
 ends or the markup of rich. Every command prints by this module, so none of them has an effect.

@@ -26,7 +26,7 @@ _SOUND_BITS = 128_000
 
 
 _ELSEWHERE = "Choose another place for it."
-"""What to do where a film cannot be written."""
+"""Advice for a film that cannot be written."""
 
 
 class _Abandoned(Exception):

@@ -30,7 +30,7 @@ _RATE = 60.0
 _CLIP_FRAMES = 120
 """Frames of a clip at most that count for the range of a joint: extremes of clips last longer."""
 _LIMITED = np.radians(1.0)
-"""Radians by which a limit changes a joint at least to be reported, and to be applied: less is not seen."""
+"""Smallest change of a joint, radians, that a limit applies and reports: a smaller one is not seen."""
 _LEAST_SHARE = 0.05
 """Share of the free angle that a bone of a chain has at least: a short bone is not stiff."""
 _POINT = 1e-6

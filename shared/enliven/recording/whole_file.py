@@ -21,7 +21,7 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Goes on in ``path``, to which the bytes so far were moved or copied.
+        """Continues in ``path``, where the bytes written before were moved or copied.
 
         Raises:
             OSError: where that file cannot be opened.

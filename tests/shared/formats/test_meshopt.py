@@ -1,4 +1,4 @@
-"""glTF files that meshoptimizer compressed: the same as their plain twins, and what strangers write."""
+"""glTF files that meshoptimizer compressed: equal to their plain twins, also those of other programs."""
 
 from __future__ import annotations
 

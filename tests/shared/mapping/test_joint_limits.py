@@ -49,7 +49,7 @@ def grazing(degrees=20.0):
 
 
 def free(clip, shape, **changes):
-    """The mapping whose legs do not step: only limits change a bone's turns."""
+    """The mapping without steps: only limits change a bone's turns."""
     return replace(automatic(clip, shape), floor=False, steps=False, **changes)
 
 

@@ -44,7 +44,7 @@ WRITERS = {"a.mp4": write_film, "a.png": write_png, "a.mcap": record}
 
 
 def bounded(size: int, act: Callable[[], None]) -> type[BaseException] | None:
-    """Runs something in a child process that may write files of so many bytes; returns how it ended."""
+    """Runs a function in a child process with a limit on the size of its files; returns how it ended."""
     import resource
     import signal
 

@@ -68,7 +68,7 @@ def test_colours_of_a_scan_are_the_same(tmp_path: Path) -> None:
 
 
 def chequered() -> bytes:
-    """A picture of four colours whose fields are of 8 pixels, a quarter of them holes."""
+    """A picture of four colours in fields of 8 pixels, a quarter of them holes."""
     colours = np.array([[(230, 40, 30, 255), (40, 160, 60, 255)], [(30, 60, 190, 255), (200, 190, 60, 0)]])
     pixels = np.kron(colours.astype(np.uint8), np.ones((64, 64, 1), np.uint8))
     data = io.BytesIO()

@@ -21,7 +21,7 @@ STUDIO = Path(enliven_viewer.__file__).parent / "studio"
 ENGINEERS = re.compile(
     r"\bms\b|vertices|vertex|\bfps\b|lambda|revision|quaternion|\bedges? \d|% away|cm/s|girdle|\bRMS\b"
 )
-"""Words and units that are no use to who makes a film."""
+"""Words and units that do not help people make a film."""
 NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
 """Modules with words of files and messages, which translate them."""
 

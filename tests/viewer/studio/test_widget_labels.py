@@ -54,6 +54,14 @@ def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
     """Whether what is written before the mark of the id cannot change, or does not count."""
     if is_constant(label) or is_name(label, items) or ast.unparse(label) in FIXED:
         return True
+    if isinstance(label, ast.Call) and ast.unparse(label.func) == "labelled":
+        return True  # its second argument is the id
+    if (
+        isinstance(label, ast.IfExp)
+        and isinstance(label.body, ast.Call)
+        and isinstance(label.orelse, ast.Call)
+    ):
+        return ast.unparse(label.body.args[1]) == ast.unparse(label.orelse.args[1])
     if isinstance(label, ast.IfExp):
         ends = [ast.unparse(one).partition("###") for one in (label.body, label.orelse)]
         return all(mark for _, mark, _ in ends) and ends[0][2].strip("'\"") == ends[1][2].strip("'\"")

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from enliven.health import HealthState, Severity
+from enliven_viewer.language import later, tr
 from enliven_viewer.live.match_cards import Card, draw_cards
 from enliven_viewer.playback import EdgeState
-from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT
+from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT, Colour
 
 if TYPE_CHECKING:
     from enliven_viewer.render.overlay import Pen
@@ -16,14 +17,19 @@ if TYPE_CHECKING:
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
 _FELT_MS = 150.0
-"""Delay of the picture from which people feel that it follows them: shorter ones feel like a mirror."""
+"""Delay above which people feel that the picture follows them: shorter ones feel like a mirror."""
 _DISTURBING_MS = 350.0
-"""Delay from which people overshoot, since they wait for the picture."""
+"""Delay above which people overshoot, since they wait for the picture."""
 _SMOOTH = 20.0
 """Pictures a second below which movement is seen to jerk, and it is said."""
 _NOTICE = 84.0
 """Pixels from the top at which a notice stands over characters: below the hint of the tool in hand."""
-SIGNAL = {"live": GOOD, "ended": QUIET, "no edge": BAD, "silent": BAD}
+SIGNAL: dict[str, Colour] = {
+    later("live"): GOOD,
+    later("ended"): QUIET,
+    later("no edge"): BAD,
+    later("silent"): BAD,
+}
 """The colour of the dot beside the timeline by how the frames arrive; else that of waiting."""
 
 
@@ -129,7 +135,7 @@ class Hud:
             height = 18 * s + sum(canvas.extent(text, self._small, wrap)[1] for text, _ in texts)
             if y + height > bottom:
                 if y + self._small < bottom:
-                    canvas.text(30 * s, y, f"and {len(states) - shown} more", self._small, QUIET)
+                    canvas.text(30 * s, y, tr("and {0} more", len(states) - shown), self._small, QUIET)
                 return
             canvas.rectangle(16 * s, y, width, height, GLASS, 10 * s)
             canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, SEVERITY[state.severity], 2 * s)
@@ -151,7 +157,7 @@ class Hud:
         if state.live:
             word = _signal_word(state.edge)
             canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, SIGNAL.get(word, WAIT))
-            canvas.text(x + width + 32 * s, top, word, self._small, INK)
+            canvas.text(x + width + 32 * s, top, tr(word), self._small, INK)
         else:
             mode = "paused" if state.paused else f"{state.speed:g}x"
             canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
@@ -174,8 +180,8 @@ def _headline(state: HudState) -> str:
     if state.edge is None:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
-    where = "on this machine" if state.near else f"at {state.edge.address.removeprefix('tcp://')}"
-    return f"Stage {where}{phase}" if state.edge.connected else f"No stage {where} yet"
+    where = tr("on this machine") if state.near else tr("at {0}", state.edge.address.removeprefix("tcp://"))
+    return tr("Stage {0}{1}", where, phase) if state.edge.connected else tr("No stage {0} yet", where)
 
 
 def _signal_word(edge: EdgeState | None) -> str:
@@ -189,7 +195,7 @@ def late_words(late_ms: float | None) -> str:
     """Returns how far the picture is behind the performer; empty if it is too little to feel."""
     if late_ms is None or late_ms < _FELT_MS:
         return ""
-    return "a little late" if late_ms < _DISTURBING_MS else "late: move slowly"
+    return tr("a little late") if late_ms < _DISTURBING_MS else tr("late: move slowly")
 
 
 def _state_lines(state: HudState) -> list[str]:
@@ -199,7 +205,7 @@ def _state_lines(state: HudState) -> list[str]:
         late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
         lines += [words] if (words := late_words(late)) else []
     if 0.5 < state.fps < _SMOOTH:
-        lines.append("the picture is not smooth: a smaller window is drawn faster")
+        lines.append(tr("the picture is not smooth: a smaller window is drawn faster"))
     if edge is not None and edge.connected and state.possession:
         lines.append(state.possession)
     if state.score:

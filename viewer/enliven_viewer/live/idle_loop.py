@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from enliven_viewer.language import later
 from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.render import OrbitCamera
 
@@ -18,10 +19,10 @@ Loss = Literal["", "away", "silent", "ended", "waiting"]
 """Why nothing comes: not, the edge is lost, its camera is silent, its recording is over, it never came."""
 WORDS: dict[Loss, str] = {
     "": "",
-    "away": "The stage is away. It comes back by itself.",
-    "silent": "The camera of the stage is silent.",
-    "ended": "The performance is over.",
-    "waiting": "The stage is not here yet.",
+    "away": later("The stage is away. It comes back by itself."),
+    "silent": later("The camera of the stage is silent."),
+    "ended": later("The performance is over."),
+    "waiting": later("The stage is not here yet."),
 }
 """The sentence for the audience while the idle loop plays."""
 

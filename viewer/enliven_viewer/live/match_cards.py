@@ -10,6 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.matching import Board
+from enliven_viewer.language import tr
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
 from enliven_viewer.render.overlay import tints_of
 from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
@@ -80,7 +81,7 @@ def _cards(
         lines = tuple(parts[at : at + len(row.lines)])
         at += len(row.lines)
         title = f"{board.character[:8]} " * several + (
-            "best match" if row.place == 0 else f"match {row.place + 1}"
+            tr("best match") if row.place == 0 else tr("match {0}", row.place + 1)
         )
         meant = number == board.shown
         score = row.name[:16]

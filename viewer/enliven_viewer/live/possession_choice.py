@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from enliven_viewer.language import tr
+
 PARTS = (
     "all",
     "upper body",
@@ -59,8 +61,10 @@ class PossessionChoice:
 
     def words(self, number_of: Callable[[int], int]) -> str:
         """For people: "P steps in: the legs of performer 2"; ``number_of`` gives the number of an id."""
-        who = "the next person" if self.body is None else f"performer {number_of(self.body)}"
-        whole = f"P steps in: the {'whole body' if self.parts == 'all' else self.parts} of {who}"
+        who = tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
+        whole = tr(
+            "P steps in: the {0} of {1}", tr("whole body") if self.parts == "all" else tr(self.parts), who
+        )
         if self.body in self._smoothing:
-            whole += f" · smoothed by {SMOOTHING[self._smoothing[self.body]]:g}"
-        return f"{whole} · locked" if self.locked else whole
+            whole += tr(" · smoothed by {0:g}", SMOOTHING[self._smoothing[self.body]])
+        return tr("{0} · locked", whole) if self.locked else whole

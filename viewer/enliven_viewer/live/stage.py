@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 
 from enliven.wire import Browse, Lock, Mode, Possess, Release, Resize, Smooth
+from enliven_viewer.language import tr
 from enliven_viewer.link import Feed
 from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.live.possession_choice import PossessionChoice
@@ -143,7 +144,7 @@ class LiveStage:
         if self.take:
             return ""
         if hidden(self.scene, view):
-            return "Some bones point at you: V shows more of them"
+            return tr("Some bones point at you: V shows more of them")
         return self.possession.words(self.numbers.number_of)
 
     @property
@@ -153,16 +154,16 @@ class LiveStage:
             return ""
         edge = self.document.edge
         if edge.connected:
-            return "Waiting for the characters of the stage"
+            return tr("Waiting for the characters of the stage")
         if self.near:
             return edge.message or self.making
-        return edge.message or f"Waiting for a stage at {edge.address.removeprefix('tcp://')}"
+        return edge.message or tr("Waiting for a stage at {0}", edge.address.removeprefix("tcp://"))
 
     @property
     def making(self) -> str:
         """The text about a stage of this machine that is not there yet."""
-        more = ": the first time it takes some minutes" if self._since > _LONG else ""
-        return f"The stage is being made ready{more}"
+        more = tr(": the first time it takes some minutes") if self._since > _LONG else ""
+        return tr("The stage is being made ready{0}", more)
 
     def close(self) -> None:
         """Let the feed go."""

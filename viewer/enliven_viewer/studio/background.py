@@ -7,6 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from enliven.errors import EnlivenError
+from enliven_viewer.language import tr
 from enliven_viewer.studio.toasts import Toasts
 
 
@@ -72,12 +73,12 @@ class BackgroundTask:
             progress: how far it is, if that is shown and it can be cancelled.
         """
         if self._work is not None:
-            self._toasts.say(self._busy, "Wait until it is done.")
+            self._toasts.say(self._busy, tr("Wait until it is done."))
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "beside the window")
         self._work = (self._pool.submit(work), then)
         self.progress, self.said = progress, said
-        self._toasts.say(f"{said} ...", "You can go on working.")
+        self._toasts.say(f"{said} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
         """Give up the work: its result is dropped, and other work can begin at once."""
@@ -88,7 +89,9 @@ class BackgroundTask:
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
-        self._toasts.say(f"Cancelled: {self.said[:1].lower()}{self.said[1:]}", "Nothing was changed.")
+        self._toasts.say(
+            tr("Cancelled: {0}{1}", self.said[:1].lower(), self.said[1:]), tr("Nothing was changed.")
+        )
 
     def poll(self) -> None:
         """Take a finished result, or tell what went wrong; to be called once a picture."""
@@ -100,7 +103,7 @@ class BackgroundTask:
         if error is None:
             then(work.result())
         else:
-            self._toasts.tell(error, "Nothing was changed.")
+            self._toasts.tell(error, tr("Nothing was changed."))
 
     def finish(self) -> None:
         """Wait for it: before the window ends, and in sessions without a window."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from enliven.errors import EnlivenError, place_of
 from enliven.logs import escaped
+from enliven_viewer.language import tr
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +46,7 @@ class Toasts:
         """Tell of anything that went wrong: a fault of our own too, since the window must not end by it."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
-            what = f"a fault of enliven itself{place_of(error)}; the log says more"
+            what = tr("a fault of enliven itself{0}; the log says more", place_of(error))
             error = EnlivenError(what, mend=mend)
         self.complain(error)
         return error

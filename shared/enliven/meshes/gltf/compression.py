@@ -21,7 +21,7 @@ many."""
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 """The kinds of data that meshoptimizer packs (EXT_meshopt_compression)."""
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
-"""What is undone after unpacking; COLOR is in KHR_meshopt_compression only."""
+"""Filters that are undone after unpacking; COLOR is in KHR_meshopt_compression only."""
 _LONGEST_ROW = 256
 """Bytes of a row at most, as the extension says."""
 

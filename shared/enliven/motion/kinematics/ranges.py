@@ -34,7 +34,7 @@ UNKNOWN_TWIST = np.radians(45.0)
 SOFT = np.radians(20.0)
 """Radians beyond the free range that a limit gives way by at most."""
 _FOLD = np.radians(135.0)
-"""Radians from which on a swing or a twist approaches its fixed value at half a turn."""
+"""Angle, radians, above which a swing or a twist approaches its fixed value at half a turn."""
 _UNLIMITED = np.radians(165.0)
 """Radians of a range above which it has no limit: too little would be left to return in."""
 _SAME = 1e-9
@@ -156,7 +156,7 @@ def _known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
 
 
 def _factor(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
-    """Returns (T,) the share that is left of what a turn is off the known ones.
+    """Returns (T,) the share of a turn's distance to the known ones that is kept.
 
     Args:
         swing_off, twist_off: (T,) radians from the known swings and twists. The free angle in the direction

@@ -79,7 +79,7 @@ class ActionTable:
         except Exception as error:  # a fault of our own must not end the artist's window
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self._toasts.tell(error, "Save your work, and report it.")
+            self._toasts.tell(error, tr("Save your work, and report it."))
         return True
 
     def press(self, key: str, *, own: bool = False) -> bool:

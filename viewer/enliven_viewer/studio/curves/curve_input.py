@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
+from enliven_viewer.language import later
 from enliven_viewer.studio.curves.channels import (
     NUMBERS,
     CurveGroup,
@@ -54,6 +55,10 @@ class _Wanted:
             other.start,
             other.span,
         )
+
+
+_EASED = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
+"""The step of the history for each way in which a key goes over into the next."""
 
 
 class CurveInput:
@@ -243,7 +248,7 @@ class CurveInput:
         if thing is None or number is None:
             return
         self.chosen = None
-        word = "remove key" if name in (*KEYED, *NUMBERS) else "remove key pose"
+        word = later("remove key") if name in (*KEYED, *NUMBERS) else later("remove key pose")
         self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
@@ -257,7 +262,7 @@ class CurveInput:
         """Let the chosen key go over into the next in another way."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
-            self.editor.edit(f"{ease} key", lambda p: eased(p, thing, self._lane(thing), name, number, ease))
+            self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
 
     def _lane(self, thing: Thing) -> tuple[int, ...]:
         """The numbers of the layers that share a bar of the timeline with the thing's layer."""

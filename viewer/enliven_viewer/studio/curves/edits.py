@@ -20,6 +20,7 @@ from enliven.modeling.edits import (
     set_layer_key,
 )
 from enliven.modeling.puppet import change_key_pose, remove_key_pose
+from enliven_viewer.language import tr
 from enliven_viewer.studio.curves.channels import NUMBERS, Dot, Thing, layer_of_thing, scale_of
 
 KEYED = {"keys": "degrees", "moves": "metres"}
@@ -92,15 +93,15 @@ def beyond(project: Project, thing: Thing, group: str, time: float, value: float
     if abs(within(project, thing, group, time, value) - wanted) < 1e-9:
         return ""
     if group == "weight":
-        return "A weight is from 0 to 1"
-    return f"A clip plays {SLOWEST:g} to {FASTEST:g} times as fast: time does not stand or go back"
+        return tr("A weight is from 0 to 1")
+    return tr("A clip plays {0:g} to {1:g} times as fast: time does not stand or go back", SLOWEST, FASTEST)
 
 
 def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
     """A project in which a key pose puts the control point elsewhere, or is of another moment."""
     puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
     if layer is None or thing.handle is None:
-        raise InputError("no control point is chosen", where=puppet.where, mend="Click one first.")
+        raise InputError(tr("no control point is chosen"), where=puppet.where, mend=tr("Click one first."))
     places = puppet.poses[dot.number].places.copy()
     places[thing.handle, dot.axis] = value
     changes: dict[str, object] = {"places": places}

@@ -12,6 +12,7 @@ import numpy as np
 from enliven.document import FREE, History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
+from enliven_viewer.language import later, tr
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
@@ -58,7 +59,7 @@ class Editor:
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
-        self.beside = BackgroundTask(self.toasts, "Something is still being made")
+        self.beside = BackgroundTask(self.toasts, tr("Something is still being made"))
         self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.shown})
 
     @property
@@ -156,16 +157,26 @@ class Editor:
         except Exception as error:
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            self.toasts.tell(error, "Nothing was changed. Save your work, and report it.")
+            self.toasts.tell(error, tr("Nothing was changed. Save your work, and report it."))
         return None
 
     def undo(self) -> None:
         """Undo the last edit."""
-        self._step("Undone", self.history.undo_name, self.history.undo)
+        self._step(
+            later("Undone: {0}"),
+            later("Nothing is left to be undone"),
+            self.history.undo_name,
+            self.history.undo,
+        )
 
     def redo(self) -> None:
         """Redo the edit that was undone last."""
-        self._step("Done again", self.history.redo_name, self.history.redo)
+        self._step(
+            later("Done again: {0}"),
+            later("Nothing is left to be done again"),
+            self.history.redo_name,
+            self.history.redo,
+        )
 
     def go_to(self, step: int) -> None:
         """Show the project as it was after a step of the history; 0 is as it was opened."""
@@ -266,7 +277,7 @@ class Editor:
         """Show the stage in the next look."""
         names = list(LOOKS)
         self.look = names[(names.index(self.look) + 1) % len(names)]
-        self.toasts.say(f"Look: {self.look}")
+        self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
         """The box around what the camera follows: the chosen character, or all; None where it stays."""
@@ -284,14 +295,14 @@ class Editor:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
 
-    def _step(self, word: str, name: str | None, step: Callable[[], Project]) -> None:
+    def _step(self, said: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
         if name is None:
-            self.toasts.say(f"Nothing is left to be {word.lower()}")
+            self.toasts.say(tr(none))
             return
         step()
         self._mend_selection()
-        self.toasts.say(f"{word}: {name}")
+        self.toasts.say(tr(said, tr(name)))
 
     def _mend_selection(self) -> None:
         """Remove from the selection what the project no longer has."""

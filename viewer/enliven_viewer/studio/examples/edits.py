@@ -21,6 +21,7 @@ from enliven.modeling.puppet import (
     mirror_key_pose,
     suggested_pairs,
 )
+from enliven_viewer.language import tr
 
 _AUTOMATIC = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
@@ -35,7 +36,9 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
-        raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
+        raise InputError(
+            tr("no take is shown"), where="joints", mend=tr("Choose one in the performer's view.")
+        )
     for pair in suggested_pairs(project, puppet_id, take):
         number = puppet.index(pair.point)
         project = with_joint(project, puppet_id, pair.point, pair.joint)
@@ -72,8 +75,8 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:
-        mend = "Turn it with Ctrl+Left and Ctrl+Right, or remove its points first."
-        raise InputError("it has control points already", where=f"puppet {puppet_id!r}", mend=mend)
+        mend = tr("Turn it with Ctrl+Left and Ctrl+Right, or remove its points first.")
+        raise InputError(tr("it has control points already"), where=f"puppet {puppet_id!r}", mend=mend)
     x, y, z = puppet.mesh.vertices.T
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
     tall = float(np.ptp(turned[:, 1]))

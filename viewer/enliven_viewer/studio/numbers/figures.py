@@ -9,6 +9,7 @@ from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import middle_of, move_characters, scale_characters
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Selection
 
@@ -64,7 +65,7 @@ class Figures:
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             way = np.eye(3)[axis] * (metres - place[axis])
-            self.editor.edit(f"place {self._told}", lambda p: move_characters(p, names, way))
+            self.editor.edit(later("place {0}", self._told), lambda p: move_characters(p, names, way))
 
     def make_tall(self, metres: float) -> None:
         """Make what is chosen so tall; it goes on standing where it stands.
@@ -76,8 +77,8 @@ class Figures:
         if tall is None:
             return
         if not (tall > _SMALLEST and _SMALLEST <= metres <= _LARGEST):
-            what = "it is flat" if tall <= _SMALLEST else f"nothing is {metres:g} m tall"
-            raise InputError(what, mend="Give a height such as 1.7 m or 150 %.")
+            what = tr("it is flat") if tall <= _SMALLEST else tr("nothing is {0:g} m tall", metres)
+            raise InputError(what, mend=tr("Give a height such as 1.7 m or 150 %."))
         self.scale(metres / tall)
 
     def scale(self, factor: float) -> None:
@@ -91,7 +92,7 @@ class Figures:
             project = scale_characters(project, names, factor)
             return move_characters(project, names, (factor - 1.0) * (about - place))
 
-        self.editor.edit(f"size of {self._told}", change)
+        self.editor.edit(later("size of {0}", self._told), change)
 
     def turn(self, axis: int, degrees: float) -> None:
         """Turn what is chosen about an axis of the world through where it stands."""
@@ -99,12 +100,14 @@ class Figures:
         if place is not None:
             turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
             still = np.zeros(3)
-            self.editor.edit(f"turn {self._told}", lambda p: move_characters(p, names, still, turn, place))
+            self.editor.edit(
+                later("turn {0}", self._told), lambda p: move_characters(p, names, still, turn, place)
+            )
 
     @property
     def _told(self) -> str:
         names = self.editor.selection.characters
-        return names[0] if len(names) == 1 else f"{len(names)} shapes"
+        return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
 
 def _fixed(project: Project, names: tuple[str, ...]) -> Float:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from enliven.errors import InputError
+from enliven_viewer.language import tr
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([^\W\d_]+|[%°])|([-+*/()]))")
 """A number, a unit, or a sign."""
@@ -87,7 +88,7 @@ class _Reader:
         while self.left and self.left[-1] in "*/":
             times, by = self.left.pop() == "*", self._one()
             if not times and by == 0.0:
-                raise self.refused("it divides by zero")
+                raise self.refused(tr("it divides by zero"))
             value = value * by if times else value / by
         return value
 
@@ -98,7 +99,7 @@ class _Reader:
         if token == "(":
             value = self.sum()
             if not self.left or self.left.pop() != ")":
-                raise self.refused("a bracket is not closed")
+                raise self.refused(tr("a bracket is not closed"))
         elif token[:1].isdigit() or token[:1] == ".":
             value = float(token)
         else:
@@ -106,10 +107,12 @@ class _Reader:
         if self.left and (self.left[-1].isalpha() or self.left[-1] in "%°"):
             unit = self.left.pop()
             if unit.lower() not in self._units:
-                raise self.refused(f"{unit} is no unit here")
+                raise self.refused(tr("{0} is no unit here", unit))
             value *= self._units[unit.lower()]
         return value
 
-    def refused(self, what: str = "that is no number") -> InputError:
+    def refused(self, what: str = "") -> InputError:
         known = ", ".join(self._units)
-        return InputError(what, mend=f"Write one such as 1.2 + 0.3; units: {known}.")
+        return InputError(
+            what or tr("that is no number"), mend=tr("Write one such as 1.2 + 0.3; units: {0}.", known)
+        )

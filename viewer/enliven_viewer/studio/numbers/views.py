@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from enliven.document import CameraMark
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
@@ -18,7 +19,7 @@ _FIRST = 4
 def view_actions(editor: Editor) -> Iterator[Action]:
     """Store the view of now, and take one again."""
     for number in _VIEWS:
-        name, key = f"view {number}", f"f{number + _FIRST}"
+        name, key = tr("view {0}", number), f"f{number + _FIRST}"
         yield Action(
             f"view.take_{number}",
             "View",
@@ -31,7 +32,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             group="Bookmarks",
         )
     for number in _VIEWS:
-        name = f"view {number}"
+        name = tr("view {0}", number)
         yield Action(
             f"view.store_{number}",
             "View",
@@ -48,8 +49,13 @@ def store_view(editor: Editor, name: str) -> None:
     """Store the view of now in the project; one edit."""
     *target, azimuth, elevation, distance = editor.camera.goal
     mark = CameraMark(name, (target[0], target[1], target[2]), azimuth, elevation, distance)
-    if editor.edit(f"store {name}", lambda p: replace(p, views={**p.views, name: mark})):
-        editor.toasts.say(f"Stored as bookmark {name.rpartition(' ')[2]}", "It is saved with the project.")
+    if editor.edit(
+        later("store {0}", later("view {0}", name.rpartition(" ")[2])),
+        lambda p: replace(p, views={**p.views, name: mark}),
+    ):
+        editor.toasts.say(
+            tr("Stored as bookmark {0}", name.rpartition(" ")[2]), tr("It is saved with the project.")
+        )
 
 
 def take_view(editor: Editor, name: str) -> None:
@@ -60,5 +66,5 @@ def take_view(editor: Editor, name: str) -> None:
 
 
 def _lacks(editor: Editor, name: str, key: str) -> str:
-    said = f"Nothing is stored there. Ctrl+{key.upper()} stores the view of now."
+    said = tr("Nothing is stored there. Ctrl+{0} stores the view of now.", key.upper())
     return "" if name in editor.project.views else said

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
@@ -24,10 +25,10 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
     """Choose all, none, or the others."""
 
     def empty() -> str:
-        return "" if editor.reachable else "There is nothing to choose. Sketch a part, or open a model."
+        return "" if editor.reachable else tr("There is nothing to choose. Sketch a part, or open a model.")
 
     def none() -> str:
-        return "" if editor.selection.characters else "Nothing is chosen."
+        return "" if editor.selection.characters else tr("Nothing is chosen.")
 
     def every() -> None:
         editor.choose_all(*(one.id for one in editor.reachable))
@@ -101,7 +102,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Show everything",
         ("alt+h",),
         lambda: outliner.hide(*hidden(), on=False),
-        lambda: "" if hidden() else "Nothing is hidden.",
+        lambda: "" if hidden() else tr("Nothing is hidden."),
     )
     yield Action(
         "shape.lock",
@@ -119,7 +120,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         "Unlock everything",
         ("ctrl+shift+l",),
         lambda: outliner.lock(*locked(), on=False),
-        lambda: "" if locked() else "Nothing is locked.",
+        lambda: "" if locked() else tr("Nothing is locked."),
     )
     for name, way in (("up", -1), ("down", 1)):
         yield Action(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from enliven.document import FREE, Handling, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
+from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
 
@@ -46,7 +47,7 @@ class Outliner:
     def rows(self) -> tuple[Row, ...]:
         """The rows that are shown."""
         project, live = self.editor.project, self._live()
-        key = (project, live, frozenset(self.opened), self.typed)
+        key = (project, live, frozenset(self.opened), self.typed, language_in_use())
         if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
             self._known = (key, rows_of(project, live, self.opened, self.typed))
         return self._known[1]
@@ -142,13 +143,15 @@ class Outliner:
         self.editor.edit("hide the others", change)
 
     def _handle(self, names: tuple[str, ...], word: str, **changes: bool) -> None:
-        told = names[0] if len(names) == 1 else f"{len(names)} shapes"
+        told = names[0] if len(names) == 1 else later("{0} shapes", len(names))
         self.editor.edit(f"{word} {told}", lambda project: handle_characters(project, names, **changes))
 
     def move(self, name: str, place: int) -> None:
         """Put a character at another place in the list; one edit."""
         if 0 <= place < len(self.editor.project.characters):
-            self.editor.edit(f"reorder {name}", lambda project: order_characters(project, name, place))
+            self.editor.edit(
+                later("reorder {0}", name), lambda project: order_characters(project, name, place)
+            )
 
     def place_of(self, name: str) -> int:
         """The place of a character in the list."""

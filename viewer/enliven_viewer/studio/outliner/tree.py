@@ -9,10 +9,11 @@ import numpy as np
 
 from enliven.document import GraphShape, Project, Puppet, RigBase
 from enliven.takes import ONLOOKER
+from enliven_viewer.language import later, tr
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
-_HANDLES = {Puppet.kind: "point", GraphShape.kind: "part"}
+_HANDLES = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
 """What a character's rows below it are, by its rig; bones where nothing is said."""
 
 
@@ -81,23 +82,23 @@ def _filtered(rows: list[Row], wanted: str) -> list[Row]:
 
 
 def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
-    yield Row(GROUP, "shapes", "Shapes", str(len(project.characters)), folds=True)
+    yield Row(GROUP, "shapes", later("Shapes"), str(len(project.characters)), folds=True)
     for one in project.characters.values():
         below = list(_handles(one))
         yield Row(CHARACTER, one.id, one.id, one.word, depth=1, folds=bool(below))
         yield from below
     used = set().union(*(one.needed()["takes"] for one in project.characters.values()))
-    yield Row(GROUP, "takes", "Takes", str(len(project.takes)), folds=True)
+    yield Row(GROUP, "takes", later("Takes"), str(len(project.takes)), folds=True)
     folded = [name for name in project.takes if name not in used and _is_onlooker(name)]
     for name in (name for name in project.takes if name not in folded):
-        note = f"{project.takes[name].duration:.1f} s" + (" · in use" if name in used else "")
+        note = f"{project.takes[name].duration:.1f} s" + (tr(" · in use") if name in used else "")
         yield Row(TAKE, name, name, note, depth=1)
     if folded:
-        yield Row(GROUP, "onlookers", "Held nothing", str(len(folded)), depth=1, folds=True)
+        yield Row(GROUP, "onlookers", later("Held nothing"), str(len(folded)), depth=1, folds=True)
         for name in folded:
             yield Row(TAKE, name, name, f"{project.takes[name].duration:.1f} s", depth=2)
     if live:
-        yield Row(GROUP, "live", "Live stage", str(len(live)), folds=True)
+        yield Row(GROUP, "live", later("Live stage"), str(len(live)), folds=True)
         for number, line in enumerate(live):
             yield Row(LIVE, "stage", line, number=number, depth=1)
 
@@ -109,7 +110,7 @@ def _is_onlooker(name: str) -> bool:
 
 def _handles(one: RigBase) -> Iterator[Row]:
     """The joints below their parents, the points in their order, or the parts of a possessed mesh."""
-    word = _HANDLES.get(one.kind, "bone")
+    word = _HANDLES.get(one.kind, later("bone"))
     if isinstance(one, GraphShape):
         for number, part in enumerate(one.parts) if len(one.parts) > 1 else ():
             yield Row(HANDLE, one.id, part.take, word, number, 2)
@@ -122,7 +123,9 @@ def _handles(one: RigBase) -> Iterator[Row]:
     while waiting:
         number, depth = waiting.pop()
         children = below.get(number, [])
-        yield Row(HANDLE, one.id, names[number], "root" if _roots(parents, number) else word, number, depth)
+        yield Row(
+            HANDLE, one.id, names[number], later("root") if _roots(parents, number) else word, number, depth
+        )
         # A chain goes on at the same depth, so that an arm of twenty bones stays in the panel.
         deeper = depth + (len(children) > 1)
         waiting += [(child, deeper) for child in reversed(children)]

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveGroup, CurveInput, Dot, Scale
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
@@ -15,17 +16,17 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
 
 _NAMES = {
-    "keys": "Key turns",
-    "moves": "Key places",
-    "turn": "Turn",
-    "place": "Place",
-    "weight": "Weight",
-    "speed": "Speed",
+    "keys": later("Key turns"),
+    "moves": later("Key places"),
+    "turn": later("Turn"),
+    "place": later("Place"),
+    "weight": later("Weight"),
+    "speed": later("Speed"),
 }
 """What the groups are called."""
-_EASES = {"smooth": "Smooth", "linear": "Straight", "step": "At once"}
+_EASES = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
 """What the ways from a key to the next are called."""
-_NOTHING = "Choose a shape, or a node, a control point or a clip of it: its curves are shown here."
+_NOTHING = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
 _MENU = "key menu"
 _DIAMOND = 5.5
 """Pixels from the middle of a key to its corners."""
@@ -63,14 +64,14 @@ def _names(
     """The groups that can be shown, and the channels of the one that is, with their values now."""
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
-        if imgui.selectable(f"{_NAMES[name]}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0))[
-            0
-        ]:
+        if imgui.selectable(
+            f"{tr(_NAMES[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
+        )[0]:
             curves.group = name
         workspace.remember(f"curves {name}")
         if name == shown.name:
             imgui.same_line()
-            if imgui.small_button("Fit"):
+            if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             workspace.remember("fit curves")
             told("Show all values. The wheel shows more or less of them, the middle button moves them.")
@@ -113,10 +114,10 @@ def _plot(
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     if group.name in NUMBERS and not group.dots:
-        said = "Double-click: a key, from which on it changes over time."
+        said = tr("Double-click: a key, from which on it changes over time.")
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     if group.name in KEYED and not group.dots:
-        said = "Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it."
+        said = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     draw.pop_clip_rect()
 
@@ -182,17 +183,17 @@ def _menu(curves: CurveInput) -> None:
     dot = next((one for one in (group.dots if group else ()) if one.number == curves.chosen), None)
     if dot is not None and dot.ease:
         for ease in EASES:
-            if imgui.menu_item(f"{_EASES[ease]}###ease {ease}", "", dot.ease == ease)[0]:
+            if imgui.menu_item(f"{tr(_EASES[ease])}###ease {ease}", "", dot.ease == ease)[0]:
                 curves.ease(ease)
         imgui.separator()
-    if imgui.menu_item("Remove##key", "", False)[0]:
+    if imgui.menu_item(labelled(tr("Remove"), "remove key"), "", False)[0]:
         curves.remove()
     imgui.end_popup()
 
 
 def _told(dot: Dot, group: CurveGroup) -> str:
-    said = f"{group.channels[dot.axis]}   {_written(dot.value, group.unit)}   at {dot.time:.2f} s"
-    more = "Drag: another value or moment. Right button: how it goes on, remove."
+    said = tr("{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time)
+    more = tr("Drag: another value or moment. Right button: how it goes on, remove.")
     return f"{said}\n{more}"
 
 

@@ -102,7 +102,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.remember("folder up")
     imgui.same_line()
     imgui.set_next_item_width(_ORDER)
-    opened = imgui.begin_combo("##order", ORDERS[browser.order])
+    opened = imgui.begin_combo("##order", tr(ORDERS[browser.order]))
     workspace.remember("order")
     if opened:
         for order, words in ORDERS.items():
@@ -122,7 +122,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
     imgui.set_next_item_width(-_CANCEL)
     made, browser.new = imgui.input_text_with_hint(
         "##new folder",
-        "Name of the new folder, then Enter",
+        tr("Name of the new folder, then Enter"),
         browser.new,
         imgui.InputTextFlags_.enter_returns_true,
     )
@@ -178,7 +178,7 @@ def _recover(workspace: Workspace) -> None:
         if not shown:
             return
         imgui.text_wrapped(
-            f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
+            tr("The studio ended without saving. Its last work, of {0}, is still there.", _when(found[0]))
         )
         imgui.dummy(ImVec2(0, 6))
         if button(workspace, "Recover"):

@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from enliven.document import Project, RigBase
 from enliven.modeling.edits import rename_character
-from enliven_viewer.language import tr
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.workspace import Workspace
 
 Change = Callable[[Project, float], Project]
@@ -27,17 +27,19 @@ def slider(
     """A number: a draft while it is dragged, one edit when it is let go; whole where its bounds are."""
     imgui.set_next_item_width(-1)
     if isinstance(low, int):
-        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), said)
+        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(said))
     else:
         # What spans several powers of ten is not even.
         flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
-        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said, flags)
+        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(said), flags)
     workspace.remember(name)
     if changed:
         workspace.editor.sketch(lambda project: change(project, wanted))
     if imgui.is_item_deactivated_after_edit():
         last = wanted if changed else value
-        workspace.editor.edit(f"change {name.partition(' ')[2] or name}", lambda p: change(p, last))
+        workspace.editor.edit(
+            later("change {0}", later(name.partition(" ")[2] or name)), lambda p: change(p, last)
+        )
 
 
 def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str = "") -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
@@ -22,13 +23,14 @@ def draw_history(workspace: Workspace) -> None:
     imgui.set_next_window_size(ImVec2(_SIZE[0], _SIZE[1]), imgui.Cond_.appearing)
     corner = ImVec2(wide - _FROM_RIGHT, _FROM_TOP)
     imgui.set_next_window_pos(corner, imgui.Cond_.appearing, ImVec2(1.0, 0.0))
-    shown, stays = imgui.begin("History", True, imgui.WindowFlags_.no_saved_settings)
+    shown, stays = imgui.begin(labelled(tr("History"), "History"), True, imgui.WindowFlags_.no_saved_settings)
     workspace.history_shown = bool(stays)
     if shown:
         steps, at = editor.history.steps, editor.history.at
         for number, name in enumerate(steps):
             with tinted(FAINT if number > at else INK, imgui.Col_.text):
-                label = name[:1].upper() + name[1:] if name else "As it was opened"
+                told = tr(name)
+                label = told[:1].upper() + told[1:] if name else tr("As it was opened")
                 if imgui.selectable(f"{label}###step {number}", number == at)[0]:
                     editor.go_to(number)
             workspace.remember(f"step {number}")

@@ -33,7 +33,7 @@ def draw_key_list(workspace: Workspace) -> None:
             return
         imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - 10))
         count = max(min(int(imgui.get_content_region_avail().x / _COLUMN), 3), 1)
-        for column in _columns([*parts, ("Mouse", list(_MOUSE))], count):
+        for column in _columns([*parts, (tr("Mouse"), list(_MOUSE))], count):
             imgui.begin_group()
             imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _COLUMN - _BETWEEN)
             for title, lines in column:

@@ -9,34 +9,49 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import FEET, Layer, Playing, Project, RigBase, Shape
 from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import heading, quiet
 from enliven_viewer.studio.workspace import Workspace
 
 _NUMBERS = {
-    "weight": (0.0, 1.0, "weight %.2f"),
-    "offset": (-5.0, 30.0, "begins at %.2f s"),
-    "speed": (-3.0, 3.0, "speed %.2f"),
-    "smooth": (0.0, 0.5, "smoothed over %.2f s"),
-    "ease": (0.0, 1.0, "comes and goes in %.2f s"),
+    "weight": (0.0, 1.0, later("weight %.2f")),
+    "offset": (-5.0, 30.0, later("begins at %.2f s")),
+    "speed": (-3.0, 3.0, later("speed %.2f")),
+    "smooth": (0.0, 0.5, later("smoothed over %.2f s")),
+    "ease": (0.0, 1.0, later("comes and goes in %.2f s")),
 }
 """Lowest, highest, and how the number is written."""
 _SLOWEST = 0.02
 """Speed next to 0 that a slider gives: at 0 nothing plays."""
 _TOLD = {
-    "loop": "Begin again at the end",
-    "muted": "It does not play",
-    "hold": "The first and the last frame stand beyond the clips; otherwise nothing plays there",
-    "mirrored": "Play the take's mirror image: left for right",
-    "travel": "Go through the world with the performer, on its feet",
-    "level_feet": "Where the weight goes from one foot to another, both have one height",
+    "loop": later("Begin again at the end"),
+    "muted": later("It does not play"),
+    "hold": later("The first and the last frame stand beyond the clips; otherwise nothing plays there"),
+    "mirrored": later("Play the take's mirror image: left for right"),
+    "travel": later("Go through the world with the performer, on its feet"),
+    "level_feet": later("Where the weight goes from one foot to another, both have one height"),
 }
 """What the switches mean that the layers of some rig have."""
+_LABELS = {
+    "weight": later("weight"),
+    "offset": later("offset"),
+    "speed": later("speed"),
+    "smooth": later("smooth"),
+    "ease": later("ease"),
+    "loop": later("loop"),
+    "muted": later("muted"),
+    "hold": later("hold"),
+    "mirrored": later("mirrored"),
+    "travel": later("travel"),
+    "level_feet": later("level feet"),
+}
+"""Names of the numbers and switches."""
 _FEET = {
-    "auto": "Auto: held where they stand",
-    "always": "Always: no foot slides",
-    "never": "Never: as performed",
-    "ground": "Grounding: none below the floor",
+    "auto": later("Auto: held where they stand"),
+    "always": later("Always: no foot slides"),
+    "never": later("Never: as performed"),
+    "ground": later("Grounding: none below the floor"),
 }
 """What the ways of feet to stand are called."""
 _SECOND = 126.0
@@ -53,11 +68,11 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
     imgui.same_line(imgui.get_content_region_avail().x - 52)
-    if imgui.small_button("Remove##layer"):
+    if imgui.small_button(labelled(tr("Remove"), "remove layer")):
         editor.edit("remove a layer", lambda project: remove_layer(project, name, number))
         return
     workspace.remember("remove layer")
-    quiet(f"take {layer.take}")
+    quiet(tr("take {0}", layer.take))
     _takes(workspace, layer)
     held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
@@ -65,11 +80,11 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     for field, (low, high, said) in _NUMBERS.items():
         if field in held:
             change = _changing(name, number, field)
-            slider(workspace, f"layer {field}", getattr(layer, field), low, high, said, change)
+            slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, said, change)
     for place, field in enumerate(field for field in _TOLD if field in held):
         if place % 2:
             imgui.same_line(_SECOND)
-        label, change = field.replace("_", " "), _changing(name, number, field)
+        label, change = _LABELS[field], _changing(name, number, field)
         switch(workspace, label, getattr(layer, field), change, _TOLD[field])
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
@@ -89,7 +104,7 @@ def _takes(workspace: Workspace, layer: Playing) -> None:
             takes.choose(recorded)
         workspace.remember(f"hear {recorded}")
         imgui.same_line(imgui.get_content_region_avail().x - 44)
-        if imgui.small_button(f"Delete##{recorded}"):
+        if imgui.small_button(labelled(tr("Delete"), f"delete {recorded}")):
             takes.drop(recorded)
         workspace.remember(f"drop {recorded}")
 
@@ -114,9 +129,9 @@ def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> Non
     def travel(project: Project, on: float) -> Project:
         return set_travel(project, shape.id, layer.id if on else None)
 
-    tip = "Bend the chain so that its end goes where the take's end goes"
+    tip = tr("Bend the chain so that its end goes where the take's end goes")
     switch(workspace, "lead the end", layer.mode == "end", lead, tip)
-    tip = "The shape goes where the take's root goes. P keeps chosen feet where they stand."
+    tip = tr("The shape goes where the take's root goes. P keeps chosen feet where they stand.")
     switch(workspace, "root travels", shape.travel == layer.id, travel, tip)
 
 
@@ -125,7 +140,7 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
     name, jointed = character.id, isinstance(character, Shape)
     quiet("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(feet), [_FEET[one] for one in FEET])
+    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FEET[one]) for one in FEET])
     workspace.remember("feet")
     if jointed:
         told("Feet that are not pinned yet (P) are found where you ask for more than Auto")
@@ -133,11 +148,13 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
         told("What stands on the floor at rest; or the feet that you named (E)")
     again = False
     if not jointed and feet != "never":
-        again = imgui.button("Find the feet again", ImVec2(-1, 0))
+        again = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
         told("They are held as it moved when you chose this; after other edits of its clips, find them again")
     if again or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
         numbers, way = next(mine, (number,)), FEET[wanted]
-        workspace.editor.edit(f"feet: {way}", lambda project: lock_feet(project, name, numbers, way))
+        workspace.editor.edit(
+            later("feet: {0}", _FEET[way]), lambda project: lock_feet(project, name, numbers, way)
+        )

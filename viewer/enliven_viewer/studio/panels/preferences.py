@@ -22,7 +22,7 @@ _THEME = 130.0
 """Pixels of the choice of a theme: its longest name."""
 _THEMES = Texts({"dark": "Dark", "light": "Light"})
 _COLOURS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
-"""What the sets are called; the second is also for people who mix up red and green."""
+"""Names of the sets; the second is also for people who mix up red and green."""
 _FREE = 42.0
 """Pixels beside it of the button that takes the key away."""
 

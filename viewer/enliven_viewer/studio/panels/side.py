@@ -8,6 +8,7 @@ from enliven.document import FREE, Project, RigBase, Shape
 from enliven.mapping import own_clips, play_own_clip, played_clip
 from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
+from enliven_viewer.language import labelled, later, tr, tr_n
 from enliven_viewer.studio.panels.fields import character_name, slider, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
@@ -37,7 +38,9 @@ _TOGETHER = (
     "edit.delete",
 )
 """Actions on all that is chosen."""
-_NO_CLIP, _OTHER_MOTION = "no clip", "other motion"
+_SWING = later("of soft spots")
+"""Which swing a slider gives, as the history tells it."""
+_NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
 """What the choice of clips is called where none of them plays."""
 _JOINTED = ("motion.spread", "motion.clear")
 """Actions that only characters with bones have."""
@@ -64,7 +67,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
 
 def _chosen(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
-    heading(f"Chosen {character.word}")
+    heading(tr("Chosen {0}", tr(character.word)))
     character_name(workspace, character)
     if editor.chosen() is not character:
         return
@@ -79,9 +82,9 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
 def made_of(character: RigBase) -> str:
     """Returns the number of a character's bones, and that it has no surface if it has none."""
     bones = int((character.parents >= 0).sum())
-    said = [f"{bones} bone{'s' * (bones != 1)}" if bones else "no bones"]
+    said = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("no bones")]
     if character.mesh is None or not len(character.mesh.vertices):
-        said.append("no surface")
+        said.append(tr("no surface"))
     return ", ".join(said)
 
 
@@ -93,10 +96,10 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
         return
     played, moved = played_clip(editor.project, shape), bool(shape.layers)
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##clip", f"Plays {played or (_OTHER_MOTION if moved else _NO_CLIP)}"):
+    if imgui.begin_combo("##clip", tr("Plays {0}", played or (_OTHER_MOTION if moved else _NO_CLIP))):
         for name in (None, *names):
             label = name or _NO_CLIP
-            pressed, _ = imgui.selectable(f"{label}###clip {label}", name == played)
+            pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played)
             if pressed and (name != played or moved):
                 _play(workspace, shape.id, name)
             workspace.remember(f"play {name or 'none'}")
@@ -107,7 +110,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
     """Let a shape play one of its clips, or none."""
-    what = f"play {clip}" if clip else "play no clip"
+    what = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
 
 
@@ -117,15 +120,15 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
     for number, (brush, word) in enumerate(BRUSHES.items()):
         if number:
             imgui.same_line()
-        if imgui.radio_button(f"{word}###brush {brush}", tool.brush == brush):
+        if imgui.radio_button(f"{tr(word)}###brush {brush}", tool.brush == brush):
             workspace.actions.do(f"paint.{brush}")
         workspace.remember(f"brush {brush}")
         told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
-    tool.radius = imgui.slider_float("##brush", tool.radius, SMALLEST, LARGEST, "size %.0f")[1]
+    tool.radius = imgui.slider_float("##brush", tool.radius, SMALLEST, LARGEST, tr("size %.0f"))[1]
     workspace.remember("brush size")
     told("The keys [ and ]")
-    if imgui.checkbox("Both sides", tool.both_sides)[0]:
+    if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
     told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
@@ -145,14 +148,14 @@ def _swing(workspace: Workspace, name: str) -> None:
     def change(project: Project, wanted: float) -> Project:
         return handle_characters(project, [name], exaggeration=wanted)
 
-    slider(workspace, "swing of soft spots", far, 0.0, MAX_EXAGGERATION, "swing %.1f", change)
+    slider(workspace, f"swing {_SWING}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
     told("How far soft spots swing past the motion. 0: not at all. 1: as a mass on a spring")
 
 
 def _several(workspace: Workspace) -> None:
     """What can be done to several characters at once."""
     names = workspace.editor.selection.characters
-    heading(f"{len(names)} shapes are chosen")
+    heading(tr("{0} shapes are chosen", len(names)))
     quiet(", ".join(names))
     draw_numbers(workspace)
     _buttons(workspace, _TOGETHER)

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
@@ -40,15 +41,15 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         size = imgui.get_content_region_avail()
         tool.source.size = (max(size.x, 1.0), max(size.y - _ROWS - (_SAID if tool.made else 0.0), 1.0))
         _picture(workspace, tool, texture)
-        _, tool.loop = imgui.checkbox("loop", tool.loop)
+        _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
         workspace.remember("loop")
         imgui.same_line()
-        if imgui.button("Matches", ImVec2(84, 0)):
+        if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
         told("Rank the parts of the chosen shape that look like the take as it stands now")
         imgui.same_line()
-        if imgui.button("Whole body", ImVec2(-34, 0)):
+        if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
         workspace.remember("whole body")
         told("Map every limb of the take onto a limb of the chosen shape at once")
@@ -62,19 +63,23 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
 
 
 _WHOLE = (
-    ("floor", "On the floor", "Keep what stands on the floor, by its lowest point"),
-    ("steps", "Steps", "Let legs of another build than the performer's step where the performer's feet do"),
-    ("travel", "Travels", "Let it go where the performer goes"),
-    ("pin", "Feet hold", "Hold feet in their place while they stand"),
+    ("floor", later("On the floor"), later("Keep what stands on the floor, by its lowest point")),
+    (
+        "steps",
+        later("Steps"),
+        later("Let legs of another build than the performer's step where the performer's feet do"),
+    ),
+    ("travel", later("Travels"), later("Let it go where the performer goes")),
+    ("pin", later("Feet hold"), later("Hold feet in their place while they stand")),
     (
         "stretch",
-        "Bones stretch",
-        "Let its bones get longer and thinner as the take's do, in its own size",
+        later("Bones stretch"),
+        later("Let its bones get longer and thinner as the take's do, in its own size"),
     ),
     (
         "limits",
-        "Joint limits",
-        "Keep joints of a model that is not a person within what its own clips show, and a margin",
+        later("Joint limits"),
+        later("Keep joints of a model that is not a person within what its own clips show, and a margin"),
     ),
 )
 """How a whole body is mapped: the setting, its label, and what it does."""
@@ -90,11 +95,17 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE:
-        on = imgui.checkbox(f"{label}###{name}", getattr(tool.whole, name))[1]
+        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole, name))[1]
         setattr(tool.whole, name, on)
         workspace.remember(f"whole {name}")
         told(about)
-    _, tool.gentle = imgui.checkbox("Move limbs less where the surface would stretch", tool.gentle)
+    _, tool.gentle = imgui.checkbox(
+        labelled(
+            tr("Move limbs less where the surface would stretch"),
+            "Move limbs less where the surface would stretch",
+        ),
+        tool.gentle,
+    )
     workspace.remember("whole gentle")
     told("Movements are weighted down, both sides alike, until the surface stretches by little")
     imgui.end_popup()
@@ -104,30 +115,34 @@ def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     """How good a mapped motion is, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
-        pose_line = "Limbs point as the performer's do"
+        pose_line = tr("Limbs point as the performer's do")
     else:
-        pose_line = f"Limbs point elsewhere than the performer's: see {worst}"
+        pose_line = tr("Limbs point elsewhere than the performer's: see {0}", worst)
     said = [pose_line] if quality.limbs else []
     if quality.stretch > BOUND:
-        said.append(f"The surface stretches too much, at {', '.join(quality.joints[:2])}")
+        said.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
     else:
-        said.append("The surface stretches little")
+        said.append(tr("The surface stretches little"))
     floor = []
     if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > LEVEL:
-        floor.append("it sinks into the floor or floats above it")
+        floor.append(tr("it sinks into the floor or floats above it"))
     if quality.slide is not None and quality.slide > SLIDE:
-        floor.append("feet slide")
+        floor.append(tr("feet slide"))
     if quality.through > THROUGH:
-        floor.append(f"it goes through itself: {', '.join(quality.parts[:2])}")
+        floor.append(tr("it goes through itself: {0}", ", ".join(quality.parts[:2])))
     less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
-    return [*said, *([", ".join(floor)] if floor else []), *([f"Moved less: {told_less}"] if less else [])]
+    return [
+        *said,
+        *([", ".join(floor)] if floor else []),
+        *([tr("Moved less: {0}", told_less)] if less else []),
+    ]
 
 
 def _takes(workspace: Workspace, tool: MapTool) -> None:
     takes = workspace.editor.project.takes
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##take", tool.source.take or "choose a take"):
+    if imgui.begin_combo("##take", tool.source.take or tr("choose a take")):
         for name in takes:
             if imgui.selectable(f"{name}###take {name}", name == tool.source.take)[0]:
                 tool.source.show(name)
@@ -152,7 +167,9 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
     else:
         draw.add_rect_filled(origin, corner, packed(DARK), 6.0)
     with small():
-        words = f"{len(source.chain) - 1} bones chosen" if len(source.chain) > 1 else "click a chain"
+        words = (
+            tr("{0} bones chosen", len(source.chain) - 1) if len(source.chain) > 1 else tr("click a chain")
+        )
         draw.add_text(ImVec2(origin.x + 8, origin.y + 6), packed(CHAIN if source.chain else QUIET), words)
     at = imgui.get_mouse_pos()
     place = (at.x - origin.x, at.y - origin.y)

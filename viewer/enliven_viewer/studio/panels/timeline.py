@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.modal import action_tip
@@ -33,8 +34,10 @@ _ROOMY = 760.0
 _WHEEL = 40.0
 """Pixels that the timeline moves for a notch of the wheel with Shift."""
 _PAINTER = LanePainter()
-_NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
-_NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
+_NO_MOTION = later(
+    "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
+)
+_NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's view.")
 
 
 def draw_timeline(workspace: Workspace, area: Area) -> None:
@@ -134,7 +137,7 @@ def _tracking(workspace: Workspace) -> None:
     imgui.same_line(0.0, 18.0)
     imgui.progress_bar(depth.share, ImVec2(220, 0), f"{depth.name}  {100 * depth.share:.0f} %")
     imgui.same_line()
-    if imgui.button("Stop##tracking"):
+    if imgui.button(labelled(tr("Stop"), "stop tracking")):
         depth.cancel()
     workspace.remember("stop tracking")
 

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.modeling.edits import remove_marker, rename_marker
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.fields import name_field
 from enliven_viewer.studio.panels.style import packed, small
 from enliven_viewer.studio.sound import envelope
@@ -79,7 +80,7 @@ def _named(workspace: Workspace) -> None:
     name = timeline.marker
     if not imgui.begin_popup(_POPUP):
         return
-    imgui.text("Marker")
+    imgui.text(tr("Marker"))
     imgui.set_next_item_width(160)
     if imgui.is_window_appearing():
         imgui.set_keyboard_focus_here()
@@ -90,11 +91,11 @@ def _named(workspace: Workspace) -> None:
         imgui.close_current_popup()
 
     name_field(workspace, "marker", name, rename)
-    if imgui.button("Remove##marker"):
+    if imgui.button(labelled(tr("Remove"), "Remove marker")):
         editor.edit("remove marker", lambda project: remove_marker(project, name))
         timeline.marker = ""
     imgui.same_line()
-    if imgui.button("Done##marker"):
+    if imgui.button(labelled(tr("Done"), "Done marker")):
         timeline.marker = ""
     if not timeline.marker:
         imgui.close_current_popup()

@@ -6,6 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Position, Velocity
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.examples import constraints_of
 from enliven_viewer.studio.panels.examples import constraint_text
 from enliven_viewer.studio.panels.style import packed, small
@@ -28,7 +29,7 @@ from enliven_viewer.theme import (
     point_colour,
 )
 
-_LABELS = {"poses": "key poses", "band": "on the floor", "held": "held hard"}
+_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
 _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
 
@@ -43,7 +44,7 @@ def draw_details(
     details = workspace.timeline.rows.details
     edited = lane.kind == "band" and details.layer(lane.layers[0]).switches is not None
     with small():
-        label = _LABELS[lane.kind] + ("   \uf0e2 find again" if edited else "")
+        label = tr(_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
         draw.add_text(ImVec2(origin.x + 28, top + lane.height / 2 - 7), packed(QUIET), label)
     {"poses": _poses, "band": _bands, "held": _held}[lane.kind](workspace, layout, lane, origin)
 
@@ -90,7 +91,7 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
         draw.add_rect_filled(low, high, packed(tint, 0.75), 2.0)
         if right - left > 52:
             with small():
-                word = "contact" if switch.kind == "contact" else "flight"
+                word = tr("contact") if switch.kind == "contact" else tr("flight")
                 draw.add_text(ImVec2(origin.x + left + 7, top), packed(ON_COLOUR), word)
         if number:
             marked = rows.marked
@@ -126,16 +127,16 @@ def tell_details(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -
     at, project = imgui.get_mouse_pos(), layout.project
     handle = layout.handle_at(at.x - origin.x, at.y - origin.y)
     said = {
-        "pose": "Click: edit this key pose. Drag: another moment for it.",
-        "suggested": "No example is like this moment. Click: pose the puppet for it.",
-        "switch": "Drag: when the puppet leaves or touches the floor. Delete takes it away.",
-        "band": "Double click: a switch here. Green: on the floor, blue: in flight.",
-        "found": "Contacts and flights; click to find them again after editing.",
+        "pose": tr("Click: edit this key pose. Drag: another moment for it."),
+        "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
+        "switch": tr("Drag: when the puppet leaves or touches the floor. Delete takes it away."),
+        "band": tr("Double click: a switch here. Green: on the floor, blue: in flight."),
+        "found": tr("Contacts and flights; click to find them again after editing."),
     }.get(handle.kind, "")
     if handle.kind == "held":
         held = constraints_of(project, handle.character, handle.number)[handle.item]
         take = project.takes[project.characters[handle.character].playing[handle.number].take]
-        said = f"{constraint_text(held, take.step)}. Delete lets go."
+        said = tr("{0}. Delete lets go.", constraint_text(held, take.step))
     if said:
         imgui.set_tooltip(said)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from enliven_viewer.language import later
 from enliven_viewer.live import PARTS, LiveStage
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.perform.physics import LOOSE_LABELS
@@ -46,7 +47,7 @@ class PerformAction:
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
-NO_STAGE = "No stage is connected. Connect to one, or start one, in the Perform workspace"
+NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Perform workspace")
 """What is said of actions that need a stage."""
 
 

@@ -15,6 +15,7 @@ from PIL import Image
 
 from enliven.arrays import UInt8
 from enliven.commands import start_process
+from enliven_viewer.language import later, tr
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +23,7 @@ _SECONDS = "0.6"
 """Seconds of depth in a look: some images, and the rate."""
 _MOST = 1 << 20
 """Bytes of the edge's answer that are read: a thousand cameras."""
-_MISSING = "The edge is not installed here, so only cameras of other computers can be used."
+_MISSING = later("The edge is not installed here, so only cameras of other computers can be used.")
 
 
 class Camera(msgspec.Struct, frozen=True):
@@ -137,23 +138,23 @@ class CameraSearch:
         except (msgspec.MsgspecError, IndexError, RecursionError):
             log.debug("cameras: %r", text[-400:])
             self.cameras = ()
-            self.problem = "The edge could not list its cameras. Type: enliven doctor" if failed else ""
+            self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
 
     def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
         """Take the picture of a look, or what went wrong."""
         lines = [line.strip() for line in said.splitlines() if line.strip()]
         if failed or not path.is_file():
-            why = (lines or ["it sent no frame"])[-1].removeprefix("enliven: ")
+            why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")
             self.looked, self.picture = (camera, why), None
             return
         try:
             with Image.open(path) as image:
                 self.picture = np.asarray(image.convert("RGB"), np.uint8)
         except (OSError, ValueError):
-            self.looked, self.picture = (camera, "its picture could not be read"), None
+            self.looked, self.picture = (camera, tr("its picture could not be read")), None
             return
         self.number += 1
-        self.looked = (camera, "near is bright")
+        self.looked = (camera, tr("near is bright"))
 
 
 def _text(file: IO[str]) -> str:

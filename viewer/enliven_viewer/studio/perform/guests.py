@@ -8,6 +8,7 @@ from typing import Any
 
 from enliven.matching import Board
 from enliven.wire import CALLS, CAMERA, CameraMessage, Topic
+from enliven_viewer.language import tr
 from enliven_viewer.link import EdgeClient, EdgeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -69,7 +70,7 @@ class Guest:
     def present(self) -> tuple[str, ...]:
         """What is there, a line each."""
         numbers = self.live.numbers
-        people = (f"Performer {numbers.number_of(body)} at {self.name}" for body in self.performers)
+        people = (tr("Performer {0} at {1}", numbers.number_of(body), self.name) for body in self.performers)
         return (*people, *self._client.characters)
 
     @property

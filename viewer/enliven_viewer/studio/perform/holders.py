@@ -5,8 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from enliven.wire import HoldMessage
+from enliven_viewer.language import later, tr
 
-_WORDS = {"all": "the whole body", "arms": "both arms", "legs": "both legs", "hands": "both hands"}
+_WORDS = {
+    "all": later("the whole body"),
+    "arms": later("both arms"),
+    "legs": later("both legs"),
+    "hands": later("both hands"),
+    "hip + right arm": later("hip and the right arm"),
+}
 """Parts of the body by what an artist calls them; others are said as they are."""
 
 
@@ -29,8 +36,13 @@ class Holder:
     @property
     def words(self) -> str:
         """For an audience: "Performer 1 is in the horse: both arms"."""
-        parts = [_WORDS.get(part, part.replace(" + ", " and the ")) for part in self.parts]
-        return f"Performer {self.number or self.body} is in the {self.character}: {' and '.join(parts)}"
+        parts = [tr(_WORDS.get(part, part)) for part in self.parts]
+        return tr(
+            "Performer {0} is in the {1}: {2}",
+            self.number or self.body,
+            self.character,
+            tr(" and ").join(parts),
+        )
 
 
 class Holders:

@@ -11,6 +11,7 @@ from pathlib import Path
 from enliven.commands import start_process
 from enliven.errors import ResourceError
 from enliven.wire import Endpoint, free_ports
+from enliven_viewer.language import tr
 
 _GRACE = 5.0
 """Seconds that an edge has to close its sensor before it is killed."""
@@ -31,8 +32,8 @@ class NearbyEdge:
 
     def __init__(self, *words: str) -> None:
         if find_spec("enliven_edge") is None:
-            mend = "Install it: pip install enliven-edge, or connect to an edge on the network."
-            raise ResourceError("the edge's program is not installed here", where="stage", mend=mend)
+            mend = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
+            raise ResourceError(tr("the edge's program is not installed here"), where="stage", mend=mend)
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
         ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
@@ -46,7 +47,7 @@ class NearbyEdge:
             return None
         self._log.seek(0)
         said = [line.strip() for line in self._log.read().splitlines() if line.strip()]
-        return said[-1] if said else "it ended"
+        return said[-1] if said else tr("it ended")
 
     def close(self) -> None:
         """End it."""

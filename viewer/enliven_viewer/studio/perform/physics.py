@@ -5,18 +5,19 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
+from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
-LOOSE_LABELS = ("Nothing loose", "Towers of boxes", "Dodgeball")
-"""What people call each of :data:`LOOSE_WORLDS`."""
-_OLD_EDGE = "This stage's program is older: start it with --physics boxes."
+LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
+"""Names for artists of each of :data:`LOOSE_WORLDS`."""
+_OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
 _HINTS = {
-    "off": "Boxes and balls that a character can knock over.",
-    "preparing": "The objects are being made ready.",
-    "on": "They appear once a performer stands still. Step in, and knock them over.",
+    "off": later("Boxes and balls that a character can knock over."),
+    "preparing": later("The objects are being made ready."),
+    "on": later("They appear once a performer stands still. Step in, and knock them over."),
 }
 
 
@@ -32,7 +33,7 @@ class StagePhysics:
         self.state: PhysicsMessage | None = None
 
     def advance(self, client: EdgeClient) -> None:
-        """Takes in what the edge tells."""
+        """Take in the edge's messages."""
         client.take(PHYSICS)
         self.state = client.latest(PHYSICS).get("")
 
@@ -48,7 +49,7 @@ class StagePhysics:
 
     @property
     def words(self) -> str:
-        """What it needs, or why it cannot be: two sentences at most."""
+        """What to do to get objects, or the reason against them: two sentences at most."""
         state = self.state
         if state is None:
             return _OLD_EDGE
@@ -58,7 +59,7 @@ class StagePhysics:
 
     @property
     def has_problem(self) -> bool:
-        """Whether the words are a reason why there are no objects."""
+        """Whether the words are a reason against objects."""
         return self.state is not None and self.state.state in ("missing", "failed")
 
     def ask(self, client: EdgeClient | None, number: int) -> None:
@@ -68,4 +69,4 @@ class StagePhysics:
 
     def _answered(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._editor.toasts.say("There is no physics on this stage", answer.reason)
+            self._editor.toasts.say(tr("There is no physics on this stage"), answer.reason)

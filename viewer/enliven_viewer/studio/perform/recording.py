@@ -9,6 +9,7 @@ from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import alternatives_of, choose_take
 from enliven.takes import Performed, with_performed
+from enliven_viewer.language import later, tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.guests import Guest
@@ -87,7 +88,7 @@ class StageRecording:
             elif (self.recorder.cut and not self._guests) or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
-                    "The edge is gone, so the recording ended", "What was done until then is kept."
+                    tr("The edge is gone, so the recording ended"), tr("What was done until then is kept.")
                 )
 
     @property
@@ -129,7 +130,7 @@ class StageRecording:
         """
         if self.phase == "idle":
             if not self.recorded:
-                self.editor.toasts.say("There is no recording to take again", "Record first.")
+                self.editor.toasts.say(tr("There is no recording to take again"), tr("Record first."))
                 return
             alternatives = alternatives_of(self.editor.project, self.recorded)
             if beside:
@@ -153,7 +154,7 @@ class StageRecording:
     def _silence(self, alternatives: str) -> None:
         """Let none of some takes be heard, for one more that is recorded."""
         self.editor.edit(
-            f"{_SILENCE}{alternatives}", lambda p: choose_take(p, alternatives, ""), over_locks=True
+            later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
         )
         self._beside = alternatives
 
@@ -186,10 +187,10 @@ class StageRecording:
             made.extend(names)
             return after
 
-        if editor.edit(f"{_RECORD}{performed.name}", change, over_locks=True):
+        if editor.edit(later("record {0}", performed.name), change, over_locks=True):
             told = [name for name in made if name in editor.project.characters] or made
             editor.toasts.say(
-                f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
+                tr("Recorded {0}", ", ".join(told)), tr("Ctrl+Z takes it back; record again to add to it.")
             )
             editor.scrub(start)
             editor.playing, self._fresh = True, told[-1]
@@ -278,6 +279,6 @@ def _recorded(
         after, new = with_performed(after, one, begin, replaces=replaces, beside=beside)
         names += new
     if not names:
-        what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
+        what, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
         raise InputError(what, where="recording", mend=mend)
     return after, names

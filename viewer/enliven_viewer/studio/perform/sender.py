@@ -9,6 +9,7 @@ from functools import partial
 from enliven.document import GraphShape, Project, Puppet, RigBase
 from enliven.formats.project import project_of_mesh, texture_bytes
 from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
+from enliven_viewer.language import later, tr
 from enliven_viewer.link import StageLink
 
 _REST = 0.25
@@ -84,23 +85,25 @@ class StageSender:
         if isinstance(answer, Done):
             self.states[name] = "on the stage"
             if not again:
-                self._tell(f"{name} stands on the stage", self._said(name))
+                self._tell(tr("{0} stands on the stage", name), self._said(name))
         elif isinstance(answer, Refused):
-            self.states[name] = f"refused: {answer.reason}"
-            self._tell(f"{name} cannot stand on the stage", answer.reason)
+            self.states[name] = later("refused: {0}", answer.reason)
+            self._tell(tr("{0} cannot stand on the stage", name), answer.reason)
 
     def _said(self, name: str) -> str:
         """What an artist should know of what was put there."""
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
-            return f"Its textures stay here: they have more than {most} MB. Make their pictures smaller."
-        return "It follows every edit."
+            return tr(
+                "Its textures stay here: they have more than {0} MB. Make their pictures smaller.", most
+            )
+        return tr("It follows every edit.")
 
     def _removed(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._tell(f"{name} is not taken from the stage", answer.reason)
+            self._tell(tr("{0} is not taken from the stage", name), answer.reason)
         else:
-            self._tell(f"{name} is gone from the stage", "")
+            self._tell(tr("{0} is gone from the stage", name), "")
 
 
 def _stands_alike(one: RigBase, sent: RigBase) -> bool:

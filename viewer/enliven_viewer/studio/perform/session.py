@@ -8,6 +8,7 @@ from typing import Any
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import CALLS, CameraMessage, Topic, parse_endpoint
+from enliven_viewer.language import tr
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -111,8 +112,8 @@ class PerformSession:
             return
         known = [self._client.edges[0].endpoint, *(parse_endpoint(one.address) for one in self.guests)]
         if parse_endpoint(wanted) in known:
-            mend = "Give the address of another camera's computer."
-            raise InputError("that stage is here already", where=wanted, mend=mend)
+            mend = tr("Give the address of another camera's computer.")
+            raise InputError(tr("that stage is here already"), where=wanted, mend=mend)
         self.guests.append(Guest(wanted, len(self.guests) + 1, settings))
         self.addresses.remember(wanted)
 
@@ -228,9 +229,9 @@ class PerformSession:
         """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
         if self.live is None:
             return ()
-        people = (f"Performer {self.live.numbers.number_of(body)}" for body in self.performers)
+        people = (tr("Performer {0}", self.live.numbers.number_of(body)) for body in self.performers)
         beside = (line for guest in self.guests for line in guest.present)
-        return (*people, *self.standing, *beside) or ("No one is there yet",)
+        return (*people, *self.standing, *beside) or (tr("No one is there yet"),)
 
     @property
     def standing(self) -> tuple[str, ...]:
@@ -310,15 +311,17 @@ class PerformSession:
         if self.connected:
             return ""
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
-            return f"{self.live.making}. Wait until somebody is seen"
+            return tr("{0}. Wait until somebody is seen", self.live.making)
         return "The stage is silent. Look whether its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """Why the microphone cannot be switched, and what to do about it."""
-        return self.lacks_edge() or (f"{self.voice.status}. Update it" if self.voice.state is None else "")
+        """The reason why the microphone cannot be switched, with advice."""
+        return self.lacks_edge() or (
+            tr("{0}. Update it", self.voice.status) if self.voice.state is None else ""
+        )
 
     def lacks_physics(self) -> str:
-        """Why the physics cannot be switched, and what to do about it."""
+        """The reason why the physics cannot be switched, with advice."""
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
@@ -348,8 +351,8 @@ class PerformSession:
         """Put a character on the stage, or on the next one that is connected to."""
         self._soon = (*(one for one in self._soon if one != name), name)
         if not self.connected:
-            said = f"{name} goes onto the stage as soon as there is one"
-            self.editor.toasts.say(said, "Connect to a camera at the right, or to a recorded person.")
+            said = tr("{0} goes onto the stage as soon as there is one", name)
+            self.editor.toasts.say(said, tr("Connect to a camera at the right, or to a recorded person."))
 
     @property
     def waiting(self) -> tuple[str, ...]:
@@ -373,7 +376,7 @@ class PerformSession:
     def _may(self, lacking: str) -> bool:
         """Whether nothing is lacking; says what is."""
         if lacking:
-            self.editor.toasts.say(*lacking.split(". "))
+            self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from enliven.document import FREE
 from enliven.modeling.edits import handle_characters
 from enliven.wire import SIZES, Answer, Order, Refused, Resize, SizeMessage
+from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
@@ -91,12 +92,12 @@ class StageSizes:
         now = time.monotonic()
         if self.going is not None:
             size = f"{self.going}: {self.of(self.going):.0%}"
-            self.words = size, "Hands apart: larger. Together: smaller. Hold still, and it stays."
+            self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
             self._words_until = now + _SHOWN
         elif self.words is not None:
             ended = next((name for name, said in before.items() if said.body >= 0), None)
             if ended is not None:
-                self.words = f"{ended}: {self.of(ended):.0%}", "It stays."
+                self.words = f"{ended}: {self.of(ended):.0%}", tr("It stays.")
                 self._editor.frame_all(reset=False)
             if now > self._words_until:
                 self.words = None
@@ -108,7 +109,7 @@ class StageSizes:
 
     def _edit(self, name: str, size: float) -> None:
         self._editor.edit(
-            f"size of {name}: {size:.0%}",
+            later("size of {0}: {1:.0%}", name, size),
             lambda project: handle_characters(project, [name], size=size),
             over_locks=True,
         )
@@ -132,5 +133,5 @@ class StageSizes:
     def _answered(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._asked[order.do, order.character or ""] = wanted, float("inf")
-            what = "stays as large as it is" if order.do == "set" else "swings as before"
-            self._editor.toasts.say(f"{order.character} {what} on the stage", answer.reason)
+            what = tr("stays as large as it is") if order.do == "set" else tr("swings as before")
+            self._editor.toasts.say(tr("{0} {1} on the stage", order.character, what), answer.reason)

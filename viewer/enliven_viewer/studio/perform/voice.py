@@ -1,21 +1,22 @@
-"""Spoken commands in the window: the state of the edge's microphone, and what it heard last."""
+"""Spoken commands in the window: the state of the edge's microphone, and the words it heard last."""
 
 from __future__ import annotations
 
 import time
 
 from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, VoiceMessage
+from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
 SHOWN_S = 5.0
 """Seconds for which an utterance is shown: read by a performer across the room, and gone before the next."""
-_OLD_EDGE = "This stage's program is older and has no switch for the microphone"
+_OLD_EDGE = later("This stage's program is older and has no switch for the microphone")
 _STATES = {
-    "off": "The microphone is off",
-    "starting": "The microphone is being opened",
-    "listening": "Listening",
-    "missing": "No microphone",
+    "off": later("The microphone is off"),
+    "starting": later("The microphone is being opened"),
+    "listening": later("Listening"),
+    "missing": later("No microphone"),
 }
 
 
@@ -36,7 +37,7 @@ class StageVoice:
         self._asked: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
-        """Takes in what the edge tells; opens the microphone of a stage of this window if it is wanted."""
+        """Take in the edge's messages; open the microphone of a stage of this window if it is wanted."""
         for message in client.take(HEARD):
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         client.take(VOICE)
@@ -62,13 +63,13 @@ class StageVoice:
 
     @property
     def words(self) -> str:
-        """What was heard in the last seconds; empty for nothing."""
+        """The words that were heard in the last seconds; empty for none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._until:
             return ""
         if heard.understood:
-            return f"Heard: {heard.words}" + (f" ({heard.refused})" if heard.refused else "")
-        return f"Not understood: {heard.words}" if heard.words else "Not understood"
+            return tr("Heard: {0}", heard.words) + (f" ({heard.refused})" if heard.refused else "")
+        return tr("Not understood: {0}", heard.words) if heard.words else tr("Not understood")
 
     @property
     def status(self) -> str:
@@ -80,12 +81,14 @@ class StageVoice:
 
     @property
     def advice(self) -> str:
-        """What to do: to repair the microphone, or what to say."""
+        """Advice: how to repair the microphone, or which words to say."""
         if self.state is None:
             return ""
         if self.state.state == "missing":
             return self.state.mend
-        return f"Say: {', '.join(self.state.phrases[:2])} ..." if self.state.state == "listening" else ""
+        return (
+            tr("Say: {0} ...", ", ".join(self.state.phrases[:2])) if self.state.state == "listening" else ""
+        )
 
     @property
     def phrases(self) -> tuple[tuple[str, str], ...]:
@@ -104,4 +107,4 @@ class StageVoice:
     def _answered(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted = False
-            self._editor.toasts.say("The microphone stays as it is", answer.reason)
+            self._editor.toasts.say(tr("The microphone stays as it is"), answer.reason)

@@ -16,6 +16,7 @@ from enliven.document import Clip, Skeleton
 from enliven.examples import yaw_of
 from enliven.mapping import facing_of, turned_about_y
 from enliven.modeling.puppet import play_take
+from enliven_viewer.language import later, tr
 from enliven_viewer.render import DRAG_TURN, OrbitCamera
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of, with_joint
@@ -114,7 +115,9 @@ class PerformerView:
         puppet, take = self.editor.puppets.puppet, self.take
         if puppet is not None and take is not None:
             name = puppet.id
-            if self.editor.edit(f"{name} plays {take}", lambda project: play_take(project, name, take)):
+            if self.editor.edit(
+                later("{0} plays {1}", name, take), lambda project: play_take(project, name, take)
+            ):
                 self.editor.select(layer=len(puppet.layers))
 
     def follow(self) -> None:
@@ -182,11 +185,15 @@ class PerformerView:
                 if point.joint == joint:
                     editor.choose(puppet.id, k)
                     return
-            editor.toasts.say("No control point is chosen", "Click one on the puppet, then the joint.")
+            editor.toasts.say(
+                tr("No control point is chosen"), tr("Click one on the puppet, then the joint.")
+            )
             return
         name, chosen = puppet.id, puppet.points[number]
         if chosen.joint != joint:
-            editor.edit(f"pair {chosen.name}", lambda project: with_joint(project, name, chosen.name, joint))
+            editor.edit(
+                later("pair {0}", chosen.name), lambda project: with_joint(project, name, chosen.name, joint)
+            )
 
     def move(self, at: Point) -> None:
         """Light what is under the pointer, or turn the view (and the stage with it)."""

@@ -11,6 +11,7 @@ from enliven.arrays import Float, Int
 from enliven.deformation.arap import SelfIntersection
 from enliven.document import Puppet
 from enliven.meshes import Mesh
+from enliven_viewer.language import tr
 
 _FEW = 2
 """Faces: fewer that cross are a rounding of the surface, and not worth a word."""
@@ -70,11 +71,11 @@ class SelfCrossing:
 def sentence(puppet: Puppet, faces: Int) -> str:
     """A sentence about the parts that cross; faces (K,) belong to the control point nearest at rest."""
     if not puppet.points:
-        return "the surface passes through itself"
+        return tr("the surface passes through itself")
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)
     counts = np.bincount(scipy.spatial.cKDTree(puppet.rest).query(middles)[1], minlength=len(puppet.points))
     first, *others = np.argsort(counts, kind="stable")[::-1]
     name = puppet.points[first].name
     if others and counts[others[0]] > 0.15 * counts[first]:
-        return f"{name} goes through {puppet.points[others[0]].name}"
-    return f"the surface passes through itself near {name}"
+        return tr("{0} goes through {1}", name, puppet.points[others[0]].name)
+    return tr("the surface passes through itself near {0}", name)

@@ -8,6 +8,7 @@ from enliven.arrays import Float
 from enliven.document import KeyPose, Project, Puppet
 from enliven.examples import State
 from enliven.modeling.puppet import add_key_pose, change_key_pose, key_pose_at, remove_key_pose
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
 from enliven_viewer.studio.puppets.selection import PuppetSelection
@@ -123,14 +124,16 @@ class KeyPoses(PuppetSelection):
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
         """Add a key pose, which is edited from now on; one edit."""
         if not puppet.points:
-            self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
+            self.editor.toasts.say(
+                tr("It has no control points yet"), tr("Click the mesh where it is to be held.")
+            )
             return False
         standing = self.stage.standing_of(puppet.id)
 
         def adding(project: Project) -> Project:
             return add_key_pose(project, puppet.id, take, time, places)
 
-        if not self.editor.edit(f"add key pose {len(puppet.poses) + 1}", adding):
+        if not self.editor.edit(later("add key pose {0}", len(puppet.poses) + 1), adding):
             return False
         self._edit(puppet.id, len(puppet.poses), None, standing)
         return True

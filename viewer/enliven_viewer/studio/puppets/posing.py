@@ -16,6 +16,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Puppet
 from enliven.modeling.puppet import change_key_pose, remove_point
+from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.puppets.crossing import SelfCrossing
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
@@ -108,7 +109,7 @@ class PuppetEditor(KeyPoses):
         if puppet is None or point is None:
             return False
         self.drag(point, self._start(puppet)[point] + way)
-        return self.drop(f"nudge {puppet.points[point].name}")
+        return self.drop(later("nudge {0}", puppet.points[point].name))
 
     def reset_point(self) -> bool:
         """Put the chosen control point where it is at rest."""
@@ -116,7 +117,7 @@ class PuppetEditor(KeyPoses):
         if puppet is None or point is None:
             return False
         self.drag(point, puppet.rest[point])
-        return self.drop(f"reset {puppet.points[point].name}")
+        return self.drop(later("reset {0}", puppet.points[point].name))
 
     def remove_point(self) -> bool:
         """Take the chosen control point away, also from all key poses; one edit."""
@@ -124,12 +125,15 @@ class PuppetEditor(KeyPoses):
         if puppet is None or point is None:
             return False
         name, used = puppet.points[point].name, len(puppet.poses)
-        if not self.editor.edit(f"remove {name}", lambda p: remove_point(p, puppet.id, name)):
+        if not self.editor.edit(later("remove {0}", name), lambda p: remove_point(p, puppet.id, name)):
             return False
         self.editor.select(handle=None)
         if used:
             self.editor.toasts.say(
-                f"{name} is gone, also from {used} key pose{'s' * (used > 1)}", "Ctrl+Z brings it back."
+                tr_n(
+                    "{1} is gone, also from {0} key pose", "{1} is gone, also from {0} key poses", used, name
+                ),
+                tr("Ctrl+Z brings it back."),
             )
         return True
 
@@ -151,8 +155,8 @@ class PuppetEditor(KeyPoses):
         moment = self._moment(puppet)
         if moment is None:
             self.editor.toasts.say(
-                "No take is shown, so this pose means nothing yet",
-                "Choose a take in the performer's view, go to a moment of it, and drag again.",
+                tr("No take is shown, so this pose means nothing yet"),
+                tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
             )
             return False
         there = self.pose_at(*moment)

@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.document import Project, Puppet
 from enliven.modeling.puppet import add_point
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
 from enliven_viewer.studio.puppets.solver import LARGE
@@ -52,14 +53,16 @@ class PuppetSelection:
         taken = [point.vertex for point in puppet.points]
         if vertex in taken:
             self.editor.choose(puppet.id, taken.index(vertex))
-            self.editor.toasts.say(f"{puppet.points[taken.index(vertex)].name} is there already")
+            self.editor.toasts.say(tr("{0} is there already", puppet.points[taken.index(vertex)].name))
             return False
         other = partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
         poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
         if poses is None and len(puppet.mesh.vertices) > LARGE:
-            self.editor.toasts.say(f"{puppet.id} is still being prepared", "Click again in a moment.")
+            self.editor.toasts.say(
+                tr("{0} is still being prepared", puppet.id), tr("Click again in a moment.")
+            )
             return False
 
         def change(project: Project) -> Project:
@@ -68,7 +71,9 @@ class PuppetSelection:
                 project = add_point(project, puppet.id, one, places=places)
             return project
 
-        if not self.editor.edit("put a control point" + "s" * (len(wanted) - 1), change):
+        if not self.editor.edit(
+            later("put a control point") if len(wanted) == 1 else later("put control points"), change
+        ):
             return False
         self.editor.choose(puppet.id, len(taken))
         return True
@@ -80,10 +85,11 @@ class PuppetSelection:
         if on and puppet is not None and plane_for(puppet) is None:
             self.symmetric = False
             self.editor.toasts.say(
-                f"{puppet.id} has no plane of symmetry", "Put and drag its control points one by one."
+                tr("{0} has no plane of symmetry", puppet.id),
+                tr("Put and drag its control points one by one."),
             )
 
     def _wanted(self) -> Puppet | None:
         if self.puppet is None:
-            self.editor.toasts.say("No puppet is chosen", "Click one first.")
+            self.editor.toasts.say(tr("No puppet is chosen"), tr("Click one first."))
         return self.puppet

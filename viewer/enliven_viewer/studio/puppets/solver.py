@@ -10,6 +10,7 @@ from enliven.arrays import Float
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import Puppet
 from enliven.errors import EnlivenError
+from enliven_viewer.language import tr
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 from enliven_viewer.studio.toasts import Toasts
 
@@ -47,8 +48,8 @@ class Solver:
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
         if self._count > TOLD:
             toasts.say(
-                f"{puppet.id} is a very fine mesh: it takes a moment until it can be dragged",
-                "Everything else goes on meanwhile.",
+                tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
+                tr("Everything else goes on meanwhile."),
             )
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
@@ -137,7 +138,7 @@ class Solver:
     def _take(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
         if first and self._count > TOLD:
-            self._toasts.say(f"{self._name} can be dragged now", *surface.notes[:1])
+            self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _hold(self, held: Held) -> None:
         """Other control points; beside the window where that takes long."""

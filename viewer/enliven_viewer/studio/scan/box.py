@@ -81,7 +81,7 @@ class DraggedBox:
         self._held = None
 
     def follow(self, before: Float, after: Float) -> None:
-        """Stay round what it holds where the edge places the scan anew, as it does until it knows the floor.
+        """Move with the scan when the edge places it elsewhere, as it does until it knows the floor.
 
         Args:
             before, after: (4, 4) from the scan's world to the stage. Both are upright, so that the sides

@@ -12,6 +12,7 @@ from enliven.document import Character
 from enliven.formats.project import project_of_mesh
 from enliven.meshes import Mesh
 from enliven.wire import SCAN, SCAN_PIECE, Answer, Refused, Scan, ScanMessage
+from enliven_viewer.language import later, tr
 from enliven_viewer.render import Scene
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import NO_STAGE, PerformSession
@@ -131,7 +132,7 @@ class ScanSession:
         """Begin a scan."""
         self.open()
         if lacking := self.lacks_stage():
-            self.editor.toasts.say(*lacking.split(". "))
+            self.editor.toasts.say(*tr(lacking).split(". "))
             return
         within = _WITHIN if self.way == "turned" else None
         name = self.name.strip() or None
@@ -265,9 +266,9 @@ class ScanSession:
         ends, joints = (np.array(told).reshape(-1, 3) for told in (self.said.ends, self.said.joints))
         one = one.with_changes(ends=ends, joints=joints)
         known = name in self.editor.project.characters
-        word = "add to the scan" if known else "scan"
+        step = later("add to the scan {0}", name) if known else later("scan {0}", name)
         if not self.editor.edit(
-            f"{word} {name}",
+            step,
             lambda project: project.with_streams(*made.streams.values()).with_characters(one),
         ):
             return
@@ -276,7 +277,8 @@ class ScanSession:
         self.editor.frame_all()
         self.shown = False
         self.editor.toasts.say(
-            f"{name} stands on the stage", "Step in: press Possess, or P. Ctrl+Z takes the scan back."
+            tr("{0} stands on the stage", name),
+            tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),
         )
         if self.said.note:
             self.editor.toasts.say(self.said.note, self.said.mend)

@@ -9,6 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.wire import ScanMessage
+from enliven_viewer.language import later, tr
 
 _BESIDE = 0.35
 """Radians round the thing, 20 degrees, within which a camera stands where it is wanted."""
@@ -18,10 +19,10 @@ _HIGHER = 0.25
 """Metres of height that are worth a word."""
 
 _TRACKED = {
-    "lost": ("Lost: go back to where you were", "bad"),
-    "found": ("Lost: hold still, it looks right", "wait"),
-    "unsure": ("Show it something with corners: this surface is too plain", "wait"),
-    "empty": ("Go nearer: nothing is seen", "wait"),
+    "lost": (later("Lost: go back to where you were"), "bad"),
+    "found": (later("Lost: hold still, it looks right"), "wait"),
+    "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
+    "empty": (later("Go nearer: nothing is seen"), "wait"),
 }
 """What is said by what became of the newest image."""
 
@@ -44,11 +45,11 @@ class Advice:
 def advice_of(said: ScanMessage) -> Advice:
     """Returns what to tell the person with the camera."""
     if said.phase == "paused":
-        return Advice("Paused", "wait")
+        return Advice(tr("Paused"), "wait")
     if said.phase == "finishing":
-        return Advice("It becomes a character: some seconds", "wait")
+        return Advice(tr("It becomes a character: some seconds"), "wait")
     if said.phase == "failed":
-        return Advice(said.note or "It cannot be made", "bad")
+        return Advice(said.note or tr("It cannot be made"), "bad")
     if said.phase != "scanning":
         return Advice("")
     if said.thing in ("carried", "settling", "sought", "lost"):
@@ -59,38 +60,38 @@ def advice_of(said: ScanMessage) -> Advice:
         text, mood = _TRACKED[said.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
     if said.full:
-        return Advice("It is full: nothing new is added. Press Done", "wait")
+        return Advice(tr("It is full: nothing new is added. Press Done"), "wait")
     if not said.tracking or not said.stage_from_camera:
-        return Advice("Point the camera at the thing", "wait")
+        return Advice(tr("Point the camera at the thing"), "wait")
     if said.thing == "found":
-        return Advice(f"Found again in {max(said.seconds, 0.1):.1f} s: go round it", "good", arrow=True)
+        return Advice(tr("Found again in {0:.1f} s: go round it", max(said.seconds, 0.1)), "good", arrow=True)
     if said.thing == "turning":
-        return Advice("It is followed: go on turning it" if said.view else "All round: press Done")
+        return Advice(tr("It is followed: go on turning it") if said.view else tr("All round: press Done"))
     if not said.view:
-        return Advice("All round: press Done", "good")
+        return Advice(tr("All round: press Done"), "good")
     return Advice(_way(said), "good", arrow=True)
 
 
 def _person(said: ScanMessage) -> Advice:
     """Returns what to tell a person who turns before the camera."""
     if said.tracking in ("", "empty"):
-        return Advice("Stand one to three metres before the camera, whole in view", "wait")
+        return Advice(tr("Stand one to three metres before the camera, whole in view"), "wait")
     if said.tracking != "scanning":
-        return Advice("Turn back a little, then on, more slowly", "wait")
+        return Advice(tr("Turn back a little, then on, more slowly"), "wait")
     if said.missing <= 0:
-        return Advice("All round: stand still")
-    return Advice(f"Turn on the spot, slowly: {100 * (1 - said.missing):.0f} of 100")
+        return Advice(tr("All round: stand still"))
+    return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - said.missing)))
 
 
 def _moved(said: ScanMessage) -> str:
     """Returns what to do with a thing of which it is not known where it lies."""
     if said.thing == "carried":
-        return "Taken up, or lost: lay it down, and go round it"
+        return tr("Taken up, or lost: lay it down, and go round it")
     if said.thing == "lost":
-        return "It is not found: turn it back a little, and more slowly"
+        return tr("It is not found: turn it back a little, and more slowly")
     if said.thing == "settling":
-        return f"It is looked for, {said.seconds:.0f} s: walk round it slowly"
-    return "Not found yet: walk on, show what was seen before"
+        return tr("It is looked for, {0:.0f} s: walk round it slowly", said.seconds)
+    return tr("Not found yet: walk on, show what was seen before")
 
 
 def _way(said: ScanMessage) -> str:
@@ -99,14 +100,17 @@ def _way(said: ScanMessage) -> str:
     eye, target = np.array(said.view[:3]), np.array(said.view[3:])
     round_it = _about(camera - target, eye - target)
     up = float(eye[1] - camera[1])
-    higher = "higher" if up > _HIGHER else "lower" if up < -_HIGHER else ""
+    higher = up > _HIGHER
+    held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_HIGHER else ""
     if abs(round_it) > _BEHIND:
-        return "Walk round to the other side"
+        return tr("Walk round to the other side")
     if abs(round_it) > _BESIDE:
         # Anticlockwise from above is to the right of one who looks at the middle.
-        side = "right" if round_it > 0 else "left"
-        return f"Walk on to the {side}" + (f", and hold it {higher}" if higher else "")
-    return f"Hold it {higher}" if higher else "Good: go on slowly"
+        side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
+        if not held:
+            return side
+        return tr("{0}, and hold it higher", side) if higher else tr("{0}, and hold it lower", side)
+    return held or tr("Good: go on slowly")
 
 
 def _about(one: Float, other: Float) -> float:

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from enliven.document import Project
+from enliven_viewer.language import later
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.sound.player import SoundPlayer
 
-_NONE = "There is no sound. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window."
+_NONE = later("There is no sound. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
 _MENU = "Sound"
 
 

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from enliven.arrays import Int16
 from enliven.sounds import SOUND_RATE, Sound, mixed
+from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 
 _APART = 0.08
@@ -93,8 +94,8 @@ class SoundPlayer:
         except Exception as error:  # PortAudio's own errors are no OSErrors
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
-            mend = 'Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.'
-            self.editor.toasts.say(f"The sound cannot be heard here {lacks}", mend)
+            mend = tr('Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.')
+            self.editor.toasts.say(tr("The sound cannot be heard here {0}", lacks), mend)
             return None
 
     def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:

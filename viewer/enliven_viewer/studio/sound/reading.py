@@ -10,6 +10,7 @@ import numpy as np
 from enliven.arrays import Int16
 from enliven.errors import InputError
 from enliven.sounds import SOUND_RATE, Sound
+from enliven_viewer.language import tr
 
 SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """Endings of sound files."""
@@ -30,19 +31,21 @@ def read_sound(path: Path) -> Sound:
     try:
         with av.open(where) as file:
             if not file.streams.audio:
-                raise InputError("it has no sound", where=where, mend="Give a .wav, .mp3, .ogg or .flac.")
+                raise InputError(
+                    tr("it has no sound"), where=where, mend=tr("Give a .wav, .mp3, .ogg or .flac.")
+                )
             for part in _samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
                 parts.append(part)
                 count += len(part)
                 if count > _LONGEST * SOUND_RATE:
-                    what = f"it is longer than {_LONGEST / 60:.0f} minutes"
-                    raise InputError(what, where=where, mend="Cut out the part that is performed to.")
+                    what = tr("it is longer than {0:.0f} minutes", _LONGEST / 60)
+                    raise InputError(what, where=where, mend=tr("Cut out the part that is performed to."))
     except (av.FFmpegError, OSError):
         if not count:
-            what = "it cannot be read as sound"
-            raise InputError(what, where=where, mend="Save it as .wav.") from None
+            what = tr("it cannot be read as sound")
+            raise InputError(what, where=where, mend=tr("Save it as .wav.")) from None
     if not count:
-        raise InputError("it has not one sample", where=where, mend="Save it again as .wav.")
+        raise InputError(tr("it has not one sample"), where=where, mend=tr("Save it again as .wav."))
     return Sound(path.stem, np.concatenate(parts))
 
 

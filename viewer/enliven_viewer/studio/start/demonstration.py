@@ -126,7 +126,7 @@ class Demonstration:
 
 
 def _free_name(toured: Toured, name: str) -> str:
-    """A name of which there is no file yet: nothing is replaced."""
+    """A name without a file yet: nothing is replaced."""
     browser, number, free = toured.desk.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1

@@ -28,20 +28,20 @@ _BANDS = 8
 _AIR = 10.0
 """Pixels of air around a leg."""
 _REACH = 14.0
-"""Pixels by which the stroke begins and ends beside the leg: well outside of it."""
+"""Pixels by which the stroke reaches over both sides of the leg, so that it cuts all of it."""
 _SEEN = 4.0
 """Pixels between the middles of a leg's halves: where it seems shorter, it points at the eye."""
 _BEYOND = 2 * _REACH
 """Pixels around a leg's box in which a stroke may lie: it reaches as far over both sides."""
 _BESIDE = 3.0
-"""Pixels beside a stroke in which nothing else may be: a hand does not draw straight."""
+"""Pixels on both sides of a stroke that must be free of other parts: a hand does not draw straight."""
 _HIGH = 0.35
 """Share of the height of a chair above which a part is put: over the seat."""
 _AS_FAR = 0.03
-"""Share of the height of a chair by which the place may be nearer or farther: the two still meet."""
+"""Share of a chair's height by which the place may be nearer or farther: the two still meet."""
 _KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []  # the legs of the last surfaces: asked for in every picture
 _KEPT = 4
-"""Surfaces of which the legs are kept: the chair, and what is cut off it."""
+"""Number of surfaces with known legs: the chair, and parts that are cut off it."""
 
 
 def legs_of(mesh: Mesh) -> tuple[Int, ...]:
@@ -83,7 +83,7 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
-    """Returns a leg as it is seen now, and a stroke across it that passes through nothing else.
+    """Returns a leg in the picture, and a stroke across it that passes through nothing else.
 
     The leg that is nearest to the eye is tried first. A stroke cuts all that it passes over in the picture.
     Where other parts of the chair are behind every leg there is therefore no stroke: a dancing chair soon
@@ -101,7 +101,7 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
 
 
 def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
-    """(M, 3, 2) pixels of the triangles beside a leg that are not in it altogether; NaN behind the eye."""
+    """(M, 3, 2) pixels of the triangles near a leg that do not belong to it; NaN behind the eye."""
     inside = np.zeros(len(mesh.vertices), bool)
     inside[leg] = True
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])

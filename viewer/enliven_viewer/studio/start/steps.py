@@ -1,10 +1,11 @@
-"""The steps of the tour: a table of what each says, where it points, and how it is seen and shown."""
+"""The steps of the tour: a table of their sentences, targets, conditions and commands."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from enliven_viewer.language import later
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.studio.start.legs import chair_in_picture, leg_to_cut, piece_to_carry
 from enliven_viewer.studio.start.target import Target
@@ -114,7 +115,7 @@ def _dance(toured: Toured) -> None:
 
 
 def _look_at_chair(toured: Toured) -> None:
-    """Bring the dancing chair into the picture, with room to draw beside it."""
+    """Bring the dancing chair into the picture, with room to draw around it."""
     _dance(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:
@@ -139,19 +140,19 @@ def _drag(toured: Toured) -> None:
 
 
 _WORKSHOP = TourPart(
-    "Click “Animate”: here you can change your chair.",
+    later("Click “Animate”: here you can change your chair."),
     _widget("room Animate"),
     lambda t, before: t.has_workshop,
     _go("Animate"),
 )
 _STAGE = TourPart(
-    "Click “Perform”: here is the stage.",
+    later("Click “Perform”: here is the stage."),
     _widget("room Perform"),
     lambda t, before: t.desk.perform.room == "Perform",
     _go("Perform"),
 )
 _SCISSORS = TourPart(
-    "Click “Cut”: these are your scissors.",
+    later("Click “Cut”: these are your scissors."),
     _widget("tool cut"),
     lambda t, before: t.has_tool("cut"),
     _act("tool.cut"),
@@ -159,12 +160,12 @@ _SCISSORS = TourPart(
 
 TOUR = (
     TourStep(
-        "Get a chair",
+        later("Get a chair"),
         "\uf067",
         (
             _WORKSHOP,
             TourPart(
-                "Click “Armchair”: it comes onto the stage.",
+                later("Click “Armchair”: it comes onto the stage."),
                 _widget("do Armchair"),
                 lambda t, before: len(t.chairs) > before.chairs or (bool(t.chairs) and not t.dances),
                 _act("sample.chair"),
@@ -172,18 +173,18 @@ TOUR = (
         ),
     ),
     TourStep(
-        "Call a dancer",
+        later("Call a dancer"),
         "\uf007",
         (
             _STAGE,
             TourPart(
-                "Click “A recorded person”, or a camera of yours above it.",
+                later("Click “A recorded person”, or a camera of yours above it."),
                 _widget("recorded person", "leave", "scan back"),
                 lambda t, before: t.has_stage,
                 _call_dancer,
             ),
             TourPart(
-                "The dancer is coming. Wait a little.",
+                later("The dancer is coming. Wait a little."),
                 _widget("stage state"),
                 lambda t, before: t.has_dancer,
             ),
@@ -191,12 +192,12 @@ TOUR = (
         lambda t: bool(t.chairs),
     ),
     TourStep(
-        "Step into the chair",
+        later("Step into the chair"),
         "\uf090",
         (
             _STAGE,
             TourPart(
-                "Click “Possess”: the dancer slips into the chair.",
+                later("Click “Possess”: the dancer slips into the chair."),
                 _widget("possess", "scan back"),
                 lambda t, before: t.is_held,
                 _step_in,
@@ -205,23 +206,23 @@ TOUR = (
         lambda t: t.has_dancer,
     ),
     TourStep(
-        "Keep the dance",
+        later("Keep the dance"),
         "\uf111",
         (
             _STAGE,
             TourPart(
-                "Click “Record”, and count along: three, two, one.",
+                later("Click “Record”, and count along: three, two, one."),
                 _widget("record", "scan back"),
                 lambda t, before: t.records or t.dances,
                 _act("perform.record_or_end_the_recording"),
             ),
             TourPart(
-                "Look: the chair does what the dancer does.",
+                later("Look: the chair does what the dancer does."),
                 lambda t: chair_in_picture(t.desk.editor, t.extent),
                 lambda t, before: t.recorded_s > _ENOUGH or t.dances,
             ),
             TourPart(
-                "Click “Stop” when you have seen enough.",
+                later("Click “Stop” when you have seen enough."),
                 _widget("record", "scan back"),
                 lambda t, before: t.dances and not t.records,
                 _act("perform.record_or_end_the_recording"),
@@ -230,19 +231,19 @@ TOUR = (
         lambda t: t.is_held or t.records or t.dances,
     ),
     TourStep(
-        "Take the scissors",
+        later("Take the scissors"),
         "\uf0c4",
         (_WORKSHOP, _SCISSORS),
         lambda t: bool(t.chairs),
     ),
     TourStep(
-        "Cut a leg off",
+        later("Cut a leg off"),
         "\uf0c4",
         (
             _WORKSHOP,
             _SCISSORS,
             TourPart(
-                "Drag across the leg, along the arrow: the chair holds still for you.",
+                later("Drag across the leg, along the arrow: the chair holds still for you."),
                 _leg,
                 lambda t, before: len(t.chairs) > before.chairs,
                 _drag,
@@ -252,18 +253,18 @@ TOUR = (
         _look_at_chair,
     ),
     TourStep(
-        "Put it somewhere else",
+        later("Put it somewhere else"),
         "\uf047",
         (
             _WORKSHOP,
             TourPart(
-                "Click “Move, merge”: now you can carry the leg.",
+                later("Click “Move, merge”: now you can carry the leg."),
                 _widget("tool carry"),
                 lambda t, before: t.has_tool("carry"),
                 _act("tool.carry"),
             ),
             TourPart(
-                "Hold the Shift key, and drag the leg along the arrow.",
+                later("Hold the Shift key, and drag the leg along the arrow."),
                 _piece,
                 lambda t, before: t.counts.merges > before.merges,
                 _drag,
@@ -274,23 +275,23 @@ TOUR = (
         _dance,
     ),
     TourStep(
-        "Keep your chair",
+        later("Keep your chair"),
         "\uf0c7",
         (
             TourPart(
-                "Click “File”, and then “Save”.",
+                later("Click “File”, and then “Save”."),
                 _widget("menu File/Save", "menu File", "menu all"),
                 lambda t, before: t.desk.asking in ("save as", "changed"),
                 _act("file.save"),
             ),
             TourPart(
-                "Type a name for your chair.",
+                later("Type a name for your chair."),
                 _widget("file name"),
                 lambda t, before: _has_name(t),
                 types=_FILE,
             ),
             TourPart(
-                "Click “Save”: now nothing is lost.",
+                later("Click “Save”: now nothing is lost."),
                 _widget("dialog Save"),
                 lambda t, before: t.is_saved,
                 _save,
@@ -300,5 +301,5 @@ TOUR = (
 )
 """The steps, in their order; each can be done in a quarter of a minute."""
 
-ENDING = ("You did it", "Your chair is kept. Open it again, and it dances.")
+ENDING = (later("You did it"), later("Your chair is kept. Open it again, and it dances."))
 """Title and sentence once all steps are done."""

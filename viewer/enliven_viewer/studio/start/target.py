@@ -14,7 +14,7 @@ _STALE = 2
 
 @dataclass(frozen=True)
 class Target:
-    """What a step means.
+    """The target of a step.
 
     Attributes:
         widgets: names of widgets; the first that is drawn is meant.

@@ -67,12 +67,12 @@ class Tour:
 
     @property
     def title(self) -> str:
-        """What the step is about, in a few words."""
+        """The subject of the step, in a few words."""
         return ENDING[0] if self.step is None else self.step.title
 
     @property
     def text(self) -> str:
-        """What to do now: one sentence; empty while a tick is shown."""
+        """The thing to do now: one sentence; empty while a tick is shown."""
         if self.step is None:
             return ENDING[1]
         part = self.part
@@ -166,7 +166,7 @@ class Tour:
             self._toured.desk.editor.playing, self._holds_still = True, False
 
     def leave(self) -> None:
-        """Leave the studio as it was found."""
+        """Restore the studio: playing, pointer and widgets."""
         self._stop_showing()
         self._let_play()
         self._widgets.want(())

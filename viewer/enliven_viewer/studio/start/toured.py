@@ -191,7 +191,7 @@ class Toured:
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """(N, 3) metres, places on the chair as it is shown: live, or as it plays; None without one."""
+        """(N, 3) metres, places on the chair that is shown, live or playing; None without one."""
         chair, perform = self.chair, self.desk.perform
         if chair is None:
             return None

@@ -12,18 +12,19 @@ from enliven.modeling.edits import (
     stretch_clip,
     trim_clip,
 )
+from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
 _WORDS = {
-    "bar": "move clip",
-    "slip": "slip clip",
-    "begin": "trim clip",
-    "edge": "trim clip",
-    "blend": "blend clips",
-    "stretch": "change speed",
-    "stretch begin": "change speed",
+    "bar": later("move clip"),
+    "slip": later("slip clip"),
+    "begin": later("trim clip"),
+    "edge": later("trim clip"),
+    "blend": later("blend clips"),
+    "stretch": later("change speed"),
+    "stretch begin": later("change speed"),
 }
 """What a drag is called."""
 

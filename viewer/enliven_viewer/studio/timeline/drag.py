@@ -6,6 +6,7 @@ from typing import Any
 
 from enliven.document import Playing, Project, Switch
 from enliven.modeling.edits import change_layers, choose_take, move_marker
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
@@ -115,7 +116,7 @@ class TimelineInput:
         elif handle.kind == "mute" and self._layer(handle).muted and layout.takes(self._bar(handle))[1] > 1:
             layer = self._layer(handle)
             of, name = layer.alternatives, layer.recorded
-            self.editor.edit(f"hear {name}", lambda project: choose_take(project, of, name))
+            self.editor.edit(later("hear {0}", name), lambda project: choose_take(project, of, name))
         elif handle.kind == "mute":
             muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
             self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
@@ -123,7 +124,7 @@ class TimelineInput:
             self.clip = handle.item
             frame = self.editor.settings.frame_step if self.snapping else 0.0
             if locked:
-                self.editor.toasts.say("This lane is locked", "Click its lock first.")
+                self.editor.toasts.say(tr("This lane is locked"), tr("Click its lock first."))
             else:
                 self._drag = ClipDrag.of(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
         elif handle.kind != "label":
@@ -207,7 +208,7 @@ class TimelineInput:
         """What dragging the held part is called; None for what is not dragged."""
         if self._drag is not None:
             return self._drag.word
-        return {"marker": "move marker", **DRAGGED}.get(self._handle.kind)
+        return {"marker": later("move marker"), **DRAGGED}.get(self._handle.kind)
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""

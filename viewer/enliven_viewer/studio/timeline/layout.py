@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Protocol
 
 from enliven.document import Marker, Playing, Project, RigBase, Segment
+from enliven_viewer.language import tr
 from enliven_viewer.studio.timeline.lane_names import lane_name
 
 LABELS = 190.0
@@ -97,7 +98,7 @@ class Lane:
     def label(self) -> str:
         """The limb that moves and what it plays, or the take and how many layers play it."""
         if len(self.layers) > 1:
-            return f"{self.layer.take}  ({len(self.layers)} bones)"
+            return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
         return lane_name(self.character, self.layer)
 
 

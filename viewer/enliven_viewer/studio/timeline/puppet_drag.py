@@ -9,6 +9,7 @@ from enliven.document import Switch
 from enliven.errors import EnlivenError
 from enliven.examples import motion_of
 from enliven.modeling.edits import change_layers
+from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.examples import (
     CoverageCache,
@@ -23,7 +24,7 @@ from enliven_viewer.studio.examples import (
 from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 
-DRAGGED = {"pose": "retime a key pose", "switch": "move a switch"}
+DRAGGED = {"pose": later("retime a key pose"), "switch": later("move a switch")}
 """What dragging a mark is called."""
 
 
@@ -57,7 +58,7 @@ class PuppetRows:
             assert coverage is not None
             self.begin_pose(layer.take, coverage.times[handle.item])
         elif handle.kind == "found" and layer.switches is not None:
-            self._edit("find contacts again", handle, switches=None)
+            self._edit(later("find contacts again"), handle, switches=None)
         elif handle.kind == "held":
             frame = constraints_of(self.editor.project, handle.character, handle.number)[handle.item].frame
             take = self.editor.project.takes[layer.take]
@@ -72,7 +73,7 @@ class PuppetRows:
         take = self.editor.project.takes[self.details.layer(handle.number).take]
         frame = round(handle.seconds / take.step)
         switches = added_switch(self._switches(handle.number), frame, len(take.turns))
-        self._edit("add a switch", handle, switches=switches)
+        self._edit(later("add a switch"), handle, switches=switches)
         return True
 
     def type(self, key: str) -> bool:
@@ -84,7 +85,7 @@ class PuppetRows:
             return False
         if handle.kind == "switch":
             kept = removed_switch(self._switches(handle.number), handle.item)
-            self._edit("remove a switch", handle, switches=kept)
+            self._edit(later("remove a switch"), handle, switches=kept)
             return True
         held = constraints_of(self.editor.project, puppet.id, handle.number)
         if handle.item < len(held):

@@ -7,6 +7,7 @@ import scipy
 
 from enliven.arrays import Float, Int32
 from enliven.document import Project
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
@@ -77,7 +78,7 @@ class CarryTool(Tool):
         if host is None and pointer.shift and not held.several:
             host = self._beneath(pointer)
         if host is None:
-            editor.edit(f"move {held.told}", lambda project: held.moved(project, pointer))
+            editor.edit(later("move {0}", held.told), lambda project: held.moved(project, pointer))
             if pointer.shift:
                 self._tell_apart(held)
             return
@@ -88,9 +89,11 @@ class CarryTool(Tool):
             moved = project if other.handle >= 0 else held.moved(project, pointer)
             return held.merged(moved, other, notes)
 
-        if editor.edit(f"merge {name}", change):
+        if editor.edit(later("merge {0}", name), change):
             editor.choose(other.character)
-            editor.toasts.say(f"{name} is now part of {other.character}", "Ctrl+Z takes them apart.")
+            editor.toasts.say(
+                tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
+            )
             for note in notes[-2:]:  # whether the two meet is said last
                 editor.toasts.say(note)
 
@@ -124,16 +127,19 @@ class CarryTool(Tool):
     def _tell_apart(self, held: CharacterDrag) -> None:
         """Say why a drop with Shift merged nothing."""
         if held.several:
-            what, mend = "Several were moved, and none merged", "Choose one, and let go of it with Shift."
+            what, mend = (
+                tr("Several were moved, and none merged"),
+                tr("Choose one, and let go of it with Shift."),
+            )
         elif not [one for one in self.editor.reachable if one.id != held.character]:
             what, mend = (
-                "There is no other shape to merge with",
-                "Draw or open one; what is locked stays as it is.",
+                tr("There is no other shape to merge with"),
+                tr("Draw or open one; what is locked stays as it is."),
             )
         else:
             what, mend = (
-                f"No shape is near {held.character}",
-                "Let go over another, or where they touch.",
+                tr("No shape is near {0}", held.character),
+                tr("Let go over another, or where they touch."),
             )
         self.editor.toasts.say(what, mend)
 
@@ -160,7 +166,9 @@ class CarryTool(Tool):
         """What it would be merged with, in words over what is dragged."""
         vertices, lens = self.editor.posed(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
-        marks = tuple(Label(at, f"merge with {host.character}", INK) for at in lens.pixels_of(top[None]))
+        marks = tuple(
+            Label(at, tr("merge with {0}", host.character), INK) for at in lens.pixels_of(top[None])
+        )
         return Overlay(marks, plain.chain, plain.hovered)
 
 

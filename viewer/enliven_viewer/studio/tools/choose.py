@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document import Shape
+from enliven_viewer.language import tr
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
@@ -29,7 +30,7 @@ class ChooseTool(Tool):
     def hint(self) -> str:
         chosen = self.editor.selection
         if chosen.several:
-            return f"{len(chosen.characters)} shapes are chosen. Drag one with G, and all of them move."
+            return tr("{0} shapes are chosen. Drag one with G, and all of them move.", len(chosen.characters))
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
         if self.editor.puppets.puppet is not None:

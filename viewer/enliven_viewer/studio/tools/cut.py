@@ -8,6 +8,7 @@ from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import StrokeCut
+from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
@@ -27,7 +28,11 @@ class CutTool(StrokeTool):
     def hint(self) -> str:
         if self._crossed:
             count = len(self._crossed)
-            return f"Let go to cut {count} bone{'s' * (count != 1)}; Esc drops the stroke."
+            return tr_n(
+                "Let go to cut {0} bone; Esc drops the stroke.",
+                "Let go to cut {0} bones; Esc drops the stroke.",
+                count,
+            )
         if self._stroke:
             return "Draw across a bone."
         return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
@@ -52,7 +57,9 @@ class CutTool(StrokeTool):
             return
         names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
         if not names:
-            self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
+            self.editor.toasts.say(
+                tr("The stroke crosses no bone"), tr("Draw it across a limb, from side to side.")
+            )
             return
         time, surface, notes, parts = self.editor.time, self._surface(stroke), list[str](), list[str]()
 
@@ -70,8 +77,10 @@ class CutTool(StrokeTool):
 
         if self.editor.edit("cut", change):
             self.editor.choose(parts[-1])
-            said = f"Cut off: {', '.join(parts)}" + "".join(f". {note}" for note in notes[:1])
-            self.editor.toasts.say(said, "All parts keep their pose now, and their motion. Drag one with G.")
+            said = tr("Cut off: {0}", ", ".join(parts)) + "".join(f". {note}" for note in notes[:1])
+            self.editor.toasts.say(
+                said, tr("All parts keep their pose now, and their motion. Drag one with G.")
+            )
 
     def _others(self, stroke: list[Point]) -> list[str]:
         """The characters without bones that a stroke may pass through: the chosen one, or all."""

@@ -10,6 +10,7 @@ from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
 from enliven.rotation import IDENTITY, from_rotation_vector
+from enliven_viewer.language import later
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX
 from enliven_viewer.studio.editor import Editor
@@ -60,7 +61,7 @@ class CharacterDrag:
     @property
     def told(self) -> str:
         """What is dragged, for the name of an edit."""
-        return f"{len(self.characters)} shapes" if self.several else self.character
+        return later("{0} shapes", len(self.characters)) if self.several else self.character
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
         """The project with the character as far as the pointer went."""

@@ -13,12 +13,15 @@ from enliven.errors import EnlivenError
 from enliven.meshes import Mesh
 from enliven.person import Joint
 from enliven.possession import find_person_in_mesh, standing_figure
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
-END_NAMES = ("Head", "Left hand", "Right hand", "Left foot", "Right foot")
+_TOLD = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
+"""The ends within a sentence."""
+END_NAMES = (later("Head"), later("Left hand"), later("Right hand"), later("Left foot"), later("Right foot"))
 """What the ends are of, in their order."""
 _ENDS_OF_FIGURE = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
 _RADIUS = 8.0
@@ -45,7 +48,7 @@ class EndsTool(Tool):
         if shape is None:
             return "Click a mesh that performers hold, to name its head, hands and feet."
         if self._held is not None:
-            return f"Let go where the performer's {END_NAMES[self._held[0]].lower()} is to be; Esc drops it."
+            return tr("Let go where the performer's {0} is to be; Esc drops it.", _TOLD[self._held[0]])
         if len(shape.ends):
             return "Limb drives limb by these ends. Drag one to move it; Delete lets them be found."
         return "Where head, hands and feet were found: drag a mark where it is wrong."
@@ -94,13 +97,13 @@ class EndsTool(Tool):
         shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
         self._held = None
         if shape is not None and held is not None:
-            self._name(shape, shape.mesh.vertices[marks], f"name the {END_NAMES[held[0]].lower()}")
+            self._name(shape, shape.mesh.vertices[marks], later("name the {0}", _TOLD[held[0]]))
 
     def type(self, key: str) -> bool:
         shape = self.editor.chosen(GraphShape)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
-        self._name(shape, np.empty((0, 3)), "find the ends")
+        self._name(shape, np.empty((0, 3)), tr("find the ends"))
         return True
 
     def cancel(self) -> None:

@@ -22,6 +22,7 @@ from enliven.mapping import (
     stilled,
 )
 from enliven.motion.layers import bind_chain, goes_down
+from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -144,15 +145,15 @@ class MapTool(Tool):
         """Map every limb of the take onto a limb of the chosen shape that suits it, at once."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
-            editor.toasts.say("Nothing to map", "Choose a take, and click the shape that is to move.")
+            editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
             return
 
         before, gentle, loop = editor.project, self.gentle, self.loop
         itself = is_own_take(clip, shape)
         plan = replace(automatic(clip, shape), **vars(self.whole))
         if not (itself or plan.chains):
-            mend = "Map it chain by chain, or pose the take and find matches."
-            error = InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
+            mend = tr("Map it chain by chain, or pose the take and find matches.")
+            error = InputError(tr("no limb of the take suits one of the shape"), where=clip.id, mend=mend)
             editor.toasts.complain(error)
             return
 
@@ -178,26 +179,39 @@ class MapTool(Tool):
             def change(project: Project) -> Project:
                 return made.project if project is before else fitted(project).project
 
-            if editor.edit(f"map all of {clip.id}", change):
+            if editor.edit(later("map all of {0}", clip.id), change):
                 self._last, self.made = None, (shape.id, clip.id, made.plan, quality)
                 count = len(made.limited)
-                kept = f" {count} joint{'s' * (count != 1)} kept within limits." if count else ""
+                kept = (
+                    " " + tr_n("{0} joint kept within limits.", "{0} joints kept within limits.", count)
+                    if count
+                    else ""
+                )
                 editor.toasts.say(
-                    f"{clip.id} moves all of {shape.id}", f"Space plays it, Ctrl+Z takes it back.{kept}"
+                    tr("{0} moves all of {1}", clip.id, shape.id),
+                    tr("Space plays it, Ctrl+Z takes it back.") + kept,
                 )
 
-        editor.beside.begin(f"Fitting {clip.id} to {shape.id}", work, then)
+        editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
     def accept(self, offer: Offer) -> None:
         """Map every chain of an offer."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
-            f"map {offer.take}",
+            later("map {0}", offer.take),
             lambda p: accepted(_without_clip(p, offer.shape), offer, lens, other, self.loop),
         ):
             self._last = None
             count = len(offer.pairs)
-            editor.toasts.say(f"{offer.take} drives {count} chain{'s' * (count != 1)} of {offer.shape}")
+            editor.toasts.say(
+                tr_n(
+                    "{1} drives {0} chain of {2}",
+                    "{1} drives {0} chains of {2}",
+                    count,
+                    offer.take,
+                    offer.shape,
+                )
+            )
 
     def _bind(self, wish: MappedChain) -> None:
         """Map one chain onto one, as both are seen now."""
@@ -219,11 +233,13 @@ class MapTool(Tool):
                 hold=False,
             )
 
-        if self.editor.edit(f"map {wish.take}", change):
+        if self.editor.edit(later("map {0}", wish.take), change):
             self._last = wish
             bones = max(len(wish.target) - 1, 1)
-            said = f"{wish.take} moves {bones} bone{'s' * (bones != 1)} of {wish.shape}"
-            self.editor.toasts.say(said, "Space plays it, Y flips it over.")
+            said = tr_n(
+                "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, wish.take, wish.shape
+            )
+            self.editor.toasts.say(said, tr("Space plays it, Y flips it over."))
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:

@@ -10,12 +10,17 @@ from enliven.examples import reflected
 from enliven.meshes import Mesh, barycentric
 from enliven.modeling.edits import MOST_DOUBLINGS, Brush, brushed, paint_character, unpaint_character
 from enliven.modeling.mesh import plane_of_symmetry
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Overlay, StandingCharacter, surface_at
 from enliven_viewer.theme import AFTER, BEFORE, MARK, PLAIN_SURFACE, SHADOW, Colour
 
-BRUSHES: dict[Brush, str] = {"softer": "Softer", "stiffer": "Stiffer", "erase": "As it was"}
+BRUSHES: dict[Brush, str] = {
+    "softer": later("Softer"),
+    "stiffer": later("Stiffer"),
+    "erase": later("As it was"),
+}
 """What strokes do, by the words on the buttons."""
 SMALLEST = 6.0
 """Pixels of the brush's radius at least: a few vertices of a detailed mesh."""
@@ -77,7 +82,7 @@ class PaintTool(Tool):
             "stiffer": "Blue keeps its shape.",
             "erase": "Brings back what the mesh was before.",
         }
-        return f"{words[self.brush]} Ctrl does the opposite; the keys [ and ] size the brush."
+        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
         """The plane between left and right of a mesh, known by its vertices; None where it has none."""
@@ -134,7 +139,11 @@ class PaintTool(Tool):
         if not stroke or one is None or one.mesh is None:
             return
         told = np.array(stroke), self._metres, self._now, self._plane(one.mesh)
-        said = {"softer": "paint softer", "stiffer": "paint stiffer", "erase": "erase paint"}
+        said = {
+            "softer": later("paint softer"),
+            "stiffer": later("paint stiffer"),
+            "erase": later("erase paint"),
+        }
         self.editor.edit(said[self._now], lambda project: paint_character(project, one.id, *told))
 
     def cancel(self) -> None:
@@ -213,7 +222,7 @@ def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> F
 
 
 def _ring(brush: Brush) -> Colour:
-    """Returns the colour of the ring, by what a stroke does."""
+    """Returns the colour of the ring, by the effect of a stroke."""
     if brush == "erase":
         return (*MARK[:3], 0.95)
     return (*(part / 255 for part in (AFTER if brush == "softer" else BEFORE)), 0.95)

@@ -7,6 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.modeling.edits import drag_handle, key_handle, keys_of
+from enliven_viewer.language import later
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Overlay
@@ -54,11 +55,15 @@ class PoseTool(Tool):
 
     def release(self, pointer: Pointer) -> None:
         if self._node is not None and self.editor.draft is not None:
-            self.editor.edit(f"key {self._node[0]}", lambda p: self._posed(p, pointer))
+            self.editor.edit(later("key {0}", self._node[0]), lambda p: self._posed(p, pointer))
         elif self._held is not None and self.editor.draft is not None:
             whole, handle = self._held
-            word = "key" if self.editor.keying else "pose"
-            name = f"{word} {whole.character}" if handle else f"turn {whole.told}"
+            keyed = (
+                later("key {0}", whole.character)
+                if self.editor.keying
+                else later("pose {0}", whole.character)
+            )
+            name = keyed if handle else later("turn {0}", whole.told)
             self.editor.edit(name, lambda p: self._posed(p, pointer))
         self._held = self._node = None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_viewer.language import tr
 from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.puppets import (
     Manipulator,
@@ -55,8 +56,10 @@ class PuppetTool(Tool):
         if puppet is None:
             return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
         if puppets.posing:
-            name = f"key pose {puppets.number + 1}" if puppets.number is not None else ""
-            return f"Drag control points for {name}. Enter keeps it; R resets a point, Delete removes it."
+            name = tr("key pose {0}", puppets.number + 1) if puppets.number is not None else ""
+            return tr(
+                "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
+            )
         if not puppet.points:
             return "Click the mesh where it is to be held: the ends of its limbs, its feet, its head."
         return "Drag a control point to make a key pose of this moment; click the mesh for another one."

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
@@ -62,7 +63,7 @@ class PointDrag:
         """The button went up: the pose is kept."""
         if self.moved:
             puppet = self._standing.character
-            self.editor.puppets.drop(f"pose {puppet.points[self.point].name}")
+            self.editor.puppets.drop(later("pose {0}", puppet.points[self.point].name))
 
 
 class Pointing(Protocol):

@@ -7,6 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, unused
 from enliven.modeling.sketching import SketchPlane, shape_from_stroke
+from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
@@ -36,7 +37,7 @@ class SketchTool(StrokeTool):
         if not stroke:
             return
         if len(stroke) < _FEWEST:
-            self.editor.toasts.say("The stroke is too short", "Draw all around the part.")
+            self.editor.toasts.say(tr("The stroke is too short"), tr("Draw all around the part."))
             return
         plane, points = self._in_plane(stroke)
         made: list[str] = []
@@ -49,8 +50,10 @@ class SketchTool(StrokeTool):
         if self.editor.edit("sketch part", change):
             self.editor.choose(made[-1])
             bones = len(self.editor.project.characters[made[-1]].handles) - 1
-            said = f"A part with {bones} bone{'s' * (bones != 1)}"
-            self.editor.toasts.say(said, "G moves it, M gives it motion, and you can rename it at the right.")
+            said = tr_n("A part with {0} bone", "A part with {0} bones", bones)
+            self.editor.toasts.say(
+                said, tr("G moves it, M gives it motion, and you can rename it at the right.")
+            )
 
     def overlay(self) -> Overlay:
         if len(self._stroke) < 2:

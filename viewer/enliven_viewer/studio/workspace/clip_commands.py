@@ -16,6 +16,7 @@ from enliven.modeling.edits import (
     reverse_clip,
     split_clip,
 )
+from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import Lane, TimelineLayout
 
@@ -51,11 +52,11 @@ def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 
 _DEEDS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
-    "split": ("split clip", _split),
-    "blend": ("blend clips", _blend),
-    "reverse": ("reverse clip", _reverse),
-    "mirror": ("mirror motion", _mirror),
-    "remove": ("remove clip", _remove),
+    "split": (later("split clip"), _split),
+    "blend": (later("blend clips"), _blend),
+    "reverse": (later("reverse clip"), _reverse),
+    "mirror": (later("mirror motion"), _mirror),
+    "remove": (later("remove clip"), _remove),
 }
 """What can be done to the clips under the playhead: the edit's name, and the edit of one clip at a time."""
 

@@ -22,6 +22,7 @@ from enliven.modeling.rigged import spread_motion
 from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
@@ -70,54 +71,56 @@ class Commands:
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
-            self._take_away("delete")
+            self._take_away(later("delete {0}"))
 
     def copy(self) -> None:
         """Remember what is chosen, with its motion."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
-            self.editor.toasts.say(f"Copied {self._told()} with its motion", "Ctrl+V puts a copy beside it.")
+            self.editor.toasts.say(
+                tr("Copied {0} with its motion", self._told()), tr("Ctrl+V puts a copy beside it.")
+            )
 
     def cut_out(self) -> None:
         """Remember what is chosen and take it away."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), -1
-            self._take_away("cut out")
+            self._take_away(later("cut out {0}"))
 
     def paste(self) -> None:
         """Paste a copy of what is remembered beside the others."""
         if self._copied is not None:
             self._pasted += 1
-            self._copy("paste", *self._copied, self._pasted)
+            self._copy(later("paste {0}"), *self._copied, self._pasted)
 
     def duplicate(self) -> None:
         """Put a copy of what is chosen beside it; the clipboard stays."""
         if self._names:
-            self._copy("duplicate", self.editor.project, self._names, 1)
+            self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
 
     def mirror(self) -> None:
         """Mirror what is chosen left to right, as it is seen."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
-        self._change("mirror", lambda project, names: mirror_characters(project, names, normal))
+        self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
 
     def scale(self, factor: float) -> None:
         """Make what is chosen larger or smaller where it stands."""
-        self._change("scale", lambda project, names: scale_characters(project, names, factor))
+        self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
 
     def turn(self, degrees: float) -> None:
         """Turn what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
-        self._change("turn", lambda project, names: turn_characters(project, names, turn))
+        self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
         """Let what is chosen do everything later, or earlier below 0."""
-        self._change("shift", lambda project, names: shift_characters(project, names, seconds))
+        self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
 
     def mute(self) -> None:
         """Let no motion of what is chosen play, or all of it where none does."""
         on = not self.muted()
-        word = "mute" if on else "unmute"
+        word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
     def muted(self) -> bool:
@@ -146,9 +149,13 @@ class Commands:
             return
         shape, joint, group = limb
         if group is None:
-            self.editor.toasts.say("No limb is equal to this one", "Copy its motion chain by chain instead.")
+            self.editor.toasts.say(
+                tr("No limb is equal to this one"), tr("Copy its motion chain by chain instead.")
+            )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
-            self.editor.toasts.say(f"{len(group.limbs)} limbs move alike", "Shift their bars for a delay.")
+            self.editor.toasts.say(
+                tr("{0} limbs move alike", len(group.limbs)), tr("Shift their bars for a delay.")
+            )
 
     def pin(self) -> None:
         """Keep the chosen foot where it stands while it touches the floor, or let it go."""
@@ -157,9 +164,9 @@ class Commands:
             return
         name = shape.handles[joint]
         if any(pin.joint == name for pin in shape.pins):
-            self.editor.edit(f"let {name} go", lambda project: unpin(project, shape.id, [joint]))
-        elif self.editor.edit(f"pin {name}", lambda project: pin_feet(project, shape.id, [joint])):
-            self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
+            self.editor.edit(later("let {0} go", name), lambda project: unpin(project, shape.id, [joint]))
+        elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
+            self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
 
     def best_view(self) -> None:
         """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
@@ -195,7 +202,7 @@ class Commands:
         """One edit of all that is chosen."""
         names = self._names
         if names:
-            self.editor.edit(f"{word} {self._told()}", lambda project: change(project, names))
+            self.editor.edit(later(word, self._told()), lambda project: change(project, names))
 
     def _take_away(self, word: str) -> None:
         def change(project: Project, names: tuple[str, ...]) -> Project:
@@ -215,7 +222,7 @@ class Commands:
             made.extend(copies)
             return project
 
-        if self.editor.edit(f"{word} {told}", change):
+        if self.editor.edit(later(word, told), change):
             self.editor.choose_all(*made)
 
     def lacks_character(self) -> str:
@@ -259,7 +266,7 @@ class Commands:
     def _told(self, names: tuple[str, ...] | None = None) -> str:
         """The name of what is chosen, or how many shapes it is."""
         names = self._names if names is None else names
-        return names[0] if len(names) == 1 else f"{len(names)} shapes"
+        return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
         """The chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""

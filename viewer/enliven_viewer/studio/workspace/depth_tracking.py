@@ -13,6 +13,7 @@ from enliven.files import TemporaryFolder
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes import clips_of_recording
 from enliven.wire import BODIES, POSE
+from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
@@ -60,8 +61,8 @@ class DepthTracking:
             InputError: while another one is tracked.
         """
         if self.busy:
-            mend = "Wait until it is done, or stop it."
-            raise InputError(f"{self.name} is still being tracked", where=str(path), mend=mend)
+            mend = tr("Wait until it is done, or stop it.")
+            raise InputError(tr("{0} is still being tracked", self.name), where=str(path), mend=mend)
         self._folder = TemporaryFolder("tracking")
         made = Path(self._folder.name) / path.name
         words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(made), "--lines"]
@@ -71,7 +72,7 @@ class DepthTracking:
         self._said.clear()
         self._reader = threading.Thread(target=self._read, args=(self._child,), daemon=True)
         self._reader.start()
-        self._editor.toasts.say(f"Finding the people in {path.name} ...", "You can go on working.")
+        self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
 
     def poll(self) -> None:
         """Take what was found, or tell what went wrong; to be called once a picture."""
@@ -89,8 +90,8 @@ class DepthTracking:
         self._child, self._folder, self.name = None, None, ""
         with folder:
             if child.returncode:
-                said = self._said[-1] if self._said else "it did not start"
-                mend = f"Try it in a terminal: enliven track {name} -o bodies.mcap"
+                said = self._said[-1] if self._said else tr("it did not start")
+                mend = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
                 self._editor.toasts.complain(InputError(said, where=name, mend=mend))
                 return
             made = Path(folder.name) / name
@@ -98,7 +99,7 @@ class DepthTracking:
                 clips_of_recording(made, whole=True)
                 add_file(self._editor, made)
             except EnlivenError as error:
-                mend = f"See what the tracker sees: enliven inspect {name} -o film.mp4"
+                mend = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
                 self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
 
     def cancel(self) -> None:
@@ -108,7 +109,7 @@ class DepthTracking:
             return
         child.terminate()
         child.wait()
-        self._editor.toasts.say(f"{self.name} is no longer tracked")
+        self._editor.toasts.say(tr("{0} is no longer tracked", self.name))
         self._child, self._folder, self.name = None, None, ""
         folder.cleanup()
 

@@ -12,6 +12,7 @@ from enliven.errors import InputError
 from enliven.exporters import Performance, exporter_of, performance_of
 from enliven.files import replace_file
 from enliven.sounds import heard_from
+from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.workspace.files import exportable
 
@@ -54,7 +55,7 @@ class ExportOptions:
         """
         found = [one for one in characters if one.id not in self.left_out]
         if not found:
-            raise InputError("no character is chosen", where="export", mend="Tick one.")
+            raise InputError(tr("no character is chosen"), where="export", mend=tr("Tick one."))
         return found
 
     def checked_range(self, length: float) -> tuple[float, float | None]:
@@ -67,8 +68,8 @@ class ExportOptions:
             return 0.0, None
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
-            what = f"nothing lies between {self.first:.2f} and {last:.2f} s"
-            raise InputError(what, where="export", mend="Choose a later end, or an earlier begin.")
+            what = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
+            raise InputError(what, where="export", mend=tr("Choose a later end, or an earlier begin."))
         return self.first, last
 
 
@@ -105,11 +106,11 @@ def write_export(
         more["sound"] = heard_from(project.sounds.values(), first)
     if film:
         more["progress"] = _later(progress, _SAMPLED)
-    with replace_file(path, "Save it elsewhere.") as part:
+    with replace_file(path, tr("Save it elsewhere.")) as part:
         exporter.write(part, made, path.stem, **more)
         progress.report(1.0)
-    said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
-    return said + "".join(f". {one.name} is {one.error}" for one in made if one.error is not None)
+    said = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(made), path.name)
+    return said + "".join(tr(". {0} is {1}", one.name, one.error) for one in made if one.error is not None)
 
 
 def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None) -> str:

@@ -8,10 +8,15 @@ from pathlib import Path
 from typing import Literal
 
 from enliven.errors import InputError, ResourceError
+from enliven_viewer.language import later, tr
 
 Order = Literal["name", "newest", "largest"]
 """How the files of a folder are sorted."""
-ORDERS: dict[Order, str] = {"name": "by name", "newest": "newest first", "largest": "largest first"}
+ORDERS: dict[Order, str] = {
+    "name": later("by name"),
+    "newest": later("newest first"),
+    "largest": later("largest first"),
+}
 """Every order, with its words in the dialogue."""
 _FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
 """Folders in the user's own that desktops make; those that are there are offered."""
@@ -29,11 +34,11 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
         working: the folder in which the program was started.
     """
     home = Path.home()
-    found = [("Home", home), *((name, home / name) for name in _FOLDERS_HERE)]
+    found = [(tr("Home"), home), *((name, home / name) for name in _FOLDERS_HERE)]
     if working is not None and working != home:
         found.append((working.name or str(working), working))
     found += _sticks()
-    found.append(("Computer", Path(home.anchor)))
+    found.append((tr("Computer"), Path(home.anchor)))
     for name in recent:
         folder = Path(name).parent
         found.append((folder.name or str(folder), folder))
@@ -118,15 +123,19 @@ class FileBrowser:
         """
         name = (self.new or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
-            raise InputError("no folder can have that name", where="file", mend="Use letters and digits.")
+            raise InputError(
+                tr("no folder can have that name"), where="file", mend=tr("Use letters and digits.")
+            )
         made = self.folder / name
         try:
             made.mkdir()
         except FileExistsError:
-            raise InputError(f"{name} is there already", where="file", mend="Give another name.") from None
+            raise InputError(
+                tr("{0} is there already", name), where="file", mend=tr("Give another name.")
+            ) from None
         except OSError as error:
-            what = f"the folder cannot be made ({error.strerror})"
-            raise ResourceError(what, where=str(made), mend="Choose another place.") from None
+            what = tr("the folder cannot be made ({0})", error.strerror)
+            raise ResourceError(what, where=str(made), mend=tr("Choose another place.")) from None
         self.new = None
         self.enter(made)
 
@@ -142,12 +151,12 @@ class FileBrowser:
         """
         name = self.name.strip()
         if not name:
-            raise InputError("no file is chosen", where="file", mend="Click one, or type a name.")
+            raise InputError(tr("no file is chosen"), where="file", mend=tr("Click one, or type a name."))
         try:
             return self._path_of(name)
         except (OSError, RuntimeError, ValueError):  # too long, or of a user who is not known
             raise InputError(
-                "no file can have that name", where="file", mend="Give a shorter name."
+                tr("no file can have that name"), where="file", mend=tr("Give a shorter name.")
             ) from None
 
     def _path_of(self, name: str) -> Path:
@@ -158,11 +167,13 @@ class FileBrowser:
         if self.saving and path.suffix.lower() not in self.endings:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
-            raise InputError("there is no such file", where=str(path), mend="Choose another.")
+            raise InputError(tr("there is no such file"), where=str(path), mend=tr("Choose another."))
         if self.saving and path.exists() and path not in (self.own, self._warned):
             self._warned = path
             raise InputError(
-                f"{path.name} is there already", where="file", mend="Press Save again to replace it."
+                tr("{0} is there already", path.name),
+                where="file",
+                mend=tr("Press Save again to replace it."),
             )
         return path
 
@@ -172,7 +183,7 @@ class FileBrowser:
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
         except OSError as error:
-            self.problem = f"The folder cannot be read ({error.strerror})."
+            self.problem = tr("The folder cannot be read ({0}).", error.strerror)
             return []
         return sorted(found, key=lambda path: path.name.lower())
 

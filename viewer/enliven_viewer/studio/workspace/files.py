@@ -21,6 +21,7 @@ from enliven.modeling.puppet import make_puppet
 from enliven.samples import dancing_cactus, load_sample
 from enliven.sounds import Sound
 from enliven.takes import clips_of_recording, read_possessed, read_take
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
 from enliven_viewer.studio.workspace.opened_size import opened_size
@@ -61,15 +62,15 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
         if ending in endings:
             return add, read(path)
     known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
-    what = f"{ending} is of no known kind" if ending else "its name has no ending"
-    raise InputError(what, where=str(path), mend=f"Known: {known}.")
+    what = tr("{0} is of no known kind", ending) if ending else tr("its name has no ending")
+    raise InputError(what, where=str(path), mend=tr("Known: {0}.", known))
 
 
 def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
     """A sound that is performed along; it begins at the playhead, and takes the place of another one."""
     sound = replace(read, begin=editor.time)
-    if editor.edit(f"open {path.name}", lambda project: replace(project, sounds={sound.id: sound})):
-        editor.toasts.say(f"{path.name} begins here", "It is heard while you play and record.")
+    if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
+        editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
 
 
 def add_sample(editor: Editor, name: str) -> None:
@@ -93,8 +94,8 @@ def exportable(project: Project) -> list[RigBase]:
     lacking = [rig_of(one).lacking(project, one) for one in solid]
     found = [one for one, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not found:
-        mend = " ".join(lacking[0]) if lacking else "Sketch one, or open a model."
-        raise InputError("nothing has a surface that moves", where="export", mend=mend)
+        mend = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
+        raise InputError(tr("nothing has a surface that moves"), where="export", mend=mend)
     return found
 
 
@@ -128,7 +129,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         first = clip_to_open(shape, rig.clips)
         return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
-    if editor.edit(f"open {path.name}", add):
+    if editor.edit(later("open {0}", path.name), add):
         editor.choose(made[-1])
         _tell(editor, path, rig.notes, _told_clips(editor.project, made[-1]))
         editor.frame_way()
@@ -152,9 +153,9 @@ def _told_clips(project: Project, shape_id: str) -> str:
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
     if played is None:
-        return f"{len(clips)} takes came with it." if clips else ""
-    more = f" {len(clips)} clips came with it: choose one at the right." if len(clips) > 1 else ""
-    return f"Space plays {played}.{more}"
+        return tr("{0} takes came with it.", len(clips)) if clips else ""
+    more = tr(" {0} clips came with it: choose one at the right.", len(clips)) if len(clips) > 1 else ""
+    return tr("Space plays {0}.{1}", played, more)
 
 
 def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> None:
@@ -180,9 +181,9 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
         return move_character(project, name, [aside, 0.0, 0.0])
 
-    if editor.edit(f"open {path.name}", add):
+    if editor.edit(later("open {0}", path.name), add):
         editor.choose(made[-1])
-        _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
+        _tell(editor, path, notes, tr("It is a puppet: put control points on it with K."))
         editor.frame_way()
 
 
@@ -203,7 +204,7 @@ def _add_played(editor: Editor, said: str, source: Project, character: str, note
             return project
         return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
 
-    if editor.edit(f"open {said}", add):
+    if editor.edit(later("open {0}", said), add):
         editor.choose(made[-1])
         _tell(editor, Path(said), notes, "")
         editor.frame_way()
@@ -215,10 +216,12 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
     def add(project: Project) -> Project:
         return project.with_takes(replace(clip, id=unused(path.stem, project.takes)))
 
-    if editor.edit(f"open {path.name}", add):
+    if editor.edit(later("open {0}", path.name), add):
         puppet = editor.puppets.puppet
         mend = (
-            f"Choose it in the performer's view for {puppet.id}." if puppet else "Map it onto a shape with M."
+            tr("Choose it in the performer's view for {0}.", puppet.id)
+            if puppet
+            else tr("Map it onto a shape with M.")
         )
         _tell(editor, path, notes, mend)
 
@@ -232,11 +235,11 @@ def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
         added.extend(names)
         return project
 
-    if editor.edit(f"open {path.name}", add):
-        mend = "What was possessed can be cut and merged."
+    if editor.edit(later("open {0}", path.name), add):
+        mend = tr("What was possessed can be cut and merged.")
         if editor.puppets.puppet is not None:
-            mend = f"Choose a take in the performer's view for {editor.puppets.puppet.id}."
-        editor.toasts.say(f"{path.name} brought {', '.join(added)}", mend)
+            mend = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
+        editor.toasts.say(tr("{0} brought {1}", path.name, ", ".join(added)), mend)
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
@@ -294,10 +297,10 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
     """Tell in one message what was opened and what was odd about it."""
     if notes:
-        more = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
+        more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
         editor.toasts.say(f"{path.name}: {first}{more}")
-    editor.toasts.say(f"Opened {path.name}", mend)
+    editor.toasts.say(tr("Opened {0}", path.name), mend)
 
 
 _KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...] = (

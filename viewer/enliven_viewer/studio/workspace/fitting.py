@@ -9,6 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.edits import foot_of, move_character, scale_character, vertices_of
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
@@ -64,8 +65,8 @@ class Fitting:
         heights = self.heights()
         if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
             return
-        said = f"It is {heights[0]:.3g} m tall, beside {heights[1]:.3g} m"
-        self.editor.toasts.say(said, "Alt+F makes it as tall as the others.")
+        said = tr("It is {0:.3g} m tall, beside {1:.3g} m", heights[0], heights[1])
+        self.editor.toasts.say(said, tr("Alt+F makes it as tall as the others."))
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:

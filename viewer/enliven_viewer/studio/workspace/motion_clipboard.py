@@ -10,6 +10,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits import give_performance, move_character, performance_in
 from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.puppet_commands import aside
 
@@ -32,12 +33,12 @@ class MotionClipboard:
         chain, mesh = chosen_chain(self.editor), self._chosen_performed()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
-            said = f"Copied how {mesh.id} was performed"
-            self.editor.toasts.say(said, "Choose another character and press Ctrl+Shift+V.")
+            said = tr("Copied how {0} was performed", mesh.id)
+            self.editor.toasts.say(said, tr("Choose another character and press Ctrl+Shift+V."))
         elif chain is not None:
             self._copied, self._performed = chain, None
-            said = "Copied the chain's motion"
-            self.editor.toasts.say(said, "Choose another chain and press Ctrl+Shift+V.")
+            said = tr("Copied the chain's motion")
+            self.editor.toasts.say(said, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
         """Add the remembered motion to the chosen chain, or let the performers step into the chosen mesh."""
@@ -59,14 +60,16 @@ class MotionClipboard:
         def work() -> _Solved:
             return solve_again(project, name, notes=notes), name, notes
 
-        self._begin(f"Possessing {name} again", work, f"solve again {name}", shape)
+        self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
         """What copying motion lacks."""
         if self._chosen_performed() is not None or chosen_chain(self.editor):
             return ""
-        said = "Nothing that moves is chosen. Click a mesh that was performed; or a chain: click its begin, "
-        return said + "then Shift-click its end."
+        return (
+            "Nothing that moves is chosen. Click a mesh that was performed; or a chain: click its begin, "
+            "then Shift-click its end."
+        )
 
     def lacks_paste(self) -> str:
         """What pasting motion lacks."""
@@ -95,8 +98,10 @@ class MotionClipboard:
             return
         name, notes = target.id, list[str]()
         if performed is None:
-            mend = "Copy the motion of another one."
-            self.editor.toasts.complain(InputError(f"{source} is not there any more", where=name, mend=mend))
+            mend = tr("Copy the motion of another one.")
+            self.editor.toasts.complain(
+                InputError(tr("{0} is not there any more", source), where=name, mend=mend)
+            )
             return
 
         beside = aside(self.editor, [target])
@@ -105,7 +110,12 @@ class MotionClipboard:
             made, moved = give_performance(project, source, name, time=time, notes=notes)
             return made if moved == name else move_character(made, moved, beside), moved, notes
 
-        self._begin(f"The performers of {source} step into {name}", work, f"give {source} to {name}", target)
+        self._begin(
+            tr("The performers of {0} step into {1}", source, name),
+            work,
+            later("give {0} to {1}", source, name),
+            target,
+        )
 
     def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
         """Begin to solve a mesh; it comes into the project as one edit unless ``guarded`` was changed."""
@@ -118,8 +128,10 @@ class MotionClipboard:
 
         def change(project: Project) -> Project:
             if project.characters.get(guarded.id) is not guarded:
-                mend = "Do it once more."
-                raise InputError("it was changed while its motion was solved", where=guarded.where, mend=mend)
+                mend = tr("Do it once more.")
+                raise InputError(
+                    tr("it was changed while its motion was solved"), where=guarded.where, mend=mend
+                )
             needed = shape.needed()
             bodies = [made.bodies[one] for one in needed.get("bodies", ())]
             streams = [made.streams[one] for one in needed.get("streams", ())]
@@ -127,8 +139,8 @@ class MotionClipboard:
 
         if self.editor.edit(word, change):
             self.editor.choose(name)
-            told = " ".join(notes) or "Ctrl+Z takes it back."
-            self.editor.toasts.say(f"{name} moves as its performers do", told)
+            told = " ".join(notes) or tr("Ctrl+Z takes it back.")
+            self.editor.toasts.say(tr("{0} moves as its performers do", name), told)
 
 
 def chosen_chain(editor: Editor) -> Chain | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray
+from enliven_viewer.language import later, tr
 
 _LEAST = 0.25
 """Metres: a model that is smaller in every direction is taken for another unit."""
@@ -19,7 +20,7 @@ _UNITS = (
     ("centimetres", 0.01),
     ("millimetres", 0.001),
     ("kilometres", 1000.0),
-    ("hundreds of metres", 100.0),
+    (later("hundreds of metres"), 100.0),
 )
 """Units that programs write in place of metres, and metres of each."""
 _LIKELY = (0.5, 3.0)
@@ -55,7 +56,7 @@ def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> OpenedSize:
         return OpenedSize(tall)
     for word, metres in _UNITS:
         if _LIKELY[0] <= longest * metres <= _LIKELY[1]:
-            note = f"it was {tall:.3g} m tall: read as {word}, {tall * metres:.2g} m"
+            note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(word), tall * metres)
             return OpenedSize(tall * metres, note)
     height = min(_PERSON, _WIDEST * tall / longest)
-    return OpenedSize(height, f"it was {tall:.3g} m tall, and was made {height:.2g} m tall")
+    return OpenedSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))

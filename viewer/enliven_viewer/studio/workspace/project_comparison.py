@@ -6,18 +6,19 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from enliven.document import Project, same
+from enliven_viewer.language import later, tr
 
 Side = Literal["only here", "only in the file", "different"]
 
 _WORDS = {
-    "characters": "character",
-    "takes": "take",
-    "streams": "motion",
-    "bodies": "performance",
-    "markers": "marker",
-    "handling": "visibility, lock or size of",
-    "views": "view",
-    "sounds": "sound",
+    "characters": later("character"),
+    "takes": later("take"),
+    "streams": later("motion"),
+    "bodies": later("performance"),
+    "markers": later("marker"),
+    "handling": later("visibility, lock or size of"),
+    "views": later("view"),
+    "sounds": later("sound"),
 }
 """The artist's word for an item of each part of a project."""
 
@@ -43,11 +44,11 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
         word = _WORDS.get(part.name, part.name)
         for name in dict.fromkeys((*mine, *theirs)):
             if name not in theirs:
-                differences.append(Difference(f"{word} {name}", "only here"))
+                differences.append(Difference(tr("{0} {1}", tr(word), name), "only here"))
             elif name not in mine:
-                differences.append(Difference(f"{word} {name}", "only in the file"))
+                differences.append(Difference(tr("{0} {1}", tr(word), name), "only in the file"))
             elif not same(mine[name], theirs[name]):
-                differences.append(Difference(f"{word} {name}", "different"))
+                differences.append(Difference(tr("{0} {1}", tr(word), name), "different"))
     return tuple(differences)
 
 

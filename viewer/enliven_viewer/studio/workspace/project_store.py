@@ -24,6 +24,7 @@ from enliven.formats.project import (
     write_project,
 )
 from enliven.modeling.possessed import solve_lost
+from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import StageRecording
 
@@ -125,7 +126,7 @@ class ProjectStore:
         project, content = read
         self.path, self._content = path, content
         self._begin(project)
-        self.editor.toasts.say(f"Opened {path.name}")
+        self.editor.toasts.say(tr("Opened {0}", path.name))
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Write the project to its file, or to another that is its file from then on.
@@ -149,13 +150,13 @@ class ProjectStore:
         refuse_later_project(target)
         if not over:
             self._refuse_changed(target, data)
-        write_file(target, data, "Save it elsewhere.")
+        write_file(target, data, tr("Save it elsewhere."))
         self.settle()  # before its file goes
         # The file holds part of a recording, so the window counts as unsaved until the next save.
         self._saved = self._autosaved = written
         self.path, self._content = target, _checksum(data)
         self._own().unlink(missing_ok=True)
-        self.editor.toasts.say(f"Saved {target.name}")
+        self.editor.toasts.say(tr("Saved {0}", target.name))
 
     def saved_now(self) -> Project:
         """Return the project that the file holds now, which another window may have saved.
@@ -180,9 +181,9 @@ class ProjectStore:
             return  # it is gone, or writing says what is wrong with it
         if now not in (self._content, _checksum(data)):
             raise FileChangedError(
-                f"{target.name} was saved by another window or program since it was opened here",
+                tr("{0} was saved by another window or program since it was opened here", target.name),
                 where=str(target),
-                mend="Save under another name, or compare the two.",
+                mend=tr("Save under another name, or compare the two."),
             )
 
     def autosave(self, now: float | None = None) -> None:
@@ -226,7 +227,7 @@ class ProjectStore:
         except (OSError, EnlivenError) as error:
             said = error.what if isinstance(error, EnlivenError) else str(error.strerror)
             self.editor.toasts.say(
-                f"The recovery file cannot be written ({said})", "Save your work with Ctrl+S."
+                tr("The recovery file cannot be written ({0})", said), tr("Save your work with Ctrl+S.")
             )
 
     def recoverable(self) -> list[Path]:
@@ -252,7 +253,7 @@ class ProjectStore:
         self.new()
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
-        self.editor.toasts.say("Recovered", "Save it with Ctrl+S.")
+        self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
         # It is now this studio's to keep.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._own())

@@ -13,6 +13,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
 from enliven.modeling.puppet import bake_puppet, make_puppet
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
 _ASIDE = 0.3
@@ -44,24 +45,31 @@ class PuppetCommands:
             made = unused(f"{name} puppet", project.characters)
             return move_character(make_puppet(project, upright, made), made, beside), made
 
-        if not self._add(f"make a puppet of {name}", change):
+        if not self._add(later("make a puppet of {0}", name), change):
             return False
-        self.editor.toasts.say(f"{name} stays; its puppet stands beside it", "K puts control points on it.")
+        self.editor.toasts.say(
+            tr("{0} stays; its puppet stands beside it", name), tr("K puts control points on it.")
+        )
         return True
 
     def outline(self) -> None:
         """Outline the key pose before while one is edited, or not."""
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
-        said = "is outlined" if puppets.silhouette else "is not outlined any more"
-        self.editor.toasts.say(f"The key pose before {said}")
+        self.editor.toasts.say(
+            tr("The key pose before is outlined")
+            if puppets.silhouette
+            else tr("The key pose before is not outlined any more")
+        )
 
     def warn(self) -> None:
         """Show faces that pass through one another while a key pose is edited, or not."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
         self.editor.toasts.say(
-            "Faces that pass through one another are " + ("red" if puppets.warn else "not shown")
+            tr("Faces that pass through one another are red")
+            if puppets.warn
+            else tr("Faces that pass through one another are not shown")
         )
 
     def bake(self) -> bool:
@@ -71,7 +79,7 @@ class PuppetCommands:
             return False
         project = editor.project
         editor.beside.begin(
-            f"Baking {puppet.id}", lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
+            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
         )
         return True
 
@@ -84,14 +92,16 @@ class PuppetCommands:
 
             def change(project: Project) -> Project:
                 if project.characters.get(puppet.id) is not puppet:
-                    what = "it was changed while it was baked"
-                    raise InputError(what, where=puppet.where, mend="Bake it again.")
+                    what = tr("it was changed while it was baked")
+                    raise InputError(what, where=puppet.where, mend=tr("Bake it again."))
                 streams = [made.streams[stream] for stream in shape.needed()["streams"]]
                 return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
-            if self.editor.edit(f"bake {puppet.id}", change):
+            if self.editor.edit(later("bake {0}", puppet.id), change):
                 self.editor.choose(name)
-                self.editor.toasts.say(f"{name} is a possessed mesh now", f"It is {error}. Ctrl+Z goes back.")
+                self.editor.toasts.say(
+                    tr("{0} is a possessed mesh now", name), tr("It is {0}. Ctrl+Z goes back.", error)
+                )
 
         return put
 
@@ -142,6 +152,8 @@ def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
         InputError: where it has no faces.
     """
     if not len(mesh.faces):
-        raise InputError("it has no surface", where=f"mesh {mesh.name!r}", mend="Open a mesh with faces.")
+        raise InputError(
+            tr("it has no surface"), where=f"mesh {mesh.name!r}", mend=tr("Open a mesh with faces.")
+        )
     place = foot_of(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 from enliven.document import Project
 from enliven.modeling.edits import choose_take, delete_take, drop_take, keep_take, takes_beside
+from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_NONE = "Nothing was taken again there. Record beside what was recorded last, and choose its lane."
+_NONE = later("Nothing was taken again there. Record beside what was recorded last, and choose its lane.")
 
 
 class TakeCommands:
@@ -52,20 +53,22 @@ class TakeCommands:
     def choose(self, recorded: str) -> None:
         """Let one of them be heard."""
         meant = self.alternatives
-        if self.editor.edit(f"hear {recorded}", lambda project: choose_take(project, meant, recorded)):
+        if self.editor.edit(
+            later("hear {0}", recorded), lambda project: choose_take(project, meant, recorded)
+        ):
             self._follow(meant, recorded)
 
     def keep(self) -> None:
         """Keep the one that is heard, and drop the others."""
         meant, heard = self.alternatives, self.heard
-        if self.editor.edit(f"keep {heard}", lambda project: keep_take(project, meant, heard)):
+        if self.editor.edit(later("keep {0}", heard), lambda project: keep_take(project, meant, heard)):
             self._follow(meant, heard)
 
     def drop(self, recorded: str = "") -> None:
         """Drop one of them, or the one that is heard."""
         meant, gone = self.alternatives, recorded or self.heard
-        if self.editor.edit(f"delete {gone}", lambda project: drop_take(project, meant, gone)):
-            self.editor.toasts.say(f"{gone} is deleted", "Ctrl+Z brings it back.")
+        if self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
+            self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
             self._follow(meant, self.heard)
 
     def delete_row(self, name: str) -> None:
@@ -77,8 +80,8 @@ class TakeCommands:
         meant, gone = recorded.pop() if len(recorded) == 1 else ("", "")
         if len(takes_beside(project, meant)) < 2:
             self.delete(name)
-        elif self.editor.edit(f"delete {gone}", lambda project: drop_take(project, meant, gone)):
-            self.editor.toasts.say(f"{gone} is deleted", "Ctrl+Z brings it back.")
+        elif self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
+            self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
 
     def unused(self) -> list[str]:
         """The takes that nothing plays."""
@@ -94,9 +97,9 @@ class TakeCommands:
                 project = delete_take(project, name)
             return project
 
-        told = names[0] if len(names) == 1 else f"{len(names)} takes"
-        if self.editor.edit(f"delete {told}", change):
-            self.editor.toasts.say(f"Deleted {told}", "Ctrl+Z brings it back.")
+        told = names[0] if len(names) == 1 else later("{0} takes", len(names))
+        if self.editor.edit(later("delete {0}", told), change):
+            self.editor.toasts.say(tr("Deleted {0}", told), tr("Ctrl+Z brings it back."))
 
     def _follow(self, alternatives: str, recorded: str) -> None:
         """Choose the lane of a take, where a lane of its alternatives was chosen."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.ghosts import Ghosts
@@ -68,7 +69,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
     """How large the window's text is, and how much moves in it."""
 
     def at_end(size: float, said: str) -> str:
-        return f"The text is as {said} as it gets." if preferences.text_size == size else ""
+        return tr("The text is as {0} as it gets.", said) if preferences.text_size == size else ""
 
     yield Action(
         "view.larger_text",
@@ -76,7 +77,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Larger text",
         ("ctrl+shift+equal",),
         lambda: preferences.resize(1),
-        lambda: at_end(SIZES[-1], "large"),
+        lambda: at_end(SIZES[-1], tr("large")),
         about="Text, and everything around it.",
         apart=True,
     )
@@ -86,7 +87,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Smaller text",
         ("ctrl+shift+minus",),
         lambda: preferences.resize(-1),
-        lambda: at_end(SIZES[0], "small"),
+        lambda: at_end(SIZES[0], tr("small")),
         about="Text, and everything around it.",
     )
     yield Action(

@@ -9,6 +9,7 @@ from typing import Any
 
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
+from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.curves import CurveInput
@@ -216,7 +217,7 @@ class Workspace:
         def work() -> Any:
             return self.store.read(path) if path.suffix.lower() == PROJECT else read_to_add(path)
 
-        self.editor.beside.begin(f"Opening {path.name}", work, add, progress)
+        self.editor.beside.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
         """Open files that were dropped onto the window, up to one that asks something."""
@@ -239,7 +240,9 @@ class Workspace:
             self.perform.connect_nearby("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
-            self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
+            self.editor.toasts.say(
+                tr("Saved {0}", path.name), tr("`enliven examples fit` plays it without a window.")
+            )
         else:
             self.save(path)
 
@@ -306,9 +309,10 @@ class Workspace:
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
     def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Let the tour see what was done; to be called once a picture, so long after the one before.
+        """Let the tour check its step; to be called once a picture.
 
         Args:
+            seconds: since the last picture.
             origin: the top left of the picture, in the window's pixels.
         """
         if self.tour is None:
@@ -418,7 +422,7 @@ class Workspace:
         def work() -> str:
             return write_export(project, path, characters, options, length, progress)
 
-        self.editor.beside.begin(f"Writing {path.name}", work, tell, progress)
+        self.editor.beside.begin(tr("Writing {0}", path.name), work, tell, progress)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Coupling, Position, Puppet, Velocity
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import (
     HardConstraint,
     constraints_of,
@@ -42,27 +43,29 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     wanted: HardConstraint | None = None
-    if imgui.button("Here", third):
+    if imgui.button(labelled(tr("Here"), "Here"), third):
         x, y, z = editor.puppets.seen(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
     workspace.remember("hold here")
-    told(f"{name} goes through this place at this frame")
+    told(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
-    if imgui.button("Still", third):
+    if imgui.button(labelled(tr("Still"), "Still"), third):
         wanted = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     workspace.remember("hold still")
-    told(f"{name} does not move at this frame")
+    told(tr("{0} does not move at this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
-    if imgui.begin_combo("##level", "Level"):
+    if imgui.begin_combo("##level", tr("Level")):
         for other in (point.name for point in puppet.points if point.name != name):
-            if imgui.selectable(f"with {other}###with {other}", False)[0]:
+            if imgui.selectable(labelled(tr("with {0}", other), f"with {other}"), False)[0]:
                 wanted = Coupling(name, other, frame)
         imgui.end_combo()
     workspace.remember("hold level")
-    told(f"{name} is as high as another control point at this frame")
+    told(tr("{0} is as high as another control point at this frame", name))
     if wanted is not None:
-        editor.edit(f"hold {name}", lambda project: with_constraint(project, puppet.id, number, wanted))
+        editor.edit(
+            later("hold {0}", name), lambda project: with_constraint(project, puppet.id, number, wanted)
+        )
 
 
 def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
@@ -85,7 +88,7 @@ def constraint_text(held: HardConstraint, step: float) -> str:
     """A hard constraint in a few words."""
     at = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):
-        return f"{held.point} goes through a place at {at}"
+        return tr("{0} goes through a place at {1}", held.point, at)
     if isinstance(held, Velocity):
-        return f"{held.point} is still at {at}"
-    return f"{held.point} is level with {held.other} at {at}"
+        return tr("{0} is still at {1}", held.point, at)
+    return tr("{0} is level with {1} at {2}", held.point, held.other, at)

@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
+from enliven_viewer.language import tr
 from enliven_viewer.studio.examples import layer_of, with_guessed_joints
 from enliven_viewer.studio.panels.examples.motion import draw_held
 from enliven_viewer.studio.panels.examples.points import draw_points, suggest
@@ -75,20 +76,20 @@ def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[
     """Return what comes next for a puppet: the label, what it does, and the command."""
     editor, take = workspace.editor, workspace.performer.take
     if editor.puppets.number is not None:
-        return "Done", "Keep the pose, and let the puppet play  (Enter)", editor.puppets.accept
+        return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
     if not puppet.points:
-        told_points = "Control points at the ends of the limbs; or click the surface yourself"
-        return "Suggest points", told_points, lambda: suggest(workspace, puppet)
+        told_points = tr("Control points at the ends of the limbs; or click the surface yourself")
+        return tr("Suggest points"), told_points, lambda: suggest(workspace, puppet)
     if take is None:
-        told_take = "The motion of a performer that the puppet is to follow"
-        return "Open a take...", told_take, partial(workspace.ask, "open")
+        told_take = tr("The motion of a performer that the puppet is to follow")
+        return tr("Open a take..."), told_take, partial(workspace.ask, "open")
     if any(not point.joint for point in puppet.points):
         guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
-        told_joints = "Pair every point with a joint of the performer, by place"
-        return "Guess joints", told_joints, lambda: editor.edit("guess joints", guess)
-    told_pose = "A key pose for the performer's moment: drag the points to what it means"
+        told_joints = tr("Pair every point with a joint of the performer, by place")
+        return tr("Guess joints"), told_joints, lambda: editor.edit("guess joints", guess)
+    told_pose = tr("A key pose for the performer's moment: drag the points to what it means")
     begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
-    return "Pose it here", told_pose, begin
+    return tr("Pose it here"), told_pose, begin
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
@@ -96,13 +97,13 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _box(workspace, ACCENT, "Before it moves", _gathered(lacking))
+        _box(workspace, ACCENT, tr("Before it moves"), _gathered(lacking))
     elif problem is not None:
-        _box(workspace, BAD, "It cannot move like this", (problem.what, problem.mend))
+        _box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
     else:
         count = len(puppet.poses)
-        doubled = " and their mirror images" if puppet.symmetry is not None else ""
-        _box(workspace, GOOD, "It moves", (f"by {count} examples{doubled}.",))
+        doubled = tr(" and their mirror images") if puppet.symmetry is not None else ""
+        _box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
 
 
 def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
@@ -111,7 +112,7 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
     if len(pairs) < 3:
         return lacking
     first = pairs[0].removeprefix("Pair ").removesuffix(" with a joint.")
-    gathered = f"Pair {first} and {len(pairs) - 1} other points with joints."
+    gathered = tr("Pair {0} and {1} other points with joints.", first, len(pairs) - 1)
     return (gathered, *(line for line in lacking if line not in pairs))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.panels.fields import told
@@ -42,7 +43,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     wide = max(area.width - (152 if unused else 66), 60)
     imgui.set_next_item_width(wide)
     flags = imgui.ComboFlags_.no_arrow_button if wide < _NARROW else imgui.ComboFlags_.none
-    if imgui.begin_combo("##performer take", view.take or "choose a take", flags):
+    if imgui.begin_combo("##performer take", view.take or tr("choose a take"), flags):
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
                 view.show(name)
@@ -53,7 +54,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     workspace.remember("takes")
     if unused:
         imgui.same_line()
-        if imgui.button("Play it", ImVec2(78, 0)):
+        if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
         workspace.remember("play take")
         told("The puppet plays this take too, as a layer of its own")
@@ -103,14 +104,14 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
         for mark in axes_marks(view.lens, (46, area.height - 42)):
             draw_mark(draw, area, mark)
     if moment is None:
-        lines = ("No take yet.", "Open one (Ctrl+O), or choose one above.")
+        lines = (tr("No take yet."), tr("Open one (Ctrl+O), or choose one above."))
         for row, line in enumerate(lines):
             wide = imgui.calc_text_size(line).x
             at = ImVec2(origin.x + (area.width - wide) / 2, origin.y + area.height / 2 - 20 + 22 * row)
             draw.add_text(at, packed(INK if row == 0 else QUIET), line)
         return
     with small():
-        said = f"the performer at {time_text(moment[1])}"
+        said = tr("the performer at {0}", time_text(moment[1]))
         wide = imgui.calc_text_size(said).x + 18
         if wide + 12 > area.width:
             said = time_text(moment[1])
@@ -126,7 +127,7 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
             point = workspace.editor.puppets.point
             puppet = workspace.editor.puppets.puppet
             if point is not None and puppet is not None:
-                name = f"{puppet.points[point].name} follows {name}"
+                name = tr("{0} follows {1}", puppet.points[point].name, name)
             wide = imgui.calc_text_size(name).x + 14
             x = min(x + 12, area.width - wide - 6)
             corner = ImVec2(origin.x + x, origin.y + y - 11)

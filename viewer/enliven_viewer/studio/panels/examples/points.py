@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import ControlPoint, Project, Puppet
 from enliven.modeling.puppet import change_point, set_symmetry, suggested_joint, suggested_vertices
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, told
@@ -22,12 +23,12 @@ _FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a point that is held hard, a soft one."""
 _SUGGESTED = 6
 """Control points that are suggested at once; mirror images come on top."""
-_AXES = ("left to right", "above to below", "front to back")
+_AXES = (later("left to right"), later("above to below"), later("front to back"))
 
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the heading, a row per point, the fields of the chosen one, and the buttons."""
-    heading(f"Control points   {len(puppet.points) or ''}")
+    heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
         _standing(workspace, puppet)
         quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
@@ -43,19 +44,20 @@ def _standing(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the buttons that turn a mesh that lies on its back or looks aside."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
-        ("Stand it up", "x", "For a mesh that lies on its back"),
-        ("Quarter turn", "y", "Until it looks at you with View > From the front (1)"),
+        (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
+        (later("Quarter turn"), "y", tr("Until it looks at you with View > From the front (1)")),
     ):
-        if imgui.button(f"{label}###{label}", half):
-            _stand(workspace, puppet.id, label, axis)
+        if imgui.button(labelled(tr(label), label), half):
+            _stand(workspace, puppet.id, axis)
         workspace.remember(label.lower())
         told(said)
         if axis == "x":
             imgui.same_line()
 
 
-def _stand(workspace: Workspace, puppet: str, label: str, axis: str) -> None:
-    if workspace.editor.edit(label.lower(), lambda project: turned_a_quarter(project, puppet, axis)):
+def _stand(workspace: Workspace, puppet: str, axis: str) -> None:
+    step = later("stand it up") if axis == "x" else later("quarter turn")
+    if workspace.editor.edit(step, lambda project: turned_a_quarter(project, puppet, axis)):
         workspace.editor.frame_all(reset=False)
 
 
@@ -76,7 +78,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
     draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
     draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
     with small():
-        said = point.joint or "no joint yet"
+        said = point.joint or tr("no joint yet")
         right = origin.x + wide - 8 - imgui.calc_text_size(said).x
         draw.add_text(ImVec2(right, origin.y + 4), packed(QUIET if point.joint else ACCENT), said)
         if point.foot:
@@ -96,18 +98,18 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
         return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})
 
     imgui.indent(22)
-    name_field(workspace, "point name", name, lambda to: change("rename a control point", name=to))
+    name_field(workspace, "point name", name, lambda to: change(later("rename a control point"), name=to))
     _joint(workspace, puppet, point)
     switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it, and walks by it")
     imgui.same_line()
-    tip = "The surface is pulled towards it, and need not reach it"
+    tip = tr("The surface is pulled towards it, and need not reach it")
     switch(workspace, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
-    if imgui.button("Remove"):
+    if imgui.button(labelled(tr("Remove"), "Remove")):
         editor.puppets.remove_point()
     workspace.remember("remove point")
     if point.weight is not None:
-        slider(workspace, "weight", point.weight, 0.01, 100.0, "pulls by %.2f", edit("weight", float))
+        slider(workspace, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
     draw_holding(workspace, puppet)
     imgui.unindent(22)
 
@@ -116,12 +118,12 @@ def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draw the list of joints that the point may follow, the likeliest first."""
     editor, take = workspace.editor, workspace.performer.take
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##joint", point.joint or "click a joint of the performer, or choose"):
+    if imgui.begin_combo("##joint", point.joint or tr("click a joint of the performer, or choose")):
         clip = editor.project.takes.get(take or "")
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
             best = suggested_joint(editor.project, puppet.id, str(take), point.name)
-            if imgui.selectable(f"{best}   likely###likely", best == point.joint)[0]:
+            if imgui.selectable(labelled(tr("{0}   likely", best), "likely"), best == point.joint)[0]:
                 workspace.performer.pair(best)
             imgui.separator()
         for joint in names:
@@ -134,7 +136,7 @@ def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
 def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     editor = workspace.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
-    if imgui.button("Suggest points", half):
+    if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
         suggest(workspace, puppet)
     workspace.remember("suggest points")
     told("Control points at the ends of the limbs, and at their mirror images")
@@ -142,12 +144,12 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     take = workspace.performer.take
     open_ones = [point.name for point in puppet.points if not point.joint]
     imgui.begin_disabled(take is None or not open_ones)
-    if imgui.button("Guess joints", half):
+    if imgui.button(labelled(tr("Guess joints"), "Guess joints"), half):
         editor.edit("guess joints", lambda project: with_guessed_joints(project, puppet.id, str(take)))
     workspace.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip("Pair every point that has no joint with one that acts in this take, by place")
+        imgui.set_tooltip(tr("Pair every point that has no joint with one that acts in this take, by place"))
 
 
 def suggest(workspace: Workspace, puppet: Puppet) -> bool:
@@ -162,7 +164,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
 def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the switches of symmetry: mirrored examples, the plane, and editing both sides at once."""
     editor = workspace.editor
-    toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
+    toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     workspace.remember("symmetric")
     told("Every example counts for its mirror image too: pose one side, and both are shown")
     if toggled:
@@ -173,8 +175,10 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     normal = [abs(value) for value in puppet.symmetry.normal]
     imgui.same_line()
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text_unformatted(_AXES[normal.index(max(normal))])
-    toggled, on = imgui.checkbox("edit both sides at once", editor.puppets.symmetric)
+        imgui.text_unformatted(tr(_AXES[normal.index(max(normal))]))
+    toggled, on = imgui.checkbox(
+        labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
+    )
     workspace.remember("both sides")
     told("Control points are put and dragged together with their mirror image")
     if toggled:
@@ -190,7 +194,7 @@ def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
         if on:
             editor.puppets.set_symmetric(True)  # tells that there is no plane
         return
-    word = "symmetric" if plane else "not symmetric"
+    word = later("symmetric") if plane else later("not symmetric")
     editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))
 
 

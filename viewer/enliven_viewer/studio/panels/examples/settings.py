@@ -7,20 +7,21 @@ import dataclasses
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
 
-_NUMBERS = (
-    ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),
-    ("surface", "exaggeration", "exaggeration", 0.0, 3.0, "exaggerate %.2f"),
-    ("surface", "hold", "hold", 0.0, 2.0, "hold %.2f"),
-    ("surface", "volume", "volume", 0.0, 1.0, "keep %.2f of the volume"),
-    ("examples", "acceleration", "smooth", 0.0, 2.0, "smooth %.2f"),
-    ("examples", "nearest", "nearest", 1, 12, "mix %d examples"),
-    ("locomotion", "plant", "plant", 0.0, 1.0, "plant feet %.2f"),
+NUMBERS = (
+    ("surface", "squash_and_stretch", later("squash and stretch"), 0.0, 1.0, ""),
+    ("surface", "exaggeration", later("exaggeration"), 0.0, 3.0, later("exaggerate %.2f")),
+    ("surface", "hold", later("hold"), 0.0, 2.0, later("hold %.2f")),
+    ("surface", "volume", later("volume"), 0.0, 1.0, later("keep %.2f of the volume")),
+    ("examples", "acceleration", later("smooth"), 0.0, 2.0, later("smooth %.2f")),
+    ("examples", "nearest", later("nearest"), 1, 12, later("mix %d examples")),
+    ("locomotion", "plant", later("plant"), 0.0, 1.0, later("plant feet %.2f")),
 )
 """Group, field, label, lowest, highest, and how the number is written."""
 
@@ -29,11 +30,11 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the sliders, folded away at first."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
-        opened = imgui.collapsing_header("Settings")
+        opened = imgui.collapsing_header(labelled(tr("Settings"), "Settings"))
     workspace.remember("settings")
     if not opened:
         return
-    for group, name, label, low, high, said in _NUMBERS:
+    for group, name, label, low, high, said in NUMBERS:
         held, change = getattr(puppet, group), _changing(puppet.id, group, name)
         value = getattr(held, name)
         if isinstance(value, bool):
@@ -41,7 +42,7 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
         else:
             slider(workspace, f"setting {label}", value, low, high, said, change)
             told(_doc(held, name))
-    if imgui.button("Reset"):
+    if imgui.button(labelled(tr("Reset"), "Reset")):
         workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     workspace.remember("reset settings")
 
@@ -51,10 +52,15 @@ def _changing(puppet: str, group: str, name: str) -> Change:
     return lambda project, value: with_setting(project, puppet, group, name, value)
 
 
+def sentence_of(settings: object, name: str) -> str:
+    """Returns the sentence that says what a setting does, in English."""
+    field = next(f for f in dataclasses.fields(settings) if f.name == name)  # type: ignore[arg-type]
+    return str(field.metadata.get("doc", ""))
+
+
 def _doc(settings: object, name: str) -> str:
     """The sentence of a setting, broken into lines."""
-    field = next(f for f in dataclasses.fields(settings) if f.name == name)  # type: ignore[arg-type]
-    words, lines = str(field.metadata.get("doc", "")).split(), [""]
+    words, lines = tr(sentence_of(settings, name)).split(), [""]
     for word in words:
         if len(lines[-1]) + len(word) > 56:
             lines.append("")

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
+from enliven_viewer.language import later, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
@@ -56,15 +57,17 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
     puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text_unformatted(f"KEY POSES   {len(puppet.poses) or ''}")
+        imgui.text_unformatted(tr("KEY POSES   {0}", len(puppet.poses) or ""))
     if coverage is not None and puppet.points:
         imgui.same_line(0, 14)
         with small(), tinted(QUIET if coverage.needed else GOOD, imgui.Col_.text):
             imgui.text_unformatted(_said(coverage, len(puppet.poses)))
         if imgui.is_item_hovered():
             imgui.set_tooltip(
-                "Whether every moment of the take is like one of the key poses.\n"
-                "A dashed picture is a moment that none of them is like."
+                tr(
+                    "Whether every moment of the take is like one of the key poses.\n"
+                    "A dashed picture is a moment that none of them is like."
+                )
             )
     number = puppets.number
     if number is None:
@@ -77,31 +80,30 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
 
 def _said(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
-        return f"about {coverage.needed} would be enough for {coverage.take}"
+        return tr("about {0} would be enough for {1}", coverage.needed, coverage.take)
     if coverage.needed == 0:
-        return f"enough for {coverage.take}: every moment is like one of them"
+        return tr("enough for {0}: every moment is like one of them", coverage.take)
     if coverage.needed == 1:
-        return f"one more would be enough for {coverage.take}, at the dashed moment"
-    return f"{coverage.needed} more would be enough for {coverage.take}, at the dashed moments"
+        return tr("one more would be enough for {0}, at the dashed moment", coverage.take)
+    return tr("{0} more would be enough for {1}, at the dashed moments", coverage.needed, coverage.take)
 
 
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draw the buttons for the edited key pose."""
-    labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
     meant = {
-        "Done": "Keep it, and let the puppet play (Enter)",
-        "Cancel": "Put it back as it was",
-        "Duplicate": "The same pose for a moment half a second on",
-        "Mirror": "Its mirror image, for a moment half a second on",
-        "Here": "Move it to the playhead",
-        "Remove": "Take this example away",
+        "Done": tr("Keep it, and let the puppet play (Enter)"),
+        "Cancel": tr("Put it back as it was"),
+        "Duplicate": tr("The same pose for a moment half a second on"),
+        "Mirror": tr("Its mirror image, for a moment half a second on"),
+        "Here": tr("Move it to the playhead"),
+        "Remove": tr("Take this example away"),
     }
-    for place, label in enumerate(labels):
+    for place, label in enumerate(meant):
         if place:
             imgui.same_line(0, 5)
         if label == "Done":
             imgui.push_style_color(imgui.Col_.button, packed(ACCENT, 0.75))
-        pressed = imgui.button(f"{label}###{label}")
+        pressed = imgui.button(f"{tr(label)}###{label}")
         if label == "Done":
             imgui.pop_style_color()
         workspace.remember(f"pose {label}")
@@ -128,8 +130,12 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
     else:
         make = duplicated if label == "Duplicate" else mirrored_copy
         moment = _free_moment(workspace, puppet, number)
-        if editor.edit(f"{label.lower()} a key pose", lambda p: make(p, name, number, key.take, moment)):
+        if editor.edit(_STEPS[label], lambda p: make(p, name, number, key.take, moment)):
             workspace.edit_pose(len(puppet.poses))
+
+
+_STEPS = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
+"""The step of the history of a command that makes another key pose."""
 
 
 def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
@@ -159,13 +165,13 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
     at = ImVec2(origin.x + (TILE.x - wide) / 2, origin.y + 26)
     draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS)
     with small():
-        imgui.text_unformatted("new key pose")
+        imgui.text_unformatted(tr("new key pose"))
     imgui.end_group()
     imgui.end_disabled()
     if pressed and moment is not None:
         workspace.begin_pose(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip("A key pose for what the performer does now")
+        imgui.set_tooltip(tr("A key pose for what the performer does now"))
 
 
 def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
@@ -209,7 +215,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
 def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draw the menu of the right button."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
-        if imgui.menu_item_simple(f"{label}###{label}"):
+        if imgui.menu_item_simple(f"{tr(label)}###{label}"):
             run_pose_command(workspace, puppet, number, label)
 
 
@@ -235,10 +241,10 @@ def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None)
             room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
             stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))
         with small(), tinted((*CHAIN[:3], 0.85), imgui.Col_.text):
-            imgui.text_unformatted(f"suggested  {time_text(seconds)}")
+            imgui.text_unformatted(tr("suggested  {0}", time_text(seconds)))
         imgui.end_group()
         if hovered:
-            imgui.set_tooltip("Pose the puppet for this moment: no example is like it")
+            imgui.set_tooltip(tr("Pose the puppet for this moment: no example is like it"))
     if not wanted:
         imgui.same_line()
         quiet("")

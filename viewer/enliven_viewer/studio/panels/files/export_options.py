@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import quiet
@@ -33,7 +34,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
     imgui.same_line(0.0, 18.0)
     imgui.set_next_item_width(_FIELD)
     at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
-    options.rate = RATES[imgui.combo("##rate", at, [f"{rate} a second" for rate in RATES])[1]]
+    options.rate = RATES[imgui.combo("##rate", at, [tr("{0} a second", rate) for rate in RATES])[1]]
     workspace.remember("export rate")
     told("Pictures, or poses, a second")
     if film:
@@ -46,13 +47,13 @@ def _range(workspace: Workspace) -> None:
     """The first and the last second; buttons take all, or what lies between the in and the out point."""
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted("Seconds")
+    imgui.text_unformatted(tr("Seconds"))
     imgui.same_line(_LABEL)
     imgui.set_next_item_width(_FIELD - 30)
     options.first = imgui.drag_float("##first", options.first, 0.02, 0.0, editor.length, "%.2f")[1]
     workspace.remember("export first")
     imgui.same_line()
-    imgui.text_unformatted("to")
+    imgui.text_unformatted(tr("to"))
     imgui.same_line()
     imgui.set_next_item_width(_FIELD - 30)
     last = options.last or editor.length
@@ -60,12 +61,12 @@ def _range(workspace: Workspace) -> None:
     options.last = last if changed else options.last
     workspace.remember("export last")
     imgui.same_line()
-    if imgui.button("All"):
+    if imgui.button(labelled(tr("All"), "All")):
         options.first, options.last = 0.0, 0.0
     workspace.remember("export all")
     imgui.same_line()
     imgui.begin_disabled(editor.marked is None)
-    if imgui.button("In to out") and editor.marked is not None:
+    if imgui.button(labelled(tr("In to out"), "In to out")) and editor.marked is not None:
         options.first, options.last = editor.marked
     imgui.end_disabled()
     workspace.remember("export marked")
@@ -76,19 +77,19 @@ def _film(workspace: Workspace) -> None:
     """The size and the look of a film."""
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted("Pixels")
+    imgui.text_unformatted(tr("Pixels"))
     imgui.same_line(_LABEL)
     imgui.set_next_item_width(_FIELD)
     at = FILM_SIZES.index(options.size) if options.size in FILM_SIZES else 1
     options.size = FILM_SIZES[imgui.combo("##size", at, list(FILM_SIZES))[1]]
     workspace.remember("export size")
     imgui.same_line(0.0, 18.0)
-    imgui.text_unformatted("Look")
+    imgui.text_unformatted(tr("Look"))
     imgui.same_line()
     imgui.set_next_item_width(_FIELD)
     looks: list[str] = list(LOOKS)
     at = looks.index(options.look or workspace.editor.look)
-    changed, at = imgui.combo("##look", at, looks)
+    changed, at = imgui.combo("##look", at, [tr(look) for look in looks])
     options.look = looks[at] if changed or options.look else ""
     workspace.remember("export look")
 
@@ -97,11 +98,15 @@ def _format(workspace: Workspace) -> None:
     """The options of the kinds of files."""
     options = workspace.exporting
     if any(isinstance(one, Puppet) for one in workspace.editor.project.characters.values()):
-        options.morphs = imgui.checkbox("Exact puppets (.glb)", options.morphs)[1]
+        options.morphs = imgui.checkbox(
+            labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
+        )[1]
         workspace.remember("export morphs")
         told("As morph targets, in a larger file; else the surface follows bones, which every program plays")
         imgui.same_line(0.0, 18.0)
-    centimetres = imgui.checkbox("Centimetres (.bvh)", options.unit == "cm")[1]
+    centimetres = imgui.checkbox(
+        labelled(tr("Centimetres (.bvh)"), "Centimetres (.bvh)"), options.unit == "cm"
+    )[1]
     options.unit = "cm" if centimetres else "m"
     workspace.remember("export centimetres")
     told("Many programs that read .bvh expect centimetres")

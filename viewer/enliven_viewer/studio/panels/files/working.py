@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 
@@ -34,7 +35,7 @@ def draw_working(workspace: Workspace, area: Area) -> None:
     corner = ImVec2(area.x + area.width - _EDGE, area.y + _BELOW_HINT)
     imgui.set_next_window_pos(corner, 0, ImVec2(1.0, 0.0))
     imgui.set_next_window_size(ImVec2(wide, 0))
-    imgui.begin("Working", None, _FLAGS)
+    imgui.begin(labelled(tr("Working"), "Working"), None, _FLAGS)
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(beside.said)
     imgui.pop_text_wrap_pos()
@@ -44,7 +45,7 @@ def draw_working(workspace: Workspace, area: Area) -> None:
         imgui.progress_bar(progress.share, ImVec2(wide - 120, 0), f"{100 * progress.share:.0f} %")
     workspace.remember("work progress")
     imgui.same_line()
-    if imgui.button("Cancel##work", ImVec2(-1, 0)):
+    if imgui.button(labelled(tr("Cancel"), "cancel work"), ImVec2(-1, 0)):
         beside.cancel()
     workspace.remember("cancel work")
     imgui.end()

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from enliven.modeling.edits import change_layers
+from enliven_viewer.language import tr
 from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import small, tinted
@@ -26,16 +27,16 @@ def draw_numbers(workspace: Workspace) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _word("Place", "Of the middle of what is chosen, and of its lowest point above the floor")
+    _word(tr("Place"), tr("Of the middle of what is chosen, and of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
         at = float(place[axis])
         number_field(workspace, f"place {name}", at, LENGTH, lambda to, axis=axis: figures.move_to(axis, to))
-    _word("Turn", "Turn it further about an axis of the stage: y is the upright")
+    _word(tr("Turn"), tr("Turn it further about an axis of the stage: y is the upright"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
         number_field(workspace, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
-    _word("Tall", "How tall it stands now; also in percent of that: 150 %")
+    _word(tr("Tall"), tr("How tall it stands now; also in percent of that: 150 %"))
     imgui.same_line(_LABEL + 12)
     more = {"percent": height / 100.0}
     number_field(workspace, "tall", height, LENGTH, figures.make_tall, **more)
@@ -54,7 +55,7 @@ def _begins(workspace: Workspace) -> None:
         editor.edit("change offset", lambda project: change_layers(project, name, numbers, offset=seconds))
 
     imgui.same_line()
-    _word("Begins", "When the chosen motion begins on the timeline")
+    _word(tr("Begins"), tr("When the chosen motion begins on the timeline"))
     imgui.same_line()
     number_field(workspace, "begins", character.playing[number].offset, TIME, change)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
@@ -59,9 +60,9 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
                 imgui.set_scroll_here_y(0.5)
         if not workspace.editor.project.characters and not outliner.typed:
             with small(), tinted(QUIET, imgui.Col_.text):
-                imgui.text_wrapped("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O).")
+                imgui.text_wrapped(tr("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O)."))
         if outliner.typed and not outliner.rows:
-            imgui.text_disabled("Nothing is called so.")
+            imgui.text_disabled(tr("Nothing is called so."))
         imgui.pop_style_var()
         imgui.end_child()
         if divided:
@@ -88,7 +89,7 @@ def _filter(workspace: Workspace, outliner: Outliner) -> None:
     imgui.set_next_item_width(-1)
     with small():
         outliner.typed = imgui.input_text_with_hint(
-            "##filter", "\uf002  Filter by name", outliner.typed, imgui.InputTextFlags_.escape_clears_all
+            "##filter", tr("\uf002  Filter by name"), outliner.typed, imgui.InputTextFlags_.escape_clears_all
         )[1]
     workspace.remember("filter")
 
@@ -135,6 +136,7 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
 def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     """The arrow, the sign, the name, and what is said beside it, cut off where the row ends."""
     draw, x = imgui.get_window_draw_list(), at.x + _INDENT * row.depth
+    label, note = tr(row.label) if row.kind == GROUP else row.label, tr(row.note)
     middle = at.y + (_HIGH - imgui.get_font_size()) / 2
     draw.push_clip_rect(at, ImVec2(at.x + width, at.y + _HIGH), True)
     if row.folds:
@@ -153,13 +155,13 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
         draw.add_text(imgui.get_font(), size, ImVec2(x, middle + 3), packed(QUIET, 0.7), sign)
         x += 17
     ink = QUIET if row.kind == GROUP else FAINT if faint else INK
-    draw.add_text(ImVec2(x, middle), packed(ink), row.label)
-    x += imgui.calc_text_size(row.label).x + 8
+    draw.add_text(ImVec2(x, middle), packed(ink), label)
+    x += imgui.calc_text_size(label).x + 8
     size = imgui.get_font_size() * 0.82
-    wide = imgui.calc_text_size(row.note).x * 0.82
+    wide = imgui.calc_text_size(note).x * 0.82
     # What it is stands at the right, where the eye compares it; beside the name where there is no room.
     aside = ImVec2(max(x, at.x + width - wide - 6), middle + 2)
-    draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), row.note)
+    draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), note)
     draw.pop_clip_rect()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import Difference, Workspace
@@ -28,8 +29,11 @@ def draw_changed_file(workspace: Workspace) -> None:
         if not shown:
             return
         imgui.text_wrapped(
-            f"{name} was saved by another window or program since you opened it here. "
-            "Saving over it would undo that work."
+            tr(
+                "{0} was saved by another window or program since you opened it here. "
+                "Saving over it would undo that work.",
+                name,
+            )
         )
         imgui.dummy(ImVec2(0, 6))
         if workspace.compared is not None:
@@ -60,7 +64,13 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
             imgui.text_wrapped(f"  {item}")
     imgui.end_child()
     if any(one.side == "only in the file" for one in differences):
-        if imgui.button("Add to this window what is only in the file", ImVec2(-1, 0)):
+        if imgui.button(
+            labelled(
+                tr("Add to this window what is only in the file"),
+                "Add to this window what is only in the file",
+            ),
+            ImVec2(-1, 0),
+        ):
             workspace.add_saved_items()
         workspace.remember("dialog Add what is only in the file")
     imgui.dummy(ImVec2(0, 6))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.modal import button, choice, modal
 from enliven_viewer.studio.panels.style import tinted
@@ -19,7 +20,9 @@ def draw_unsaved(workspace: Workspace) -> None:
         if workspace.store.records:
             _draw_recording(workspace)
         name = workspace.store.name
-        imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
+        imgui.text_wrapped(
+            tr("{0} has changes that are not saved. They are lost unless you save them.", name)
+        )
         imgui.dummy(ImVec2(0, 6))
         if choice(workspace, "Save", "Cancel"):
             workspace.go_on(discard=False)
@@ -32,6 +35,6 @@ def _draw_recording(workspace: Workspace) -> None:
     """Say that a recording runs, how long it is, and what each button does with it."""
     seconds = time_text(workspace.perform.recording.seconds)
     with tinted(BAD, imgui.Col_.text):
-        imgui.text_unformatted(f"A recording is running: {seconds}")
-    imgui.text_wrapped("Save ends it and keeps it. Discard throws it away. Cancel lets it go on.")
+        imgui.text_unformatted(tr("A recording is running: {0}", seconds))
+    imgui.text_wrapped(tr("Save ends it and keeps it. Discard throws it away. Cancel lets it go on."))
     imgui.dummy(ImVec2(0, 6))

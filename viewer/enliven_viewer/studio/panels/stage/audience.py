@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, cards_of
 from enliven_viewer.render.overlay import Pen
 from enliven_viewer.studio.panels.stage.live import draw_holders, draw_size
@@ -25,7 +26,7 @@ def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
     if not workspace.asking:
         imgui.set_mouse_cursor(imgui.MouseCursor_.none)
     if words:
-        _sentence(draw, area, words)
+        _sentence(draw, area, tr(words))
     elif live is not None:
         cards = cards_of(live.scene, workspace.editor.lens.view)
         Hud(Pen(draw, (area.x, area.y))).draw_choice((round(area.width), round(area.height)), cards, "")

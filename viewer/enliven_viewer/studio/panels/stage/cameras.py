@@ -5,6 +5,7 @@ from __future__ import annotations
 import moderngl
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, quiet, tinted
@@ -40,7 +41,10 @@ def draw_cameras(workspace: Workspace) -> None:
         quiet("None is plugged in. Plug one in, and look again.")
     imgui.begin_disabled(search.searching)
     if imgui.button(
-        "Looking for cameras ...###search" if search.searching else "Look again###search", ImVec2(-1, 0)
+        labelled(tr("Looking for cameras ..."), "search")
+        if search.searching
+        else labelled(tr("Look again"), "search"),
+        ImVec2(-1, 0),
     ):
         search.begin()
     imgui.end_disabled()
@@ -59,7 +63,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
-    told(f"Perform before it: {camera.title}" if camera.can_start else camera.title)
+    told(tr("Perform before it: {0}", camera.title) if camera.can_start else camera.title)
     if beside:
         imgui.same_line()
         imgui.begin_disabled(search.looking is not None)

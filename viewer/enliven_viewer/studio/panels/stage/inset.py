@@ -11,6 +11,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.person import Body, Joint
 from enliven.wire import CameraMessage
+from enliven_viewer.language import tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render.overlay import limb_tints
@@ -78,7 +79,7 @@ def views_of(perform: PerformSession) -> list[CameraViewOf]:
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
-    views = [_view_of(live.take or "Performer", live, perform.camera)]
+    views = [_view_of(live.take or tr("Performer"), live, perform.camera)]
     guests = [guest for guest in perform.guests if guest.connected]
     views += [_view_of(guest.name, guest.live, guest.camera) for guest in guests]
     someone = any(one.bodies for one in views)
@@ -112,7 +113,7 @@ def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # 
     for number, body in enumerate(bodies):
         limbs = one.limbs.get(body.id, {})
         _figure(draw, area, body, performer_colour(number), width_of(one.camera), limbs)
-    said = name if bodies else f"{name}: no one in view"
+    said = name if bodies else tr("{0}: no one in view", name)
     caption(draw, ImVec2(area.x + 9, area.y + 6), said, INK if bodies else QUIET, _TEXT)
     draw.pop_clip_rect()
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
 from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import Pen
@@ -145,7 +146,7 @@ def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: igno
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
     elif perform.recording.phase == "recording":
-        text = f"Recording   {time_text(perform.recording.recorder.seconds)}"
+        text = tr("Recording   {0}", time_text(perform.recording.recorder.seconds))
         wide = _wide(text, 20.0)
         x, y = area.x + (area.width - wide) / 2, area.y + 18
         draw.add_rect_filled(

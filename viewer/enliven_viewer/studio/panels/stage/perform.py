@@ -6,6 +6,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
@@ -45,7 +46,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _characters(workspace, perform)
         if perform.client is not None:
             draw_physics(workspace, perform)
-        if imgui.button("\uf030  Scan a thing...", _WHOLE):
+        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
@@ -59,7 +60,7 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """The two buttons that a performance needs, always in the same place."""
     size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
     with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
-        if imgui.button("Possess", size):
+        if imgui.button(labelled(tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
     told("Step in: nobody else holds it then  (P)")
@@ -73,11 +74,11 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
     """Begins a recording, or ends it; a press means what the button said when it went down."""
     if recording.phase == "recording":
-        label, tint = f"Stop   {time_text(recording.recorder.seconds)}", BAD
+        label, tint = tr("Stop   {0}", time_text(recording.recorder.seconds)), BAD
     elif recording.phase == "counting":
-        label, tint = f"Cancel   {recording.counted}", WAIT
+        label, tint = tr("Cancel   {0}", recording.counted), WAIT
     else:
-        label, tint = "\uf111  Record", RAISED
+        label, tint = "\uf111  " + tr("Record"), RAISED
     with tinted(tint, imgui.Col_.button, imgui.Col_.button_hovered):
         pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
@@ -92,31 +93,31 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     """The state of the link in plain words, and its colour."""
     live = perform.live
     if live is None:
-        return "No stage is connected", QUIET
+        return tr("No stage is connected"), QUIET
     edge = live.document.edge
     if live.take:
-        return f"Playing {live.take}", GOOD
+        return tr("Playing {0}", live.take), GOOD
     if not edge.connected:
         if live.near and not len(live.document.timeline):
             return live.making, WAIT
-        gone = f"The stage at {_plain(edge.address)} is silent. It is looked for again by itself."
-        looked = f"Looking for a stage at {_plain(edge.address)}"
+        gone = tr("The stage at {0} is silent. It is looked for again by itself.", _plain(edge.address))
+        looked = tr("Looking for a stage at {0}", _plain(edge.address))
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
     if edge.phase == "ended":
-        return "The camera or recording has ended", WAIT
+        return tr("The camera or recording has ended"), WAIT
     if edge.signal != "live":
         words = {
-            "slow": "Connected, but few pictures arrive",
-            "damaged": "Connected, but pictures are damaged",
+            "slow": tr("Connected, but few pictures arrive"),
+            "damaged": tr("Connected, but pictures are damaged"),
         }
-        return words.get(edge.signal, "Connected, but no picture arrives"), WAIT
+        return words.get(edge.signal, tr("Connected, but no picture arrives")), WAIT
     late = edge.sensor_to_pose_ms
     behind = late_words(None if late is None else late + (edge.pose_to_screen_ms or 0.0))
-    return f"Connected, {behind}" if behind else "Connected", GOOD
+    return tr("Connected, {0}", behind) if behind else tr("Connected"), GOOD
 
 
 def _plain(address: str) -> str:
-    return address.removeprefix("tcp://") or "the address"
+    return address.removeprefix("tcp://") or tr("the address")
 
 
 def _stage(workspace: Workspace, perform: PerformSession) -> None:
@@ -130,7 +131,10 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     draw_cameras(workspace)
-    perform.voice.wanted = imgui.checkbox("Voice: open the microphone, too", perform.voice.wanted)[1]
+    perform.voice.wanted = imgui.checkbox(
+        labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
+        perform.voice.wanted,
+    )[1]
     workspace.remember("voice wanted")
     told("Spoken commands, understood on this machine alone. The panel lists the phrases then")
     heading("A camera elsewhere")
@@ -140,7 +144,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("address")
-    wanted = imgui.button("Connect", _WHOLE) or entered
+    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _WHOLE) or entered
     if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
         perform.address = ""  # the field is another camera's from now on
     workspace.remember("connect")
@@ -148,19 +152,19 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
     heading("No camera here?")
-    if imgui.button("A recorded person", _WHOLE):
+    if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--loop"))
     workspace.remember("recorded person")
     told("Plays the recording that comes with enliven, over and over, as if somebody stood there")
-    if imgui.button("A recording of yours...", _WHOLE):
+    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _WHOLE):
         workspace.ask("perform")
     workspace.remember("recording of yours")
     told("What a camera recorded, or a motion capture (.bvh): it plays over and over")
-    if imgui.button("A webcam", _WHOLE):
+    if imgui.button(labelled(tr("A webcam"), "A webcam"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
     workspace.remember("webcam")
     told("A plain camera in place of a depth camera: bodies from its picture, by MediaPipe; experimental")
-    if imgui.button("A made-up person", _WHOLE):
+    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
     told("A figure that waves and walks, for trying things out")
@@ -173,7 +177,7 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
     below = imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(imgui.get_content_region_avail().x - 44, top))
     with small():
-        if imgui.small_button("Leave"):
+        if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
     told("Leave the stage; what was recorded stays")
@@ -208,19 +212,19 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
     """The other edges, and a field for one more, below what is used more often."""
     heading("Other cameras")
     for number, guest in enumerate(list(perform.guests)):
-        state = "connected" if guest.connected else "silent"
+        state = tr("connected") if guest.connected else tr("silent")
         imgui.text_unformatted(f"{guest.name}: {state}")
-        if imgui.small_button(f"Lead##{number}"):
+        if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
             perform.lead(guest)
         workspace.remember(f"lead {number}")
         told("What you put on a stage, and what you ask for, goes there from then on")
         imgui.same_line()
-        if imgui.small_button(f"Leave##{number}"):
+        if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.part(guest)
         workspace.remember(f"part {number}")
     imgui.set_next_item_width(-1)
     entered, perform.address = imgui.input_text_with_hint(
-        "##beside", "another camera's address", perform.address, imgui.InputTextFlags_.enter_returns_true
+        "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("beside address")
     if entered and perform.address and workspace.attempt(lambda: perform.join(perform.address)):
@@ -232,14 +236,18 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
     heading("Record")
     last = recording.recorded
     imgui.begin_disabled(recording.phase != "idle" or not last)
-    if imgui.button(f"Again, and keep {last or 'the last one'}###again beside", _WHOLE):
+    if imgui.button(labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _WHOLE):
         recording.again(beside=True)
     workspace.remember("again beside")
     imgui.end_disabled()
     told("Both are kept: the lane on the timeline says which is heard, and lets you choose")
-    recording.count_in = imgui.checkbox("Count in: three, two, one", recording.count_in)[1]
+    recording.count_in = imgui.checkbox(
+        labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
+    )[1]
     workspace.remember("count in")
-    recording.replaces = imgui.checkbox("In place of what moves there", recording.replaces)[1]
+    recording.replaces = imgui.checkbox(
+        labelled(tr("In place of what moves there"), "In place of what moves there"), recording.replaces
+    )[1]
     told("On: the parts that you move lose the motion they had. Off: yours is added to it")
     workspace.remember("replaces")
     _ends(workspace, recording)
@@ -248,25 +256,27 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
 def _ends(workspace: Workspace, recording: StageRecording) -> None:
     """What ends a recording by itself: stillness, or the end of the marked span."""
     held, still = recording.hold_still, bool(recording.hold_still)
-    changed, still = imgui.checkbox("Stop when all hold still", still)
+    changed, still = imgui.checkbox(
+        labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
+    )
     workspace.remember("hold still")
     told("The still end is left out")
     if changed:
         recording.hold_still = _STILL if still else 0.0
     if still:
         imgui.set_next_item_width(-1)
-        recording.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, "for %.1f s")[1]
+        recording.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, tr("for %.1f s"))[1]
         workspace.remember("still for")
     if recording.span is None:
         quiet("I and O mark where recordings begin and end.")
         return
     first, last = recording.span
-    imgui.text_unformatted(f"From {time_text(first)} to {time_text(last)}")
+    imgui.text_unformatted(tr("From {0} to {1}", time_text(first), time_text(last)))
     imgui.same_line(imgui.get_content_region_avail().x - 40)
-    if imgui.small_button("Clear##span"):
+    if imgui.small_button(labelled(tr("Clear"), "span")):
         recording.span = None
     workspace.remember("clear span")
-    recording.loops = imgui.checkbox("Over and over", recording.loops)[1]
+    recording.loops = imgui.checkbox(labelled(tr("Over and over"), "Over and over"), recording.loops)[1]
     workspace.remember("loops")
     told("The marked time is recorded again and again until you stop; all are kept, the last is heard")
 
@@ -287,9 +297,9 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
         workspace.remember(f"waits {name}")
         state = perform.sender.states.get(name, "")
         if state:
-            quiet(state)
+            quiet(tr(state))
         if chosen and not state.startswith("being"):
-            if imgui.button(f"Put {name} on the stage###put {name}", _WHOLE):
+            if imgui.button(labelled(tr("Put {0} on the stage", name), f"put {name}"), _WHOLE):
                 perform.put()
             workspace.remember("put")
             told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
@@ -297,7 +307,7 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
 
 def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
     who = [one for one in perform.holders if one.character == name]
-    label = f"{name}  ·  {'held' if who else 'free'}"
+    label = f"{name}  ·  {tr('held') if who else tr('free')}"
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     if imgui.selectable(f"{label}###stands {name}", perform.meant == name, over)[0]:
         perform.there = name
@@ -305,7 +315,7 @@ def _character(workspace: Workspace, perform: PerformSession, name: str) -> None
     workspace.remember(f"stands {name}")
     if perform.live is not None and not perform.live.take:
         imgui.same_line(imgui.get_content_region_avail().x - 58)
-        if imgui.small_button(f"Remove##{name}"):
+        if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.take_off(name)
         workspace.remember(f"remove {name}")
 
@@ -315,8 +325,8 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     heading("Who steps in, with what")
     present, choice = perform.performers, live.possession
     numbers = {live.numbers.number_of(body): body for body in present}
-    everyone = "Whoever is free" if present else "Whoever comes: nobody is in view"
-    names = [everyone, *(f"Performer {number}" for number in sorted(numbers))]
+    everyone = tr("Whoever is free") if present else tr("Whoever comes: nobody is in view")
+    names = [everyone, *(tr("Performer {0}", number) for number in sorted(numbers))]
     bodies = [numbers[number] for number in sorted(numbers)]
     at = 1 + bodies.index(choice.body) if choice.body in bodies else 0
     imgui.set_next_item_width(-1)
@@ -332,25 +342,28 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
-    if imgui.button("Join", third):
+    if imgui.button(labelled(tr("Join"), "Join"), third):
         live.possess("join")
     workspace.remember("join")
     told("Step in beside those who hold it already  (J)")
     imgui.same_line()
-    if imgui.button("Hold more", third):
+    if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         live.possess("extend")
     workspace.remember("extend")
     told("Hold with these parts as well as before  (E)")
     imgui.same_line()
-    if imgui.button("Release", third):
+    if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
     workspace.remember("release")
     told("Let go  (R)")
-    if imgui.checkbox("Only who is here now performs", choice.locked)[0]:
+    if imgui.checkbox(
+        labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
+    )[0]:
         live.toggle_lock()
     workspace.remember("lock")
     told("People who come later are left out  (K)")
 
 
 def _part(name: str) -> str:
-    return {"all": "The whole body"}.get(name, name[:1].upper() + name[1:])
+    told = tr("the whole body") if name == "all" else tr(name)
+    return told[:1].upper() + told[1:]

@@ -47,7 +47,7 @@ def draw_rooms(workspace: Workspace) -> None:
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
             perform.room = room
-        told(f"{tr(_MEANT[room])}  (Ctrl+{number + 1})")
+        told(tr("{0}  (Ctrl+{1})", tr(_MEANT[room]), number + 1))
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
         letters = imgui.calc_text_size(tr(room)).x

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
@@ -18,33 +19,38 @@ _TALL = ImVec2(-1, 38)
 _LARGE = 34.0
 """Pixels of the words over the picture: read from three metres away, with a camera in the hands."""
 _SIZES: dict[Size, str] = {
-    "small": "Something small: a cup, a shoe",
-    "thing": "A chair, a lamp",
-    "room": "A room, or a large thing",
+    "small": later("Something small: a cup, a shoe"),
+    "thing": later("A chair, a lamp"),
+    "room": later("A room, or a large thing"),
 }
 _WAYS: dict[Way, tuple[str, str]] = {
-    "round": ("The camera goes round it", "Once, a metre and a half away; it stands where it is"),
+    "round": (
+        later("The camera goes round it"),
+        later("Once, a metre and a half away; it stands where it is"),
+    ),
     "laid": (
-        "It is laid down otherwise, too",
-        "Go round it once, lay it on its back or side, take your hands off, and go round again",
+        later("It is laid down otherwise, too"),
+        later("Go round it once, lay it on its back or side, take your hands off, and go round again"),
     ),
     "spun": (
-        "It turns, the room is in view",
-        "Let it stand for a second, then turn it on a turntable, slowly; it is followed",
+        later("It turns, the room is in view"),
+        later("Let it stand for a second, then turn it on a turntable, slowly; it is followed"),
     ),
     "turned": (
-        "The camera stands still, it is turned",
-        "On a turntable or in the hands; the wall well behind, 1.5 m away",
+        later("The camera stands still, it is turned"),
+        later("On a turntable or in the hands; the wall well behind, 1.5 m away"),
     ),
     "person": (
-        "A person turns round",
-        "One to three metres away, whole in view, arms off the sides; once round in five seconds or more",
+        later("A person turns round"),
+        later(
+            "One to three metres away, whole in view, arms off the sides; once round in five seconds or more"
+        ),
     ),
 }
 _KEPT: dict[Kept, str] = {
-    "thing": "What stands on the floor",
-    "box": "What is in the box",
-    "all": "All that was scanned",
+    "thing": later("What stands on the floor"),
+    "box": later("What is in the box"),
+    "all": later("All that was scanned"),
 }
 _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
@@ -58,7 +64,7 @@ def draw_scan(workspace: Workspace, area: Area) -> None:
         else:
             _before(workspace, scan)
         imgui.dummy(ImVec2(0, 6))
-        if imgui.button("Back to the stage", _WHOLE):
+        if imgui.button(labelled(tr("Back to the stage"), "Back to the stage"), _WHOLE):
             scan.shown = False
         workspace.remember("scan back")
 
@@ -67,7 +73,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     """What is chosen before a scan."""
     heading("Scan")
     quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
-    lacking = scan.lacks_stage()
+    lacking = tr(scan.lacks_stage())
     if lacking:
         with tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
@@ -76,17 +82,17 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
         quiet(lacking.partition(". ")[2])
     heading("What is it?")
     imgui.set_next_item_width(-1)
-    opened = imgui.begin_combo("##scan size", _SIZES[scan.size])
+    opened = imgui.begin_combo("##scan size", tr(_SIZES[scan.size]))
     workspace.remember("scan size")
     if opened:
         for size, words in _SIZES.items():
-            if imgui.selectable(f"{words}###size {size}", scan.size == size)[0]:
+            if imgui.selectable(f"{tr(words)}###size {size}", scan.size == size)[0]:
                 scan.size = size
             workspace.remember(f"scan {size}")
         imgui.end_combo()
     heading("How?")
     for way, (words, more) in _WAYS.items():
-        if imgui.radio_button(f"{words}###way {way}", scan.way == way):
+        if imgui.radio_button(f"{tr(words)}###way {way}", scan.way == way):
             scan.way = way
         workspace.remember(f"scan {way}")
         told(more)
@@ -96,12 +102,12 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     workspace.remember("scan name")
     imgui.begin_disabled(bool(lacking))
     with tinted((*ACCENT[:3], 0.4), imgui.Col_.button):
-        if imgui.button("\uf030  Start", _TALL):
+        if imgui.button(labelled("\uf030  " + tr("Start"), "Start"), _TALL):
             workspace.actions.do("scan.start")
     workspace.remember("scan start")
     imgui.end_disabled()
     if not scan.lacks_again():
-        if imgui.button(f"Add to {scan.said.character}###again", _WHOLE):
+        if imgui.button(labelled(tr("Add to {0}", scan.said.character), "again"), _WHOLE):
             workspace.actions.do("scan.again")
         workspace.remember("scan again")
         told("Scan on, for what was not seen yet: lay it on its side, or look from below")
@@ -112,15 +118,15 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     said = scan.said
     heading("Scan")
     imgui.push_text_wrap_pos(0.0)
-    places = f", in {said.places} places" if said.places > 1 else ""
-    imgui.text_unformatted(f"{said.way:.1f} m round it, {said.fused} pictures{places}")
+    places = tr(", in {0} places", said.places) if said.places > 1 else ""
+    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
     imgui.pop_text_wrap_pos()
     share = 1.0 - min(max(said.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
-    told(f"{100 * share:.0f} of 100 parts of what is about the middle were seen")
-    arrow = "" if said.thing == "person" else " The arrow leads to where most is missing."
-    quiet(f"Yellow lines: seen too little yet.{arrow}")
+    told(tr("{0:.0f} of 100 parts of what is about the middle were seen", 100 * share))
+    arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
+    quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
     if said.note:
         quiet(said.note)
     if said.mend:
@@ -128,25 +134,32 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     heading("Go on")
     making = said.phase == "finishing"
     imgui.begin_disabled(making)
-    label = "\uf04c  Pause" if said.phase == "scanning" else "\uf04b  Go on"
+    label = tr("\uf04c  Pause") if said.phase == "scanning" else tr("\uf04b  Go on")
     if imgui.button(f"{label}###pause", _HALF):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
     imgui.same_line()
     imgui.begin_disabled(said.undoable <= 0)
-    if imgui.button("\uf0e2  Undo", _HALF):
+    if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), _HALF):
         workspace.actions.do("scan.undo")
     workspace.remember("scan undo")
-    told(f"Takes the last {said.undoable:.0f} seconds back: a hand came into view, or the camera slipped")
+    told(
+        tr("Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped", said.undoable)
+    )
     imgui.end_disabled()
     if said.thing != "person":
         _keeping(workspace, scan)
     with tinted((*GOOD[:3], 0.4), imgui.Col_.button):
-        if imgui.button("It becomes a character...###done" if making else "\uf00c  Done###done", _TALL):
+        if imgui.button(
+            labelled(tr("It becomes a character..."), "done")
+            if making
+            else labelled("\uf00c  " + tr("Done"), "done"),
+            _TALL,
+        ):
             workspace.actions.do("scan.done")
     workspace.remember("scan done")
     told("It is cut out, stands on the stage, and can be possessed")
-    if imgui.button("Cancel", _WHOLE):
+    if imgui.button(labelled(tr("Cancel"), "Cancel"), _WHOLE):
         workspace.actions.do("scan.cancel")
     workspace.remember("scan cancel")
     imgui.end_disabled()
@@ -156,12 +169,12 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
     """What of it is kept."""
     heading("What is kept")
     for kept, words in _KEPT.items():
-        if imgui.radio_button(f"{words}###keep {kept}", scan.keeps == kept):
+        if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.keeps == kept):
             scan.keep(kept)
         workspace.remember(f"scan keep {kept}")
     if scan.keeps == "box":
         quiet("Drag the dots: each moves a side of the box. Without the floor, unless it reaches under it.")
-        if imgui.button("Round the middle", _WHOLE):
+        if imgui.button(labelled(tr("Round the middle"), "Round the middle"), _WHOLE):
             scan.fit_box()
         workspace.remember("scan fit box")
 
@@ -178,7 +191,7 @@ def draw_scan_over(workspace: Workspace, area: Area) -> None:
         draw_mark(draw, area, mark)
     advice = advice_of(scan.said)
     if advice.text:
-        _words(draw, area, advice.text, _MOODS[advice.mood])
+        _words(draw, area, tr(advice.text), _MOODS[advice.mood])
     draw.pop_clip_rect()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.style import caption, packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -41,5 +42,5 @@ def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
     white = packed(UNTINTED)
     draw.add_image_rounded(imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0)
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
-    caption(draw, ImVec2(place.x + 9, place.y + 6), "From the side", INK, _TEXT)
+    caption(draw, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _TEXT)
     workspace.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -1,9 +1,10 @@
-"""The microphone in the Perform panel, in space of its own: its switch, its state, and what it heard."""
+"""The microphone in the Perform panel, in space of its own: switch, state, and the words it heard."""
 
 from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import fitting
 from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
@@ -44,7 +45,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
     room = imgui.get_window_size().x - _SWITCH - _HELP - 22
     words = voice.words
     colour = (GOOD if voice.is_understood else WAIT) if words else INK
-    lines = ((words or voice.status, colour), (voice.advice, QUIET))
+    lines = ((words or tr(voice.status), colour), (voice.advice, QUIET))
     with small():
         for number, (text, tint) in enumerate(lines):
             imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH + 8, top.y + 2 + 18 * number))
@@ -68,12 +69,12 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the choice of loose objects, and what they need, in space that never grows."""
+    """Draw the choice of loose objects and their requirements, in space that never grows."""
     physics = perform.physics
     heading("Physics")
     imgui.begin_disabled(physics.state is None)
     imgui.set_next_item_width(-1)
-    changed, number = imgui.combo("##physics", physics.number, list(LOOSE_LABELS))
+    changed, number = imgui.combo("##physics", physics.number, [tr(one) for one in LOOSE_LABELS])
     imgui.end_disabled()
     workspace.remember("physics")
     told("Loose objects on the stage, which characters knock over")
@@ -83,7 +84,7 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     if physics.has_problem:
         with small(), tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
-            imgui.text_unformatted(physics.words)
+            imgui.text_unformatted(tr(physics.words))
             imgui.pop_text_wrap_pos()
     else:
         quiet(physics.words)

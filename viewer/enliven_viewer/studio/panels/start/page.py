@@ -6,6 +6,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.style import heading, packed, quiet
 from enliven_viewer.studio.places import Area
@@ -51,10 +52,10 @@ def _page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
     imgui.set_next_window_size(ImVec2(min(_PAGE, area.width - 2 * _EDGE), 0))
-    imgui.begin("Start", None, _FLAGS)
+    imgui.begin(labelled(tr("Start"), "Start"), None, _FLAGS)
     column = min(_COLUMN, (imgui.get_content_region_avail().x - _BETWEEN) / 2)
     imgui.push_font(None, 22.0)
-    imgui.text("What shall come alive?")
+    imgui.text(tr("What shall come alive?"))
     imgui.pop_font()
     imgui.begin_group()
     heading("Begin")
@@ -90,7 +91,10 @@ def _recent(workspace: Workspace, column: float) -> None:
 def _empty(area: Area) -> None:
     """What to do where nothing is there yet, in the middle of the picture."""
     draw = imgui.get_background_draw_list()
-    said = ("Nothing is here yet", "Press S and draw a shape, or drop a file here (Ctrl+O opens one).")
+    said = (
+        tr("Nothing is here yet"),
+        tr("Press S and draw a shape, or drop a file here (Ctrl+O opens one)."),
+    )
     for k, (text, colour) in enumerate(zip(said, (INK, QUIET), strict=True)):
         wide = imgui.calc_text_size(text).x
         at = ImVec2(area.x + (area.width - wide) / 2, area.y + area.height * 0.42 + 24 * k)

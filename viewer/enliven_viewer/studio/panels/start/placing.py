@@ -7,7 +7,7 @@ from collections.abc import Sequence
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in pixels."""
 _GAP = 26.0
-"""Pixels between the card and what it means: room for the arrow."""
+"""Pixels between the card and its target: room for the arrow."""
 _EDGE = 10.0
 """Pixels between the card and the edge of the window."""
 _MEANT = 1e6
@@ -22,7 +22,7 @@ def place_card(
     picture: Rectangle | None = None,
     before: tuple[float, float] | None = None,
 ) -> tuple[float, float]:
-    """Returns the top left of the card: beside what is meant, or in a corner, where it covers least.
+    """Returns the top left of the card: next to its target, or in the corner where it covers least.
 
     Args:
         size: width and height of the card.
@@ -69,7 +69,7 @@ def _cost(
     meant: Rectangle | None,
     others: Sequence[Rectangle],
 ) -> float:
-    """Pixels squared that a card would cover, of what is meant by far the dearest."""
+    """Pixels squared that a card would cover; those of its target cost by far the most."""
     card = at[0], at[1], at[0] + size[0], at[1] + size[1]
     cost = sum(_common(card, one) for one in others)
     return round(cost + (_MEANT * _common(card, meant) if meant is not None else 0.0))

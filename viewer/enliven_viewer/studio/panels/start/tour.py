@@ -7,6 +7,7 @@ import math
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.start.placing import Rectangle, place_card
 from enliven_viewer.studio.panels.style import packed, tinted
 from enliven_viewer.studio.places import MENU, Area, Places
@@ -37,7 +38,7 @@ _DASH = 9.0
 _HAND = 30.0
 """Pixels of the hand that shows a step."""
 _POINTS_AT = 56.0
-"""Pixels of an arrow at most: a longer one would cross what is beside the thing that is meant."""
+"""Longest arrow, pixels: a longer one would cross the neighbours of its target."""
 _TIP = (380.0, 58.0)
 """Pixels to both sides of a widget, and below its middle, where its tooltip appears under the pointer."""
 _FLAGS = (
@@ -48,9 +49,16 @@ _FLAGS = (
     | imgui.WindowFlags_.no_scrollbar
     | imgui.WindowFlags_.no_focus_on_appearing
 )
-_DONE = "Done!"
-_REVIEWED = "You did this already."
-_SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = "Show me", "Back", "Skip", "Next", "Later", "Close"
+_DONE = later("Done!")
+_REVIEWED = later("You did this already.")
+_SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
+    later("Show me"),
+    later("Back"),
+    later("Skip"),
+    later("Next"),
+    later("Later"),
+    later("Close"),
+)
 
 
 def draw_tour(workspace: Workspace, places: Places) -> None:
@@ -95,7 +103,7 @@ def _grown(meant: Rectangle) -> Rectangle:
 
 
 def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
-    """Draw the card, beside what it means."""
+    """Draw the card, next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
     wide = min(_CARD, size.x - 20)
@@ -113,7 +121,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
-    # What is said changes, the card may move; while it is the same, its buttons stay under the pointer.
+    # The card may move when its sentence changes; else its buttons stay under the pointer.
     key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
     meant = _with_way(tour, area, shape)
@@ -123,7 +131,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     imgui.set_next_window_size(ImVec2(wide, high))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.5)
     imgui.push_style_color(imgui.Col_.border, packed(ACCENT, 0.7))
-    imgui.begin("Tour", None, _FLAGS)
+    imgui.begin(labelled(tr("Tour"), "Tour"), None, _FLAGS)
     _words(tour)
     _dots(tour)
     _buttons(workspace, tour)
@@ -145,8 +153,8 @@ def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | No
 
 def _sentence(tour: Tour) -> str:
     if tour.ticked > 0.0:
-        return _DONE
-    return tour.text or _REVIEWED
+        return tr(_DONE)
+    return tr(tour.text or _REVIEWED)
 
 
 def _height(tour: Tour, wide: float) -> float:
@@ -165,7 +173,9 @@ def _words(tour: Tour) -> None:
     icon = "\uf00c" if done or tour.step is None else tour.step.icon
     draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     draw.add_text(imgui.get_font(), _ICON - 4, ImVec2(at.x, at.y), packed(tint), icon)
-    draw.add_text(imgui.get_font(), _SENTENCE, ImVec2(at.x + _ICON + 12, at.y + 2), packed(tint), tour.title)
+    draw.add_text(
+        imgui.get_font(), _SENTENCE, ImVec2(at.x + _ICON + 12, at.y + 2), packed(tint), tr(tour.title)
+    )
     imgui.dummy(ImVec2(1, _ICON))
     imgui.push_font(None, _SENTENCE)
     imgui.push_text_wrap_pos(0.0)
@@ -195,36 +205,36 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
     size = ImVec2(each, _BUTTON)
     if tour.step is None:
         with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
-            if imgui.button(_CLOSE, ImVec2(-1, _BUTTON)):
+            if imgui.button(labelled(tr(_CLOSE), _CLOSE), ImVec2(-1, _BUTTON)):
                 workspace.end_tour()
         workspace.remember("tour close")
         return
     part = tour.part
     imgui.begin_disabled(part is None or tour.shows or part.waits)
     with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
-        if imgui.button(_SHOW, size):
+        if imgui.button(labelled(tr(_SHOW), _SHOW), size):
             mouse = imgui.get_io().mouse_pos
             tour.show((mouse.x, mouse.y))
     imgui.end_disabled()
     workspace.remember("tour show")
     imgui.same_line()
     imgui.begin_disabled(tour.number == 0)
-    if imgui.button(_BACK, size):
+    if imgui.button(labelled(tr(_BACK), _BACK), size):
         tour.back()
     imgui.end_disabled()
     workspace.remember("tour back")
     imgui.same_line()
-    if imgui.button(f"{_NEXT if tour.reviewing else _SKIP}###tour skip", size):
+    if imgui.button(labelled(tr(_NEXT if tour.reviewing else _SKIP), "tour skip"), size):
         tour.skip()
     workspace.remember("tour skip")
     imgui.same_line()
-    if imgui.button(_LATER, size):
+    if imgui.button(labelled(tr(_LATER), _LATER), size):
         workspace.end_tour()
     workspace.remember("tour later")
 
 
 def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draw the sentence alone, next to what it means in a dialogue: windows below cannot be clicked."""
+    """Draw the sentence alone, next to its target in a dialogue: windows below cannot be clicked."""
     if shape is None:
         return None
     draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
@@ -308,7 +318,7 @@ def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
 
 
 def _hand(workspace: Workspace, tour: Tour) -> None:
-    """Draw the hand that shows a step, and pass on what it types."""
+    """Draw the hand that shows a step, and pass on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
         return
@@ -323,7 +333,7 @@ def _hand(workspace: Workspace, tour: Tour) -> None:
         at = ImVec2(x - 0.36 * _HAND + dx, y - 0.1 * _HAND + dy)
         draw.add_text(imgui.get_font(), _HAND, at, colour, "\uf0a6")
     if showing.shift:
-        text = "Shift"
+        text = tr("Shift")
         draw.add_rect_filled(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(DARK), 6.0)
         draw.add_rect(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(INK), 6.0, 1.5)
         draw.add_text(ImVec2(x + 30, y + 27), packed(INK), text)
