@@ -27,13 +27,13 @@ Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """By name and version: the tags of each wheel, by its SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer", "synthesis")
-EXTRAS = {
+RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags",)}
+"""Extras by package that `make setup` installs: they decode files that a user may open."""
+DEV_EXTRAS = {
     "shared": ("test",),
     "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
-    "viewer": (),
-    "synthesis": (),
 }
-"""What `make setup-dev` installs beyond what `make run` needs."""
+"""Extras by package that `make setup-dev` installs in addition."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
 """What installs the packages themselves."""
 PEERS = HOUSE / "tests" / "benchmarks" / "requirements.txt"
@@ -91,7 +91,9 @@ def wanted(kind: str) -> list[str]:
         told = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
         hooks = told["tool"]["hatch"].get("metadata", {}).get("hooks", {})
         asked += (hooks.get("custom") or told["project"])["dependencies"]
-        for extra in EXTRAS[package] if kind == "dev" else ():
+        extras = [*RUN_EXTRAS.get(package, ())]
+        extras += DEV_EXTRAS.get(package, ()) if kind == "dev" else ()
+        for extra in extras:
             asked += told["project"]["optional-dependencies"][extra]
     return [line for line in asked if not Requirement(line).name.startswith("enliven")]
 

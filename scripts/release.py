@@ -1,6 +1,7 @@
 """Build the release of this commit, and try it where nothing of the checkout is: `make release`.
 
     .venv/bin/python scripts/release.py            # out/release: sdists, wheels, notes.md, trial.txt
+    .venv/bin/python scripts/release.py --only oak # tries one of the environments only
     .venv/bin/python scripts/release.py --no-trial # builds and checks only, without a network
 
 A version that ends in .dev0 (the file VERSION) makes a development build. Any other needs a section of its
@@ -17,7 +18,10 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 import zipfile
+from collections.abc import Iterator
+from importlib.metadata import distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -29,14 +33,21 @@ BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
 """Files that an sdist has in addition to the package, if the distribution's folder has them."""
 FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
-INSTALLS = {"edge": "enliven-edge", "studio": "enliven[studio]"}
+INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
 """Requirements that are installed into an empty environment each, by the name of the environment."""
-MOST_MB = {"edge": 680, "studio": 1200}
-"""Most megabytes (10^6 bytes) of an environment, byte code counted, Python and pip not: today's and a tenth.
+MOST_MB = {"edge": 640, "oak": 860, "studio": 870}
+"""Most megabytes (10^6 bytes) of an environment, byte code counted, Python and pip not.
 
-Of the edge's, 490 are LLVM, SciPy, NumPy, ONNX Runtime and Numba: docs/releasing.md."""
-FILM = ("run", "--film", "--size", "320x180", "-o", "film.mp4")
-"""The main job, small: the shipped recording moves the chair."""
+They are 5 % above the sizes of November 2026, which docs/releasing.md explains."""
+LARGEST = 7
+"""Packages of an environment that are listed with their sizes."""
+EDGE = (
+    *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
+    *("--port", "0", "--record", "performance.mcap"),
+)
+"""The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
+FILM = ("run", "--film", "--size", "320x180", "--out", "film")
+"""The main job, small: an edge and a viewer, and a film of what the viewer shows."""
 
 OWN_FILES = """
 import runpy, sys
@@ -120,6 +131,22 @@ def build(folder: str, into: Path) -> None:
     )
 
 
+def check_sdist_wheel(folder: str, built: Path) -> None:
+    """Compares the files of the wheel, which comes from the sdist, with those of a wheel from the checkout.
+
+    Raises:
+        ReleaseError: naming the files that only one of them has.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", place]
+        _must(command, f"{folder}: the wheel cannot be built", ROOT / folder)
+        direct = wheel_files(_one(folder, Path(place), "*.whl"))
+    wheel = _one(folder, built, "*.whl")
+    different = sorted(direct ^ wheel_files(wheel))
+    if different:
+        raise ReleaseError(f"{wheel.name} from the sdist and from the checkout differ by {different}.")
+
+
 def wanted_files(folder: str) -> set[str]:
     """Paths that a package's wheel should have: what git does not ignore, and the firmware with the edge."""
     package = PACKAGES[folder]
@@ -172,16 +199,25 @@ def check_metadata(built: Path) -> None:
     _must(command, "twine refuses an archive", built)
 
 
-def try_out(built: Path, of: str) -> list[str]:
-    """Installs the wheels into empty environments and works with them; returns a line for each thing done."""
-    lines: list[str] = []
+def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
+    """Installs the wheels into empty environments and works with them; yields a line for each thing done."""
     with tempfile.TemporaryDirectory() as empty:
-        for name, asked in INSTALLS.items():
+        for name in names:
+            began = time.monotonic()
             place = Path(empty, name)
-            environment = Environment(place, built, asked, of)
-            lines.append(environment.size(MOST_MB[name]))
-            lines += environment.works(full=name == "studio")
-    return lines
+            environment = Environment(place, built, INSTALLS[name], of)
+            yield environment.size(MOST_MB[name])
+            yield environment.largest()
+            yield from environment.basics()
+            if name == "oak":
+                yield from environment.camera_library()
+            else:
+                yield from environment.edge()
+                yield from environment.library_page()
+            if name == "studio":
+                yield from environment.film()
+            yield f"{INSTALLS[name]}: {time.monotonic() - began:.0f} s"
+            shutil.rmtree(place)
 
 
 class Environment:
@@ -203,16 +239,18 @@ class Environment:
         }
         home = self.place / "home"
         home.mkdir(parents=True)
+        (self.place / "work").mkdir()
         self._around = {**keep, "HOME": str(home), "NUMBA_CACHE_DIR": str(home / "numba")}
         subprocess.run([sys.executable, "-m", "venv", str(self.place / "venv")], check=True)
         self._bare = self._bytes()
+        self._bare_code = self._bytes("*.pyc")
         # pip's own settings say where other packages are, so this one step has the whole environment.
         pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
         choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{asked}=={of}"]
         subprocess.run([*pip, *choice], check=True)
 
-    def _bytes(self) -> int:
-        return sum(path.lstat().st_size for path in self.place.rglob("*") if path.is_file())
+    def _bytes(self, pattern: str = "*") -> int:
+        return sum(path.lstat().st_size for path in self.place.rglob(pattern) if path.is_file())
 
     def size(self, most: float) -> str:
         """Says how large the packages are.
@@ -221,33 +259,65 @@ class Environment:
             ReleaseError: above ``most`` megabytes.
         """
         megabytes = (self._bytes() - self._bare) / 1e6
-        line = f"{self._asked}: {megabytes:.0f} MB installed, of {most} at most"
+        code = (self._bytes("*.pyc") - self._bare_code) / 1e6
+        line = f"{self._asked}: {megabytes:.0f} MB installed ({code:.0f} of it byte code), of {most} at most"
         if megabytes > most:
             raise ReleaseError(line)
         return line
 
-    def works(self, full: bool) -> list[str]:
-        """Works as a user does, without a window; returns what was done.
+    def largest(self) -> str:
+        """Returns a line with the largest packages and their sizes in megabytes, byte code counted."""
+        ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
+        site = self._run(str(self._bin / "python"), "-c", ask)
+        sizes = {
+            each.metadata["Name"]: sum(
+                Path(str(file.locate())).stat().st_size
+                for file in each.files or ()
+                if Path(str(file.locate())).is_file()
+            )
+            for each in distributions(path=[site])
+        }
+        largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LARGEST]
+        named = ", ".join(f"{name} {size / 1e6:.0f}" for name, size in largest)
+        return f"{self._asked}: the largest packages, in MB: {named}"
 
-        Args:
-            full: also film the main job, which needs the viewer.
-        """
-        folder = self.place / "work"
-        folder.mkdir()
+    def basics(self) -> Iterator[str]:
+        """Asks for the version, and checks the machine."""
         if self._enliven("--version") != self._of:
             raise ReleaseError(f"enliven --version says {self._enliven('--version')}, not {self._of}")
+        yield self._done("enliven --version")
         self._enliven("doctor", codes=(0, 4))
-        self._enliven("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0",
-                      "--port", "0", "--record", "performance.mcap")  # fmt: skip
-        _must(
-            [sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", folder
-        )
+        yield self._done("enliven doctor")
+
+    def edge(self) -> Iterator[str]:
+        """Possesses the chair with the shipped recording, and records the performance."""
+        self._enliven(*EDGE)
+        yield self._done("enliven edge")
+
+    def library_page(self) -> Iterator[str]:
+        """Runs the code of docs/library.md."""
+        work = self.place / "work"
+        _must([sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", work)
         self._run(str(self._bin / "python"), "-c", LIBRARY_PAGE, str(ROOT), str(self.place))
-        done = ["enliven --version", "enliven doctor", "enliven edge", "the code of docs/library.md"]
-        if full:
-            self._enliven(*FILM)
-            done.append("enliven run --film")
-        return [f"{self._asked}: {name}: done" for name in done]
+        yield self._done("the code of docs/library.md")
+
+    def film(self) -> Iterator[str]:
+        """Films the main job: an edge and a viewer that shows it."""
+        self._enliven(*FILM)
+        films = list((self.place / "work" / FILM[-1]).glob("*.mp4"))
+        if not films or not films[0].stat().st_size:
+            raise ReleaseError(f"with {self._asked} installed, enliven {' '.join(FILM)} made no film")
+        yield self._done(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
+
+    def camera_library(self) -> Iterator[str]:
+        """Imports the library of OAK cameras, and searches for one."""
+        told = self._run(str(self._bin / "python"), "-c", "import depthai; print(depthai.__version__)")
+        yield self._done(f"import depthai, version {told.splitlines()[-1]}")
+        self._enliven("sensors", "--json")
+        yield self._done("enliven sensors --json")
+
+    def _done(self, name: str) -> str:
+        return f"{self._asked}: {name}: done"
 
     def _enliven(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
         return self._run(str(self._bin / "enliven"), *words, codes=codes)
@@ -294,6 +364,7 @@ def main() -> int:
     parser.add_argument(
         "--out", type=Path, default=ROOT / "out" / "release", help="the folder for the archives"
     )
+    parser.add_argument("--only", choices=INSTALLS, help="try one environment only")
     asked, of = parser.parse_args(), version()
     try:
         check_commit(of)
@@ -304,14 +375,17 @@ def main() -> int:
         for folder in PACKAGES:
             build(folder, archives)
             check_files(folder, archives)
+            check_sdist_wheel(folder, archives)
         check_metadata(archives)
         (asked.out / "notes.md").write_text(notes, encoding="utf-8")
         count = len(list(archives.iterdir()))
         print(f"enliven {of}: {count} archives in {archives}; files and metadata checked", flush=True)
         if not asked.no_trial:
-            lines = try_out(archives, of)
+            lines = []
+            for line in try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)):
+                print(line, flush=True)
+                lines.append(line)
             (asked.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
-            print("\n".join(lines))
     except ReleaseError as error:
         print(f"release: {error}", file=sys.stderr)
         return 1

@@ -30,10 +30,36 @@ class InputError(EnlivenError):
     exit_code = 3
 
 
+class LaterVersionError(InputError):
+    """A file of a later version than this enliven reads. It is neither used nor replaced."""
+
+
 class ResourceError(EnlivenError):
     """Something of this machine that is missing or taken: a port, a sensor, OpenGL (exit code 4)."""
 
     exit_code = 4
+
+
+_MAX_MAKER_LETTERS = 40
+"""Letters of a program's name that an error repeats from a file."""
+
+
+def refuse_later_version(version: int, newest: int, where: str, made_by: str = "") -> None:
+    """Raises LaterVersionError if a file is of a later version than the newest that is read.
+
+    Args:
+        version: the version that the file states.
+        newest: the newest version of its format that this enliven reads.
+        where: the file, and the place in it.
+        made_by: the program that wrote the file, such as "enliven 0.3.0"; empty if unknown.
+    """
+    if version <= newest:
+        return
+    from enliven import __version__  # a package that is being loaded has no version yet
+
+    maker = f", made by {made_by[:_MAX_MAKER_LETTERS]}" if made_by else ""
+    mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
+    raise LaterVersionError(f"it is of version {version}{maker}", where=where, mend=mend)
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:

@@ -15,17 +15,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError, LaterVersionError, refuse_later_version
 from enliven.files import read_file
 
 T = TypeVar("T")
 
+TOML_VERSION = 1
+"""Newest version of settings, sessions, plans, spaces and calibrations. A file that lacks a key gets its
+default, so only a changed meaning of a written key needs a new version."""
+_VERSION = "version"
+"""Key that states the version of a TOML file."""
 MOST_TOML = 1 << 22
 """Bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
 MOST_LINE = 1 << 14
 """Bytes of a line: the time to read a key of many dots grows with the square of their number."""
 MOST_NESTED = 32
 """Tables and arrays in one another: what is written here has at most six."""
+_LATER_KEY = "If a later version of enliven wrote it, update enliven."
+"""Added to the error about an unknown key."""
 _DEEP = f"tables or arrays are nested deeper than {MOST_NESTED}"
 
 
@@ -60,12 +67,17 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
     return _build(kind, source, where or "settings", "")
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
+def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
+    """Returns the tables of a TOML file, without the version of its format.
+
+    A file may begin with ``version = 1``; one that does not is of version 1.
+
+    Args:
+        newest: the newest version of the format that is read.
 
     Raises:
-        InputError: where it cannot be read, is no TOML, or is longer than :data:`MOST_TOML` bytes or deeper
-            than :data:`MOST_NESTED`.
+        InputError: if it cannot be read, is not TOML, is of a later version, is longer than :data:`MOST_TOML`
+            bytes, or is deeper than :data:`MOST_NESTED`.
     """
     data = read_file(path, MOST_TOML)
     longest = max(map(len, data.splitlines()), default=0)
@@ -82,7 +94,27 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"it is not readable TOML ({_DEEP})", where=str(path)) from None
     except ValueError as error:
         raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
+    version = found.pop(_VERSION, 1)
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        what, mend = (
+            f"version is {version!r:.40}, expected a whole number from 1",
+            f"Write version = {newest}.",
+        )
+        raise InputError(what, where=str(path), mend=mend)
+    refuse_later_version(version, newest, str(path))
     return found
+
+
+def refuse_later_toml(path: Path) -> None:
+    """Raises LaterVersionError if a TOML file is of a later version, so that it is not replaced."""
+    if not path.is_file():
+        return
+    try:
+        read_toml(path)
+    except LaterVersionError:
+        raise
+    except EnlivenError:
+        return  # another file, or a damaged one: whoever writes says so if it cannot be replaced
 
 
 def _inside(value: Any) -> list[Any]:
@@ -98,7 +130,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     for key in values:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1)
-            mend = f"Did you mean {prefix}{near[0]}?" if near else f"Known: {', '.join(fields)}."
+            mend = f"Did you mean {prefix}{near[0]}?" if near else f"Known: {', '.join(fields)}. {_LATER_KEY}"
             raise InputError(f"unknown key {prefix}{key}", where=where, mend=mend)
     made: dict[str, Any] = {}
     for name, field in fields.items():

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from enliven import cli
+
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("release", ROOT / "scripts" / "release.py")
 release = importlib.util.module_from_spec(SPEC)
@@ -40,11 +42,13 @@ def test_archives_hold_the_files_of_the_checkout(archives, folder):
     release.check_files(folder, archives)
 
 
-@pytest.mark.parametrize("package", ["enliven_edge", "enliven_viewer"])
-def test_a_wheel_from_an_sdist_requires_its_siblings_in_its_own_version(archives, package):
+@pytest.mark.parametrize(
+    ("package", "sibling"), [("enliven_edge", "enliven"), ("enliven_viewer", "enliven[compressed]")]
+)
+def test_a_wheel_from_an_sdist_requires_its_siblings_in_its_own_version(archives, package, sibling):
     told = metadata(archives, package)
     assert told["Version"] == ITS
-    assert f"enliven=={ITS}" in told.get_all("Requires-Dist")
+    assert f"{sibling}=={ITS}" in told.get_all("Requires-Dist")
     assert told["License-File"] == "LICENSE"
 
 
@@ -63,11 +67,35 @@ def test_a_wheel_without_a_file_is_refused(archives, tmp_path):
         release.check_files("edge", tmp_path)
 
 
+def test_an_sdist_builds_the_wheel_of_the_checkout(archives, tmp_path):
+    release.check_sdist_wheel("edge", archives)
+    (wheel,) = archives.glob("enliven_edge-*.whl")
+    shutil.copy(wheel, tmp_path)
+    with zipfile.ZipFile(tmp_path / wheel.name, "a") as archive:
+        archive.writestr("enliven_edge/only_in_sdist.py", b"")
+    with pytest.raises(release.ReleaseError, match=r"differ by .*only_in_sdist.py"):
+        release.check_sdist_wheel("edge", tmp_path)
+
+
+def test_the_extra_oak_is_in_the_wheel(archives):
+    told = metadata(archives, "enliven_edge")
+    assert "oak" in told.get_all("Provides-Extra")
+    assert any(line.startswith("depthai==3") and "'oak'" in line for line in told.get_all("Requires-Dist"))
+
+
+@pytest.mark.parametrize("words", [release.EDGE, release.FILM])
+def test_command_lines_of_the_trial_have_known_options(words, capsys):
+    assert cli.run([*words, "--help"]) == 0
+    assert cli.run([*words, "--no-such-option", "--help"]) == 2
+
+
 def test_every_package_has_the_version_of_the_source():
     from enliven import __version__
 
     assert __version__ == ITS, "the packages are installed in an older version: make setup-dev"
-    done = subprocess.run(["git", "-C", ROOT, "grep", "-l", "^version = "], capture_output=True, text=True)
+    done = subprocess.run(
+        ["git", "-C", ROOT, "grep", "-l", "^version = ", "*pyproject.toml"], capture_output=True, text=True
+    )
     assert set(done.stdout.split()) <= {"docs/example-sensor/pyproject.toml"}
 
 

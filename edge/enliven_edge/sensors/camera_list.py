@@ -23,7 +23,7 @@ _OWN = re.compile(r"realsense|orbbec|oak|luxonis|bcm2835|rpi|pisp|unicam|loopbac
 """Names of video devices that belong to depth cameras and to the processors of camera ports."""
 _BY_SERIAL = {"realsense": "serial", "oak": "device"}
 """The option of a driver that chooses among several cameras of one make."""
-_EXTRA = 'Type: pip install "enliven-edge[webcam]"; in a checkout: pip install "./edge[webcam]"'
+_EXTRA = 'Type: pip install "enliven-edge[colour]"; in a checkout: pip install "./edge[colour]"'
 
 
 class FoundCamera(msgspec.Struct, frozen=True):

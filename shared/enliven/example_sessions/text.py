@@ -30,6 +30,7 @@ from enliven.example_sessions.tables import (
 )
 from enliven.files import write_file
 from enliven.formats.project import write_project
+from enliven.settings import refuse_later_toml
 
 _HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
 # Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.
@@ -50,13 +51,15 @@ def write_session(
         takes: which files its takes are, by their names.
 
     Raises:
-        InputError: where there is no such puppet, or a file has the session's ending.
+        InputError: where there is no such puppet, a file has the session's ending, or the session is of a
+            later version.
         ResourceError: where something cannot be written.
     """
     path, takes = Path(path), dict(takes or {})
     if path.suffix.lower() == ".enliven":
         mend = "Call it .toml; a project file has the same name beside it."
         raise InputError("a session is no project", where=str(path), mend=mend)
+    refuse_later_toml(path)
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
     used = list(dict.fromkeys([*takes_of(puppet), *(name for name, clip in roots.items() if not clip.keys)]))

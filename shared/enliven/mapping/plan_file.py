@@ -24,7 +24,7 @@ from typing import Any
 from enliven.errors import InputError
 from enliven.files import write_file
 from enliven.mapping.plan import ChainPlan, Plan
-from enliven.settings import load_settings, read_toml
+from enliven.settings import load_settings, read_toml, refuse_later_toml
 
 _HEAD = """# What of the performer drives what of the model. Change what you like, and give it with --map.
 # rest: "auto", "mean", "first", "zero", or seconds into the take. mode: "pose" (the model's bones point
@@ -68,8 +68,10 @@ def write_plan(plan: Plan, path: Path | str) -> None:
     """Write a mapping, to be read by :func:`read_plan`.
 
     Raises:
+        InputError: if the file is of a later version; it stays.
         ResourceError: where the file cannot be written.
     """
+    refuse_later_toml(Path(path))
     write_file(Path(path), plan_text(plan), "Choose another place with --write-map.")
 
 

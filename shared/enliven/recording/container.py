@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 from mcap import records
 from mcap.opcode import Opcode
 
-from enliven.errors import InputError
+from enliven.errors import InputError, refuse_later_version
 from enliven.files import open_file
 from enliven.recording.chunks import (
     DAMAGE,
@@ -23,6 +23,7 @@ from enliven.recording.chunks import (
     parsed,
     read_chunk,
 )
+from enliven.recording.schemas import ABOUT_NAME, RECORDING_VERSION, VERSION_KEY
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<QQI")
@@ -85,6 +86,15 @@ def open_container(path: Path) -> Container:
             return _from_index(path, file, size)
         except (Damage, *DAMAGE):
             return _from_walk(path, file, size)
+
+
+def check_version(container: Container) -> None:
+    """Raises InputError if a recording is of a later version, or states none that is a number."""
+    stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
+    if not (stated.isdecimal() and stated.isascii()):
+        what, mend = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
+        raise InputError(what, where=str(container.path), mend=mend)
+    refuse_later_version(int(stated), RECORDING_VERSION, str(container.path), container.library)
 
 
 def _from_index(path: Path, file: BinaryIO, size: int) -> Container:

@@ -15,7 +15,7 @@ import numpy as np
 import zstandard
 
 from enliven.arrays import UInt8, UInt16
-from enliven.errors import InputError
+from enliven.errors import InputError, refuse_later_version
 from enliven.recording.depth_entropy import unpack_levels
 from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
 
@@ -148,6 +148,7 @@ def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int
     if len(payload) < _START:
         raise _damaged(f"it is {len(payload)} bytes long")
     version, packing, width, height, levels = _HEADER.unpack_from(payload)
+    refuse_later_version(version, 1, "depth payload")
     if version != 1 or packing not in (_ZSTD, _ARITHMETIC):
         raise InputError(
             f"the encoding is version {version}, packing {packing}, which is not known here",

@@ -11,7 +11,7 @@ import zstandard
 
 from enliven.arrays import AnyArray, Float, UInt8
 from enliven.camera import Intrinsics
-from enliven.errors import InputError
+from enliven.errors import InputError, refuse_later_version
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body, J
 from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
@@ -19,6 +19,8 @@ from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 _HEAD = struct.Struct("<BBHIq9d")
 _SIZE = struct.Struct("<II")
 _SEQUENCE = struct.Struct("<q")
+_VERSION = 1
+"""First byte of a depth message: the version of its layout."""
 _POSE = 1
 """Flag of a depth message that holds world_from_camera."""
 _COLOUR = 2
@@ -39,7 +41,7 @@ def pack_depth(frame: DepthFrame, level: int) -> bytes:
     flags = _POSE * (frame.world_from_camera is not None) | _COLOUR * (frame.colour is not None)
     flags |= _COUNTED * len(counted)
     lens = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
-    parts = [_HEAD.pack(1, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
+    parts = [_HEAD.pack(_VERSION, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
     if frame.world_from_camera is not None:
         parts.append(np.asarray(frame.world_from_camera, "<f8").reshape(4, 4).tobytes())
     parts.append(depth)
@@ -52,10 +54,13 @@ def unpack_depth(data: bytes) -> DepthFrame:
     """The depth frame of a message.
 
     Raises:
-        InputError: where the bytes are not those of a depth frame.
+        InputError: where the bytes are not those of a depth frame, or are of a later version.
     """
-    if len(data) < _HEAD.size or data[0] != 1:
-        raise _damaged("it is too short, or of a later version")
+    if not data or data[0] < _VERSION:
+        raise _damaged("it does not begin like one")
+    refuse_later_version(data[0], _VERSION, "recording, a depth frame")
+    if len(data) < _HEAD.size:
+        raise _damaged("it is too short")
     _, flags, name_size, depth_size, time_ns, *lens = _HEAD.unpack_from(data)
     at = _HEAD.size + name_size
     pose_size = 128 if flags & _POSE else 0

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.files import open_file
 from enliven.frames import BodyFrame, Frame
 from enliven.recording.chunks import ChunkRef, Damage, read_chunk
-from enliven.recording.container import Container, open_container
+from enliven.recording.container import Container, check_version, open_container
 from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 
@@ -71,7 +71,7 @@ class Recording:
     ``problems`` lists all that was said.
 
     Raises:
-        InputError: where the file is missing, empty, or not a recording of enliven.
+        InputError: where the file is missing, empty, of a later version, or not a recording of enliven.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -79,6 +79,7 @@ class Recording:
         self.problems: list[str] = []
         self._container = open_container(self.path)
         _check_profile(self._container)
+        check_version(self._container)
         self.info = _info(self._container)
         self._report_cut()
 

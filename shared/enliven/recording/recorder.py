@@ -89,7 +89,7 @@ class Recorder:
         self._failure: EnlivenError | None = None
         self._synced = time.monotonic()
         self._carry_out(self._writer.start, schemas.PROFILE, f"enliven {__version__}")
-        self._carry_out(self._writer.add_metadata, "about", schemas.ABOUT)
+        self._carry_out(self._writer.add_metadata, schemas.ABOUT_NAME, schemas.ABOUT)
         self.sync()
 
     def write_frame(self, frame: Frame) -> None:

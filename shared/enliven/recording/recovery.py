@@ -17,9 +17,9 @@ from mcap.records import Channel, Message
 from enliven.errors import InputError, ResourceError
 from enliven.files import open_file
 from enliven.recording.chunks import ChunkRef, Damage, read_chunk
-from enliven.recording.container import Container, open_container
+from enliven.recording.container import Container, check_version, open_container
 from enliven.recording.recorder import Recorder
-from enliven.recording.schemas import PROFILE
+from enliven.recording.schemas import ABOUT_NAME, PROFILE
 
 _CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL)
 """The beginning of a chunk: opcode, a length below 2^40, 28 bytes of times, size and checksum, its
@@ -78,12 +78,14 @@ def recover(path: Path, output: Path) -> Recovery:
     """Copies every whole message of ``path`` into the new recording ``output``.
 
     Raises:
-        InputError: where ``path`` is no recording of enliven, nothing in it is whole, or ``output`` exists.
+        InputError: where ``path`` is no recording of enliven or of a later version, nothing in it is whole,
+            or ``output`` exists.
         ResourceError: where ``output`` cannot be written; it is removed then.
     """
     container = _container_of(path)
     if container.profile not in (PROFILE, ""):
         raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
+    check_version(container)
     found = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidates(container, file)
@@ -118,7 +120,7 @@ def _copy(
 ) -> None:
     """Copies every chunk's messages, and records the spans where some are missing."""
     for name, values in container.metadata.items():
-        if name != "about":
+        if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
     end, end_ns, lost = len(b"\x89MCAP0\r\n"), None, False
     for ref, records in _whole(file, refs):

@@ -10,6 +10,14 @@ from enliven.recording.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
 PROFILE = "enliven"
 """The MCAP profile: files that say so have the topics and layouts below."""
 
+RECORDING_VERSION = 1
+"""Version of all topics and layouts, those of the wire included. A new topic or an added field needs no new
+version; a changed meaning of written bytes does."""
+ABOUT_NAME = "about"
+"""Name of the metadata record that describes the file."""
+VERSION_KEY = "version"
+"""Key of the version in that record. Recordings of enliven 0.1 lack it and are of version 1."""
+
 DEPTH_TOPIC = "/depth"
 BODIES_TOPIC = "/bodies"
 TRUTH_TOPIC = "/truth/bodies"
@@ -92,6 +100,7 @@ DEPTH = MessageKind("enliven.DepthFrame", "text", DEPTH_LAYOUT, "enliven-depth")
 BODIES = MessageKind("enliven.BodyFrame", "jsonschema", BODIES_SCHEMA, "json")
 
 ABOUT = {
+    VERSION_KEY: str(RECORDING_VERSION),
     "what": "A recording of enliven: what a depth sensor saw, or the bodies that were seen",
     DEPTH_TOPIC: "depth images in millimetres; the schema states every byte",
     BODIES_TOPIC: "bodies tracked by the sensor or by another program",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import meshopt
@@ -14,8 +15,9 @@ from gltf_twins import TWINS, Twin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_gltf import SlowGltf
+from test_gltf_kinds import compressed, packed_chain
 
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import load_mesh
 from enliven.meshes.gltf.compression import meshopt_bytes
@@ -79,6 +81,18 @@ def test_every_door_reads_a_compressed_file(tmp_path):
     for name, door in DOORS.items():
         shown = measures(door(path))
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
+
+
+@pytest.mark.parametrize("module", ["meshopt", "DracoPy"])
+def test_every_door_names_the_file_and_what_to_install_without_a_decoder(tmp_path, monkeypatch, module):
+    make = {"meshopt": lambda: packed("waving"), "DracoPy": lambda: compressed(packed_chain())}
+    path = make[module]().write(tmp_path / "a.glb")
+    monkeypatch.setitem(sys.modules, module, None)
+    for name, door in DOORS.items():
+        with pytest.raises(ResourceError) as refused:
+            door(path)
+        assert str(refused.value).startswith(f"{path}: it is compressed, and the library {module}"), name
+        assert 'pip install "enliven[compressed]"' in refused.value.mend, name
 
 
 def unpacked(data: bytes, count: int, size: int, mode: str, how: str = "NONE") -> bytes:

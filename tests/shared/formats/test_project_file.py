@@ -18,7 +18,7 @@ from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
 from enliven.document.project import Project, same
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError, LaterVersionError, ResourceError
 from enliven.examples import in_world, state_of
 from enliven.formats.project.file import (
     VERSION,
@@ -153,6 +153,49 @@ def closed(header, arrays):
         for name, data in arrays.items():
             archive.writestr(name, data)
     return out.getvalue()
+
+
+LATER = "reads up to version 2: update enliven"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda h: h.update(version=3, made_by="9.9"), f"is of version 3, made by enliven 9.9.*{LATER}"),
+        (lambda h: (h.update(version=3), h.pop("made_by")), f"is of version 3. This.*{LATER}"),
+        (lambda h: h.update(version=3, project=["in", "another", "way"]), f"is of version 3.*{LATER}"),
+        (
+            lambda h: (h.update(made_by="9.9"), first_layer(h).update(glow=1)),
+            "enliven 9.9, .*update enliven",
+        ),
+        (lambda h: first_layer(h).update(glow=1), "'glow' is not known here. Take an earlier copy"),
+    ],
+)
+def test_a_project_of_a_later_version_is_refused_and_kept(tmp_path, change, words):
+    path = tmp_path / "later.enliven"
+    path.write_bytes(spoiled(lambda header, _: change(header)))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=words):
+        read_project(path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("more", [{}, {"project": "another way"}])
+def test_a_project_of_a_later_version_is_not_replaced(tmp_path, more):
+    path = tmp_path / "later.enliven"
+    path.write_bytes(spoiled(lambda header, _: header.update(version=3, made_by="9.9", **more)))
+    before = path.read_bytes()
+    with pytest.raises(LaterVersionError, match="is of version 3, made by enliven 9"):
+        write_project(path, Project())
+    assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == ["later.enliven"]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"a mesh", closed({"format": "enliven project"}, {})])
+def test_other_files_are_replaced_as_the_caller_decided(tmp_path, content):
+    path = tmp_path / "other.enliven"
+    path.write_bytes(content)
+    write_project(path, Project())
+    assert same(read_project(path), Project())
 
 
 def first_shape(header):

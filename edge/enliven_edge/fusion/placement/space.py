@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import read_file, write_file
-from enliven.settings import load_settings, read_toml, setting
+from enliven.settings import load_settings, read_toml, refuse_later_toml, setting
 
 _Row = tuple[float, float, float, float]
 _Rows = tuple[_Row, _Row, _Row, _Row]
@@ -84,8 +84,10 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
         Where the file that was there before is now, or None.
 
     Raises:
+        InputError: if the file is of a later version; it stays.
         ResourceError: where it cannot be written; then what was there is untouched.
     """
+    refuse_later_toml(path)
     old = path.with_name(path.name + ".old") if path.exists() else None
     if old is not None:
         write_file(old, read_file(path))

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame
-
 from enliven.errors import InputError
 from enliven.files import open_file
+from enliven_edge.extras import need
 
 _MOST_TEXT = 4096
 """Bytes of a name, or of a number as text."""
@@ -172,7 +171,7 @@ def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
             case b"none":
                 content = packed
             case b"lz4":
-                content = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+                content = _lz4_unpacked(packed, size + 1, path)
             case b"bz2":
                 content = bz2.BZ2Decompressor().decompress(packed, max_length=size + 1)
             case _:
@@ -184,6 +183,19 @@ def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
     if len(content) != size:
         raise InputError("a part has another size than it says", where=str(path), mend=_COPY)
     return content
+
+
+def _lz4_unpacked(packed: bytes, most: int, path: Path) -> bytes:
+    """Returns at most ``most`` bytes of a chunk that lz4 packed.
+
+    Raises:
+        ResourceError: if the library is not installed.
+        RuntimeError: if the chunk is damaged.
+    """
+    need("lz4", "bags", str(path))
+    import lz4.frame  # only some bags need it
+
+    return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=most)
 
 
 def _header(content: bytes, path: Path) -> dict[bytes, bytes]:

@@ -11,10 +11,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import write_file
-from enliven.settings import load_settings, setting
+from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
 
-VERSION = 1
-"""Of the file; another is refused."""
 _LENGTH = 1e-3
 """Metres by which the baseline may differ from the translation's length: a slip of the hand is more."""
 _CROOKED = 1e-3
@@ -56,7 +54,6 @@ class StereoCalibration:
     epipolar: float = setting(
         doc="Root mean square difference of rows when rectified.", unit="px", low=0, high=100
     )
-    version: int = setting(VERSION, "Of this file.")
 
 
 def load_calibration(path: Path) -> StereoCalibration:
@@ -80,16 +77,16 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
     """Writes the file whole or not at all.
 
     Raises:
+        InputError: if the file is of a later version; it stays.
         ResourceError: where it cannot be written; then what was there is untouched.
     """
+    refuse_later_toml(path)
     write_file(path, _text(calibration, remarks))
 
 
 def _wrong(c: StereoCalibration) -> str:
     """What contradicts itself in a calibration; empty where nothing does."""
     turn, shift = np.array(c.right_from_left), np.array(c.translation)
-    if c.version != VERSION:
-        return f"it is of version {c.version}, and {VERSION} is known"
     if np.abs(turn @ turn.T - np.eye(3)).max() > _CROOKED or np.linalg.det(turn) < 0:
         return "right_from_left is no rotation"
     if abs(float(np.linalg.norm(shift)) - c.baseline) > _LENGTH:
@@ -108,8 +105,8 @@ def _wrong(c: StereoCalibration) -> str:
 def _text(c: StereoCalibration, remarks: list[str]) -> str:
     """The file's text: remarks as comments, then the figures."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
-    names = ("version", "width", "height", "baseline", "reprojection", "epipolar")
-    lines += ["", *(f"{name} = {getattr(c, name)!r}" for name in names)]
+    names = ("width", "height", "baseline", "reprojection", "epipolar")
+    lines += ["", f"version = {TOML_VERSION}", *(f"{name} = {getattr(c, name)!r}" for name in names)]
     lines += [f"translation = {_row(c.translation)}", "right_from_left = ["]
     lines += [*(f"  {_row(row)}," for row in c.right_from_left), "]"]
     for name, lens in (("left", c.left), ("right", c.right)):

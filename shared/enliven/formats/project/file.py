@@ -15,20 +15,20 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
-from enliven.errors import InputError
+from enliven.errors import InputError, refuse_later_version
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.file_kinds import kind_of
 from enliven.formats.project.lost_motion import with_lost_motion
 from enliven.formats.project.upgrades import characters_of_kinds
-from enliven.formats.project.values import name_of, packed, unpacked
+from enliven.formats.project.values import UnknownFieldError, name_of, packed, unpacked
 
 VERSION = 2
 """Of the format. An added field needs no new version; a changed meaning of a written field does."""
@@ -54,9 +54,26 @@ def write_project(path: Path | str, project: Project) -> None:
     """Writes a project; the same project makes the same bytes.
 
     Raises:
+        InputError: if the file is a project of a later version; it stays.
         ResourceError: where the file cannot be written; one that was there stays.
     """
+    refuse_later_project(Path(path))
     write_file(Path(path), project_bytes(project), "Save it elsewhere.")
+
+
+def refuse_later_project(path: Path) -> None:
+    """Raises LaterVersionError if a file is a project of a later version, so that it is not replaced."""
+    if not path.is_file():  # a pipe would wait for its other end
+        return
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.getinfo(_HEADER).file_size > _FREE_BYTES:
+                return
+            header = json.loads(_unpacked_entry(archive, _HEADER))
+    except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
+        return  # there is none, or it is another file: writing says so if it cannot be replaced
+    if isinstance(header, dict) and header.get("format") == _FORMAT:
+        _refuse_later(header, str(path))
 
 
 def read_project(path: Path | str) -> Project:
@@ -110,6 +127,8 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         made = unpacked(Project, project, arrays, "project")
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
+        if isinstance(error, UnknownFieldError):
+            mend = _mend_unknown(header.get("made_by"))
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
@@ -117,6 +136,17 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     assert isinstance(made, Project)
     return made
+
+
+def _mend_unknown(made_by: Any) -> str:
+    """Returns what to do about a field that is not known here.
+
+    Args:
+        made_by: the version of enliven that the file states.
+    """
+    if made_by == __version__:
+        return "Take an earlier copy."
+    return f"It was made by enliven {made_by!s:.40}, and this is enliven {__version__}: update enliven."
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -162,15 +192,24 @@ def _header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise _foreign(data, where)
     version, project = header.get("version"), header.get("project")
-    if not isinstance(version, int) or not isinstance(project, dict) or version < 1:
+    _refuse_later(header, where)  # first, since a later version may state everything else in another way
+    if not _is_whole(version) or not isinstance(project, dict) or version < 1:
         raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")
-    if version > VERSION:
-        what = f"it is of version {version}, made by enliven {header.get('made_by')}"
-        raise InputError(what, where=where, mend=f"This one reads up to {VERSION}: install a later one.")
     for step in range(version, VERSION):
         project = _UPGRADES[step](project)
     header["project"] = project
     return header
+
+
+def _refuse_later(header: dict[str, Any], where: str) -> None:
+    """Raises LaterVersionError if a header states a later version."""
+    version, maker = header.get("version"), header.get("made_by")
+    if _is_whole(version):
+        refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
+
+
+def _is_whole(version: Any) -> TypeGuard[int]:
+    return isinstance(version, int) and not isinstance(version, bool)
 
 
 def _arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:

@@ -25,6 +25,10 @@ ARRAY = "array"
 KIND = "kind"
 
 
+class UnknownFieldError(InputError):
+    """A field, a value or a kind of character that is not known here; a later version may know it."""
+
+
 def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
     """Returns ``value`` as JSON; its arrays are put into ``arrays`` by a name made of their content."""
     if isinstance(value, np.ndarray):
@@ -76,7 +80,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         return _dataclass(hint, value, arrays, where)
     if origin is typing.Literal:
         if value not in arguments:
-            raise InputError(f"{value!r} is not known here", where=where)
+            raise UnknownFieldError(f"{value!r} is not known here", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
         table = _typed(value, dict, where)
@@ -92,8 +96,7 @@ def _rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """A character of the rig that its object names."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
-        mend = "A later version of enliven made it: install that."
-        raise InputError(f"a character of kind {kind!r} is not known here", where=where, mend=mend)
+        raise UnknownFieldError(f"a character of kind {kind!r} is not known here", where=where)
     rest = {name: value for name, value in table.items() if name != KIND}
     return _dataclass(RigBase.kinds[kind], rest, arrays, where)
 
@@ -104,8 +107,7 @@ def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], wher
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
     if unknown:
-        mend = "A later version of enliven made it: install that."
-        raise InputError(f"{unknown[0]!r} is not known here", where=where, mend=mend)
+        raise UnknownFieldError(f"{unknown[0]!r} is not known here", where=where)
     made = {}
     for name, field in fields.items():
         if name in table:

@@ -5,12 +5,13 @@ Draco holds the accessors of a primitive; meshoptimizer holds a buffer view of r
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.meshes.gltf.extensions import DRACO
 from enliven.meshes.gltf.gltf_json import Entry
 
@@ -25,20 +26,23 @@ _LONGEST_ROW = 256
 """Bytes of a row at most, as the extension says."""
 
 
-def draco_arrays(data: bytes, attributes: dict[str, int]) -> tuple[dict[str, AnyArray], AnyArray]:
+def draco_arrays(
+    data: bytes, attributes: dict[str, int], where: str = ""
+) -> tuple[dict[str, AnyArray], AnyArray]:
     """Returns the attributes (V, C) of a compressed mesh by name, and the corners of its faces (3 F, 1).
 
     Args:
         data: what the extension's buffer view holds.
         attributes: the number of each attribute in the compressed mesh.
+        where: the file, which an error about a missing decoder names.
 
     Raises:
         InputError: where the bytes are damaged, or lack an attribute.
+        ResourceError: if the decoder is not installed.
     """
-    import DracoPy  # only files that are compressed need it
-
+    decoder = _load_decoder("DracoPy", where)
     try:
-        mesh = DracoPy.decode(data)
+        mesh = decoder.decode(data)
         held: dict[int, Any] = {each["unique_id"]: each["data"] for each in mesh.attributes}
         faces = np.asarray(mesh.faces, np.uint32).reshape(-1, 1)
     except Exception:  # a library that reads strangers' bytes raises whatever it likes
@@ -72,21 +76,40 @@ def check_meshopt(packed: Entry) -> int:
     return int(count * size)
 
 
-def meshopt_bytes(data: bytes, packed: Entry) -> bytes:
+def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
     """Returns the bytes of a buffer view that meshoptimizer packed into ``data``.
+
+    Args:
+        where: the file, which an error about a missing decoder names.
 
     Raises:
         InputError: where the numbers are not what :func:`check_meshopt` allows, or the bytes are damaged.
+        ResourceError: if the decoder is not installed.
     """
     size = check_meshopt(packed)
-    import meshopt  # only files that are compressed need it
-
+    decoder = _load_decoder("meshopt", where)
     try:
         way = packed.mode, packed.filter or "NONE"
-        made = meshopt.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
+        made = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
         unpacked = np.ascontiguousarray(made).tobytes()
     except Exception:  # a library that reads strangers' bytes raises whatever it likes
         raise InputError("it is damaged") from None
     if len(unpacked) != size:
         raise InputError("it is damaged")
     return unpacked
+
+
+def _load_decoder(module: str, where: str) -> Any:
+    """Returns the library that decodes one kind of compression; only compressed files load it.
+
+    Raises:
+        ResourceError: if it is not installed, or does not load.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
+        state = "is not installed" if is_missing else "does not load"
+        what = f"it is compressed, and the library {module} that unpacks it {state}"
+        mend = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
+        raise ResourceError(what, where=where, mend=mend) from None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.errors import InputError, plain_reason
+from enliven.errors import EnlivenError, InputError, plain_reason
 from enliven.files import DAMAGE, Beside, read_file
 from enliven.meshes.gltf.compression import MOST_UNPACKED, check_meshopt, draco_arrays, meshopt_bytes
 from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
@@ -112,7 +112,7 @@ class GltfFile:
             return
         named = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
         try:
-            arrays, faces = draco_arrays(self.data_of_view(packed.bufferView), named)
+            arrays, faces = draco_arrays(self.data_of_view(packed.bufferView), named, str(self.path))
         except InputError as error:
             raise self.wrong(error.what) from None
         held = {vars(primitive.attributes)[name]: array for name, array in arrays.items()}
@@ -144,7 +144,7 @@ class GltfFile:
         """Returns what ``read`` gives; its exceptions become an error that names the file."""
         try:
             return read(index)
-        except InputError:
+        except EnlivenError:
             raise
         except Exception as error:  # numbers that point outside raise whatever they like
             raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
@@ -207,7 +207,7 @@ class GltfFile:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MOST_UNPACKED:
                     raise InputError(f"all together it is more than {MOST_UNPACKED} bytes")
-                self._unpacked[view] = meshopt_bytes(self._slice(packed), packed)
+                self._unpacked[view] = meshopt_bytes(self._slice(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
                     raise

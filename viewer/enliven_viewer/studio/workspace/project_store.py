@@ -16,7 +16,13 @@ from pathlib import Path
 from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.files import PART, own_folder, read_file, write_file
-from enliven.formats.project import project_bytes, project_of, read_project, write_project
+from enliven.formats.project import (
+    project_bytes,
+    project_of,
+    read_project,
+    refuse_later_project,
+    write_project,
+)
 from enliven.modeling.possessed import solve_lost
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
@@ -132,6 +138,7 @@ class ProjectStore:
 
         Raises:
             FileChangedError: where another window or program has; nothing is written.
+            LaterVersionError: if the file is a project of a later version; nothing is written.
             ResourceError: where it cannot be written; the file from before stays.
         """
         target = path or self.path
@@ -140,6 +147,7 @@ class ProjectStore:
         change = self._so_far()
         written = project if change is None else _with(project, change)
         data = project_bytes(written)
+        refuse_later_project(target)
         if not over:
             self._refuse_changed(target, data)
         write_file(target, data, tr("Save it elsewhere."))

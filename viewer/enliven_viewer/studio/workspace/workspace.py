@@ -92,6 +92,8 @@ class Workspace:
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
         self.preferences = Preferences(folder)
+        if self.preferences.refusal is not None:
+            editor.toasts.complain(self.preferences.refusal)
         self.actions = ActionTable(editor.toasts, self.preferences)
         editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
