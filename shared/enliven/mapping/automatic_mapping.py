@@ -304,6 +304,10 @@ def retarget(
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
+    # A body with the performer's skeleton moves exactly as the take does, unless its feet are to be planted.
+    itself = plan.travel and not posed and _twins(clip.skeleton, shape.skeleton)
+    upright = stands(shape) and not itself
+    level = plan.floor and upright
     project, based = apply_plan(project or Project(), shape, clip, plan)
     if posed and plan.travel:
         scale = step_scale(shape, clip, based, plan)
@@ -311,9 +315,6 @@ def retarget(
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
-    itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
-    upright = stands(shape) and not itself
-    level = plan.floor and upright
     stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()
     project, names = limited(project, shape.id, clip, plan, clips, stepping_bones)
     if level:

@@ -1,12 +1,14 @@
-"""Planted feet of a body that is posed as its performer: the body moves so that its feet stand still.
+"""Planted feet of a body that is posed as its performer: the body moves so that its feet do not slide.
 
-    spans = standing_spans(ball, root, step, length)     # when a foot of the performer stands
+    spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
+    rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
     planted(legs, root, step, floor)                     # where the root goes, and how far each foot is off
 
-A model of other proportions that keeps its performer's pose would slide: its strides are of another length.
-So it is the root that gives way. Over the floor it goes as the standing foot asks for, and up and down so
-that the sole of that foot is on the floor. It stays smooth; what is left, and what two standing feet do not
-agree on, is for the legs to bend by. In the air the root follows the performer's.
+A model of other proportions that keeps its performer's pose would slide: its strides are of another length, and
+its feet roll about other points. So the root gives way. Over the floor it goes as the standing foot asks for,
+so that the points that touch do not move, and up and down so that the sole of that foot is on the floor. It
+stays smooth. What is left, and what two standing feet do not agree on, is for the legs to bend by. In the air
+the root follows the performer's, and rises if a foot would be too low.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
+from enliven.document import Shape
 from enliven.motion.contact import runs_of, touching
+from enliven.rotation import rotate
 
 Spans = tuple[tuple[int, int], ...]
 """The first and the last moment of every contact."""
@@ -43,6 +47,16 @@ _SMOOTH_S = 0.05
 """Seconds over which the root's speed and height give way: less jerks, more lets the legs bend."""
 _CLEAR = 0.7
 """Share of the performer's height over the floor that a foot has at least in the air: it does not scuff."""
+_SCUFF = 0.03
+"""Leg lengths by which a foot that swings clears the floor, if its performer's does: 25 mm on an adult."""
+_PATCH = 0.006
+"""Leg lengths above the lowest point of a foot over which it touches the floor: 5 mm on an adult."""
+_FOOT_WEIGHT = 0.5
+"""Share of a vertex's weight from which it is part of a foot."""
+_DIRECTIONS = 128
+"""Directions, spread evenly, in which the outermost points of a foot are looked for."""
+_BLOCK = 2048
+"""Moments at which all points of a foot are held in memory together."""
 _TINY = 1e-9
 """Weight of the performer's own height, where no foot stands at all."""
 _FREE = 0.01
@@ -54,39 +68,150 @@ class PosedLeg:
     """A leg in its performer's pose, over time.
 
     Attributes:
-        foot: (T, 3) metres from the root to the joint on which the foot stands.
-        ball: (T, 3) metres, that joint of the performer's on its way, in the size of the body.
+        rolled: (T, 2) metres along x and z that the part of the sole that touches the floor has gone against
+            the root; see :func:`rolling`.
         sole: (T,) metres from the root up to the lowest point of the foot.
         clear: (T,) metres that the performer's foot is above the floor, in the size of the body.
+        length: metres of the leg.
         spans: when it stands.
     """
 
-    foot: Float
-    ball: Float
+    rolled: Float
     sole: Float
     clear: Float
+    length: float
     spans: Spans
 
 
-def standing_spans(ball: Float, root: Float, step: float, length: float) -> Spans:
-    """When a foot stands: it is low and, compared with the body, slow.
+def rolling(points: Float, length: float) -> tuple[Float, Float]:
+    """Returns how a foot rolls over a floor.
+
+    A foot that rolls without sliding turns about the points that touch the floor, first the heel, last the
+    toes. So it is their speed that has to be zero, and not that of a joint in the foot.
 
     Args:
-        ball: (T, 3) metres, where the foot rolls off.
+        points: (T, P, 3) metres from the root to points of the sole.
+        length: metres of the leg.
+
+    Returns:
+        (T, 2) metres along x and z that the touching points have gone against the root since the first
+        moment, and (T,) metres from the root up to the lowest point.
+    """
+    height = points[..., 1]
+    between = 0.5 * (height[1:] + height[:-1])
+    above = between - between.min(axis=1, keepdims=True)
+    weights = np.exp(-above / (_PATCH * length))
+    steps = np.diff(points[..., [0, 2]], axis=0)
+    moved = np.einsum("tp,tpc->tc", weights, steps) / weights.sum(1, keepdims=True)
+    rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(moved, axis=0)])
+    return rolled, np.asarray(height.min(1))
+
+
+def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
+    """When a foot stands: a joint of it is low and, compared with the body, slow.
+
+    Args:
+        foot: (T, J, 3) metres, the joints on which the foot rolls, such as ankle, ball and tip.
         root: (T, 3) metres, the body.
         step: seconds between two moments.
         length: metres of the leg.
     """
-    if len(ball) < 2:
-        return ((0, len(ball) - 1),)
+    if len(foot) < 2:
+        return ((0, len(foot) - 1),)
     way = np.linalg.norm(np.gradient(root[:, [0, 2]], step, axis=0), axis=1)
     pace = scipy.ndimage.uniform_filter1d(way, max(round(_PACE_S / step), 1), mode="nearest")
     allowed = np.maximum(_SPEED * length, _PACE * pace)
-    speed = np.linalg.norm(np.gradient(ball, step, axis=0), axis=1)
-    height = ball[:, 1] - np.percentile(ball[:, 1], _LOWEST)
-    down = np.empty(len(ball), np.bool_)
-    touching(height, speed / allowed, _HEIGHT * length, 1.0, _RELEASE, down)
-    return tuple((a, b) for a, b in runs_of(down) if (b - a) * step >= _SHORTEST_S)
+    stands = np.zeros(len(foot), np.bool_)
+    for joint in foot.swapaxes(0, 1):
+        speed = np.linalg.norm(np.gradient(joint, step, axis=0), axis=1)
+        height = joint[:, 1] - np.percentile(joint[:, 1], _LOWEST)
+        down = np.empty(len(foot), np.bool_)
+        touching(height, speed / allowed, _HEIGHT * length, 1.0, _RELEASE, down)
+        stands |= down
+    return tuple((a, b) for a, b in runs_of(stands) if (b - a) * step >= _SHORTEST_S)
+
+
+class Sole:
+    """The outermost points of a foot, with the bones that they follow.
+
+    Args:
+        shape: the body, at rest.
+        bones: of the foot.
+    """
+
+    def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
+        self._skeleton = shape.skeleton
+        self._points, self._bones = shape.skeleton.positions[bones], np.array(bones)[:, None]
+        self._weights = np.ones((len(bones), 1))
+        if shape.mesh is None or shape.skin is None:
+            return
+        own = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
+        part = np.flatnonzero(own.sum(1) > _FOOT_WEIGHT)
+        if not len(part):
+            return
+        carrier = shape.skin.indices[part, own[part].argmax(1)]
+        groups = [part[carrier == bone] for bone in np.unique(carrier)]
+        chosen = np.concatenate([some[_outermost(shape.mesh.vertices[some])] for some in groups])
+        self._points = shape.mesh.vertices[chosen]
+        self._bones, self._weights = shape.skin.indices[chosen], shape.skin.weights[chosen]
+
+    def points(self, turns: Float, joints: Float) -> Float:
+        """(T, P, 3) metres: the points with bones turned by (T, N, 4) and joints at (T, N, 3) metres."""
+        made = np.zeros((len(turns), *self._points.shape))
+        for bone in np.unique(self._bones[self._weights > 0.0]):
+            weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
+            ways = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
+            made += weight[:, None] * (ways + joints[:, bone, None])
+        return made
+
+    def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
+        """What :func:`rolling` returns of the points, for joints (T, N, 3) metres from the root."""
+        rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
+        for start in range(0, max(len(turns) - 1, 1), _BLOCK):
+            part = slice(start, start + _BLOCK + 1)
+            way, height = rolling(self.points(turns[part], joints[part]), length)
+            rolled.append(at + way[1:])
+            at, low = at + way[-1], [*low, height if not start else height[1:]]
+        return np.concatenate(rolled), np.concatenate(low)
+
+    def lowest(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
+        """(T,) metres from a joint up to the lowest point, if all points turn about it by (T, 4)."""
+        low = list[Float]()
+        for start in range(0, len(turns), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            beside = self.points(turns[part], joints[part] - joints[part, about, None])
+            low.append(rotate(turning[part, None], beside)[..., 1].min(1))
+        return np.concatenate(low)
+
+
+def _outermost(points: Float) -> Int:
+    """(P,) numbers of those of (V, 3) points that are farthest in some direction."""
+    if len(points) <= _DIRECTIONS:
+        return np.arange(len(points))
+    number = np.arange(_DIRECTIONS) + 0.5
+    height, angle = 1.0 - 2.0 * number / _DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * number
+    level = np.sqrt(1.0 - height**2)
+    ways = np.stack([level * np.cos(angle), height, level * np.sin(angle)])
+    return np.unique((points @ ways).argmax(0))
+
+
+def clearance_of(heights: Float, spans: Spans) -> Float:
+    """(T,) metres that a foot is higher than when it stands, by that of its joints that has risen least.
+
+    Floors of captures drift: it is compared with the contacts before and after.
+
+    Args:
+        heights: (T, J) metres of the joints of a foot.
+        spans: when it stands.
+    """
+    if spans:
+        lows = np.array([heights[first : last + 1].min(0) for first, last in spans for _ in range(2)])
+        ends = np.array(spans).ravel()
+        times = np.arange(len(heights))
+        standing = np.stack([np.interp(times, ends, low) for low in lows.T], axis=1)
+    else:
+        standing = np.percentile(heights, _LOWEST, axis=0)
+    return np.asarray(np.maximum(heights - standing, 0.0).min(1))
 
 
 def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
@@ -105,13 +230,17 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
         return root, [np.zeros_like(root) for _ in legs]
     smooth = (_SMOOTH_S / step) ** 2
     stands = [_while_standing(leg.spans, len(root)) for leg in legs]
-    for axis in (0, 2):
-        # The foot goes as the performer's does: a ball that rolls off is still on its way.
-        slips = [np.diff(leg.ball[:, axis] - leg.foot[:, axis] - root[:, axis]) for leg in legs]
-        both = [np.minimum(on[1:], on[:-1]) for on in stands]
+    both = [np.minimum(on[1:], on[:-1]) for on in stands]
+    for column, axis in enumerate((0, 2)):
+        slips = [-np.diff(leg.rolled[:, column] + root[:, axis]) for leg in legs]
         root[1:, axis] += np.cumsum(_smoothest(slips, both, smooth, _FREE))
-    root[:, 1] += _smoothest([floor - root[:, 1] - leg.sole for leg in legs], stands, smooth, 0.0)
     flies = _flying(stands, step)
+    wanted = [floor - root[:, 1] - leg.sole for leg in legs]
+    up = _smoothest(wanted, stands, smooth, 0.0)
+    # In the air the body rises to where no foot is too low.
+    high = np.max([_CLEAR * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0)
+    rises = np.where(high > up, flies, 0.0)
+    root[:, 1] += _smoothest([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up
     return root, [_offsets(leg, root, step, floor, flies) for leg in legs]
 
 
@@ -147,8 +276,9 @@ def _flying(stands: Sequence[Float], step: float) -> Float:
 
 def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
     """(T, 3) metres that a foot is to be moved by: to its place while it stands, fading before and after."""
-    foot, above = root + leg.foot, root[:, 1] + leg.sole - floor
-    offsets, count, blend = np.zeros_like(foot), len(foot), max(round(_BLEND_S / step), 1)
+    above, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
+    foot = np.stack([root[:, 0] + leg.rolled[:, 0], above, root[:, 2] + leg.rolled[:, 1]], axis=1)
+    offsets = np.zeros_like(foot)
     ends = [-1, *(b for _, b in leg.spans)]
     starts = [*(a for a, _ in leg.spans), count]
     for number, (first, last) in enumerate(leg.spans):
@@ -159,10 +289,18 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
         after = min(blend, starts[number + 1] - last)
         offsets[first - before + 1 : first] += _fading(before)[::-1, None] * held[0]
         offsets[last + 1 : last + after] += _fading(after)[:, None] * held[-1]
-    # A foot that swings is not below the floor, and in the air above it as its performer's.
-    clear = _CLEAR * flies * (1.0 - _while_standing(leg.spans, count)) * leg.clear
+    clear = (1.0 - _while_standing(leg.spans, count)) * _clearance(leg, flies)
     offsets[:, 1] = np.maximum(offsets[:, 1], clear - above)
     return offsets
+
+
+def _clearance(leg: PosedLeg, flies: Float) -> Float:
+    """(T,) metres that a foot is above the floor at least while it swings.
+
+    In the air that is as its performer's. Otherwise it clears the floor by a little.
+    """
+    clear = _CLEAR * leg.clear
+    return np.asarray(np.maximum(flies * clear, np.minimum(clear, _SCUFF * leg.length)))
 
 
 def _fading(count: int) -> Float:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -26,11 +27,11 @@ from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import along_way, floor_of, moments_of
 from enliven.mapping.plan import Mode, Plan
-from enliven.mapping.planting import PosedLeg, planted, standing_spans
+from enliven.mapping.planting import PosedLeg, Sole, clearance_of, planted, standing_spans
 from enliven.mapping.resting import first_heading, heading_of
 from enliven.motion.contact import bend_of, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain, travel_scale
-from enliven.rotation import IDENTITY, conjugate, multiply, rotate, slerp
+from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, rotate, slerp
 
 _RATE = 60.0
 """Moments a second at most at which steps are made: the rate of common displays."""
@@ -50,8 +51,12 @@ _FOOT = 0.15
 """Share of the performer's height within which a joint of a leg is part of the foot."""
 _STANDING = 25.0
 """Per cent of a take in which a foot stands at least: the joint of it that is slowest then is its place."""
-_FOOT_WEIGHT = 0.5
-"""Share of a vertex's weight from which it is part of a foot."""
+_TILT = np.radians(30.0)
+"""Radians that a foot turns up or down at most so that it does not scuff: an ankle has 20 up and 50 down."""
+_TRIED = 7
+"""Angles from none to that which are tried."""
+_POINTS = 0.1
+"""Share of a foot's length that its toes lie ahead of the ankle at least, so that it can turn up and down."""
 _STRETCHED = 0.99
 """Share of its length that a leg is stretched to at most beyond its pose: a knee that locks jerks."""
 _LOWERED = 0.15
@@ -209,9 +214,9 @@ def _steps(shape: Shape, clip: Clip, plan: Plan) -> list[_Step]:
 
 
 def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
-    """The joints of a leg down to the last that is posed as the performer's: its ankle."""
+    """The joints of a leg down to its ankle, or to the last before it that is posed as the performer's."""
     leg = limb.proper[:1]
-    for joint in limb.proper[1:]:
+    for joint in leg_of(limb)[1:]:
         if joint not in posed:
             break
         leg = (*leg, joint)
@@ -311,11 +316,6 @@ class _Performer:
         still = np.abs(np.diff(self.beside[:, parts, 1] + self.tall[:, None], axis=0))
         return parts[int(np.percentile(still, 100.0 - _STANDING, axis=0).argmin())]
 
-    def clearance(self, foot: Sequence[int]) -> Float:
-        """(T,) metres that a foot, by its joints, is higher than when it stands."""
-        low = (self.beside[:, list(foot), 1] + self.tall[:, None]).min(1)
-        return np.asarray(np.maximum(low - np.percentile(low, _STANDING), 0.0))
-
     def home(self, foot: int, heading: Float) -> Float:
         """(3,) metres from the root to where a foot stands, seen as the body heads (T, 4).
 
@@ -352,29 +352,87 @@ def _planted(
     Returns:
         For each leg, (T, 3) metres that its foot is to be moved by then.
     """
-    legs = list[PosedLeg]()
-    root = joints[:, 0].copy()
-    for step in steps:
-        ankle, toes, by_toes = step.leg[-1], step.toes, step.by_toes
-        # A foot that rolls off its toes stands on them: they are held, and the ankle goes along.
-        held = toes[0] if toes and by_toes else ankle
-        ball = root + performer.scale * performer.beside[:, (by_toes or step.by.chain[-1:])[0]]
-        length = _leg_length(shape.skeleton, step.leg)
-        spans = standing_spans(ball, root, performer.step, length)
-        sole = joints[:, ankle, 1] - root[:, 1] + _sole(shape, ankle, turns)
-        clear = performer.scale * performer.clearance(step.by.proper[len(step.by_leg) - 1 :])
-        legs.append(PosedLeg(joints[:, held] - root, ball, sole, clear, spans))
-    floor = floor_of(shape)
+    root, floor = joints[:, 0].copy(), floor_of(shape)
     # Where no foot ever stands, the floor of the performer is the floor.
-    root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
-    root, offsets = planted(legs, root, performer.step, floor)
-    joints += (root - joints[:, 0])[:, None]
+    way = root.copy()
+    way[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
+    soles = [_sole(shape, step) for step in steps]
+    posed = partial(_leg_in_pose, shape.skeleton, performer=performer, root=root, turns=turns, joints=joints)
+    legs = [posed(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    _, offsets = planted(legs, way, performer.step, floor)
+    for step, sole, offset in zip(steps, soles, offsets, strict=True):
+        _tilt_foot(shape.skeleton, step, sole, offset[:, 1], performer.step, turns, joints)
+    legs = [posed(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    way, offsets = planted(legs, way, performer.step, floor)
+    joints += (way - root)[:, None]
     goals = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
     drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in zip(steps, goals, strict=True)]
     # The body comes down to feet that it would not reach, and what swings stays where it was.
     down = _evenly(np.max(drops, axis=0), performer.step)[:, None] * [0.0, 1.0, 0.0]
     joints -= down[:, None]
     return [offset + down for offset in offsets]
+
+
+def _sole(shape: Shape, step: _Step) -> Sole:
+    """The part of a leg that may touch the floor: of a model without feet the end of its shin."""
+    return Sole(shape, sorted(_below(shape.skeleton, step.leg[-1])) or [step.leg[-1]])
+
+
+def _leg_in_pose(
+    skeleton: Skeleton,
+    step: _Step,
+    sole: Sole,
+    performer: _Performer,
+    root: Float,
+    turns: Float,
+    joints: Float,
+) -> PosedLeg:
+    """A leg in the performer's pose, over time, with the root of the body at ``root`` (T, 3)."""
+    # A model without feet has left the floor when the performer's ball has: it has no toes to stay on.
+    ball, *tip = step.by_toes or step.by.chain[-1:]
+    rolls_on = [step.by_leg[-1], ball, *tip] if step.toes else [ball]
+    foot = root[:, None] + performer.scale * performer.beside[:, rolls_on]
+    length = _leg_length(skeleton, step.leg)
+    spans = standing_spans(foot, root, performer.step, length)
+    heights = performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.tall[:, None]
+    clear = performer.scale * clearance_of(heights, spans)
+    return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clear, length, spans)
+
+
+def _tilt_foot(
+    skeleton: Skeleton, step: _Step, sole: Sole, lift: Float, pace: float, turns: Float, joints: Float
+) -> None:
+    """Turns a foot about its ankle so that its toes or its heel rise by ``lift`` (T,) metres, if they can.
+
+    Changes turns (T, N, 4) and joints (T, N, 3) in place. What is left, the leg has to bend by.
+
+    Args:
+        pace: seconds between two moments.
+    """
+    ankle, low = step.leg[-1], np.flatnonzero(lift > 0.0)
+    ahead = skeleton.positions[step.limb.proper[-1]] - skeleton.positions[ankle]
+    across = np.cross(ahead, [0.0, 1.0, 0.0])
+    if not (len(low) and np.linalg.norm(across) > _POINTS * np.linalg.norm(ahead)):
+        return
+    axes = rotate(turns[:, step.toes[0]], across / np.linalg.norm(across))
+    # Of a foot that points down the toes are lowest and rise as it turns up, and of another the heel.
+    up = np.where(rotate(turns[:, step.toes[0]], ahead)[:, 1] < ahead[1], 1.0, -1.0)
+    tried, angles = np.linspace(0.0, _TILT, _TRIED), np.zeros(len(turns))
+    risen = np.stack(
+        [
+            sole.lowest(turns[low], joints[low], from_rotation_vector((a * up * axes.T).T[low]), ankle)
+            for a in tried
+        ]
+    )
+    risen -= risen[0].copy()
+    # The first angle that is enough, or the best.
+    enough = risen >= np.minimum(lift[low], risen.max(0))
+    angles[low] = tried[enough.argmax(0)] * up[low]
+    angles = scipy.ndimage.uniform_filter1d(angles, 2 * max(round(_EASING / pace), 1) + 1, mode="nearest")
+    turning = from_rotation_vector(angles[:, None] * axes)
+    for j in sorted(_below(skeleton, ankle)):
+        turns[:, j] = multiply(turning, turns[:, j])
+        joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
 
 def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joints: Float) -> Float:
@@ -385,22 +443,6 @@ def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joint
     rest = skeleton.positions[ankle] - skeleton.positions[0]
     even = _even(heading, round(_STRIDE / performer.step))
     return np.asarray(joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home))
-
-
-def _sole(shape: Shape, ankle: int, turns: Float) -> Float:
-    """(T,) metres from an ankle up to the lowest point of its foot, which is below: negative."""
-    skeleton = shape.skeleton
-    bones = sorted(_below(skeleton, ankle))
-    lowest = floor_of(shape) - shape.place[1] - skeleton.positions[ankle, 1]
-    if not bones:
-        return np.full(len(turns), lowest)
-    points = skeleton.positions[bones]
-    if shape.mesh is not None and shape.skin is not None:
-        share = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0).sum(1)
-        own = shape.mesh.vertices[: len(share)][share > _FOOT_WEIGHT]
-        points = own if len(own) else points
-    ways = points - skeleton.positions[ankle]
-    return np.array([rotate(turn, ways)[:, 1].min() for turn in turns[:, bones[0]]])
 
 
 def _out_of_reach(skeleton: Skeleton, step: _Step, goals: Float, joints: Float) -> Float:

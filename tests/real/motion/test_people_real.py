@@ -54,14 +54,16 @@ def test_every_limb_of_the_written_file_points_as_the_performers(number):
             assert np.median(angles) < 2.0 and np.percentile(angles, 90) < 4.0, (path.stem, limb)
 
 
+@pytest.mark.parametrize(("gait", "slide"), [("walk", 2.5), ("run", 15.0)])
 @pytest.mark.parametrize("number", range(len(MODELS)), ids=lambda n: MODELS[n].stem)
-def test_a_planted_walk_does_not_slide(number):
+def test_a_planted_gait_does_not_slide(number, gait, slide):
     shape = read_gltf(MODELS[number]).shape
-    path = next(path for path in TAKES if path.stem == "dataset-1_walk_normal_001")
+    path = next(path for path in TAKES if path.stem == f"dataset-1_{gait}_normal_001")
     clip, _ = read_take(path, None, 0.0, 4.0)
     made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     quality = quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
-    assert quality.slide < 4.0
+    # It counts all that touches the floor, also the frames in which a runner lands and leaves.
+    assert quality.slide < slide
     # Feet that stand where the performer's do bend the legs of a rig with boots of half a leg's length.
     assert max(limb.median for limb in quality.limbs) < 14.0
     assert all("arm" not in limb.limb for limb in quality.worst_limbs)

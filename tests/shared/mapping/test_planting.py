@@ -7,15 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import man, meshed, walk
+from made_gaits import HEEL, STEP, TOE, gait, shod
 
+from enliven.document.clip import joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import floor_of, surfaces
-from enliven.mapping.planting import PosedLeg, planted, standing_spans
+from enliven.mapping.planting import PosedLeg, clearance_of, planted, rolling, standing_spans
 from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
+from enliven.rotation import rotate
 
-STEP = 1 / 60
+SLIDE = 3.0
+"""cm/s that feet slide at most while they stand, in 90 % of the frames."""
+CLEAR = 0.01
+"""Metres that a foot is above the floor in the middle of its swing at least."""
 
 
 def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
@@ -37,7 +43,7 @@ def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
 def test_contacts_of_walks_runs_and_sprints_are_found(speed, stance):
     foot, root, stands = steps_of(speed, stance)
     found = np.zeros(len(foot), bool)
-    for first, last in standing_spans(foot, root, STEP, 0.85):
+    for first, last in standing_spans(foot[:, None], root, STEP, 0.85):
         found[first : last + 1] = True
     edges = np.convolve(np.abs(np.diff(stands.astype(int), prepend=0)), np.ones(7), "same") > 0
     assert (found == stands)[~edges].all(), "but for three frames at the ends of each contact"
@@ -48,10 +54,10 @@ def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
     times = np.arange(120)[:, None] * STEP
     still = np.tile([0.0, 0.9, 0.0], (120, 1))
     lifted = np.clip(np.sin(2 * np.pi * times), 0.0, None) * [0.0, 0.4, 0.0]
-    for first, last in standing_spans(lifted, still, STEP, 0.85):
+    for first, last in standing_spans(lifted[:, None], still, STEP, 0.85):
         assert lifted[first : last + 1, 1].max() < 0.1
     glides = times * [0.0, 0.0, 3.0]
-    assert standing_spans(glides, np.add(glides, [0.0, 0.9, 0.0]), STEP, 0.85) == ()
+    assert standing_spans(glides[:, None], np.add(glides, [0.0, 0.9, 0.0]), STEP, 0.85) == ()
 
 
 @settings(deadline=None, max_examples=15)
@@ -59,9 +65,9 @@ def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
 def test_the_foot_that_stands_is_still_and_on_the_floor(seed, speed, longer):
     """A body with a foot that goes farther or less far than its performer's beside the hips."""
     foot, root, _ = steps_of(speed, 0.3, seed=seed)
-    spans = standing_spans(foot, root, STEP, 0.85)
+    spans = standing_spans(foot[:, None], root, STEP, 0.85)
     own = (foot - root) * [1.0, 1.0, longer]
-    leg = PosedLeg(own, foot, own[:, 1] - 0.03, foot[:, 1] - 0.03, spans)
+    leg = PosedLeg(own[:, [0, 2]], own[:, 1] - 0.03, np.maximum(foot[:, 1] - 0.03, 0.0), 0.85, spans)
     way, (offset,) = planted([leg], root, STEP, 0.0)
     at = way + own + offset
     for first, last in spans:
@@ -75,7 +81,8 @@ def test_the_foot_that_stands_is_still_and_on_the_floor(seed, speed, longer):
 def test_without_contacts_the_body_goes_as_its_performer():
     _, root, _ = steps_of(1.0, 0.5)
     still = np.zeros_like(root)
-    way, (offset,) = planted([PosedLeg(still, root, still[:, 0], still[:, 0], ())], root, STEP, 0.0)
+    leg = PosedLeg(still[:, [0, 2]], still[:, 0], still[:, 0], 0.85, ())
+    way, (offset,) = planted([leg], root, STEP, 0.0)
     np.testing.assert_array_equal(way, root)
     assert not offset.any()
 
@@ -107,3 +114,96 @@ def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     free = retarget(shape, clip, replace(plan, pin=False))
     ways = [Player(one.project, "man").root(np.array([0.0, clip.duration])) for one in (made, free)]
     assert np.linalg.norm(ways[0][1] - ways[0][0]) > 0.5 * np.linalg.norm(ways[1][1] - ways[1][0])
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 1000), radius=st.floats(0.02, 0.4))
+def test_a_wheel_rolls_by_its_radius_times_its_angle(seed, radius):
+    """The twin of a rolling foot: which point touches is known, and how far it goes."""
+    angles = np.cumsum(np.random.default_rng(seed).uniform(-0.05, 0.05, 80))
+    rim = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    around = rim + angles[:, None]
+    points = radius * np.stack([0.0 * around, np.cos(around), np.sin(around)], axis=2)
+    rolled, low = rolling(points, 0.02 * radius)
+    np.testing.assert_allclose(low, -radius, rtol=1e-3)
+    # The lowest point of a wheel that turns towards +Z goes back.
+    np.testing.assert_allclose(rolled[:, 1], -radius * (angles - angles[0]), atol=0.01 * radius)
+    np.testing.assert_array_equal(rolled[:, 0], 0.0)
+
+
+@settings(deadline=None, max_examples=15)
+@given(drift=st.floats(-0.2, 0.2), lift=st.floats(0.0, 0.3))
+def test_a_foot_is_as_high_as_it_rose_since_it_stood_on_a_floor_that_drifts(drift, lift):
+    times = np.arange(90) * STEP
+    up = lift * np.clip(np.sin(2.0 * np.pi * times / 0.5), 0.0, None)
+    spans = tuple((a, min(a + 15, 89)) for a in range(15, 90, 30))
+    heights = (0.1 + drift * times + up)[:, None] + [0.0, 0.05]
+    clear = clearance_of(heights, spans)
+    assert np.abs(clear - up)[15:].max() <= abs(drift) * 0.3 + 1e-9
+
+
+def slide_of(shape, clip, stands, plan):
+    """(cm/s, ...) of the lowest points of feet that stand on the floor, and metres of feet in mid-swing."""
+    made = retarget(shape, clip, plan)
+    moments = np.arange(len(clip.turns)) * STEP
+    at = np.array(list(surfaces(made.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
+    speeds, swinging = [], []
+    for side in (0, 1):
+        foot = at[:, len(at[0]) - 24 + 12 * side :][:, :12]
+        between = 0.5 * (foot[1:, :, 1] + foot[:-1, :, 1])
+        speed = np.linalg.norm(np.diff(foot, axis=0)[..., [0, 2]], axis=2) / STEP
+        lowest = between < between.min(1, keepdims=True) + 0.005
+        along = np.array([np.median(some[which]) for some, which in zip(speed, lowest, strict=True)])
+        on = stands[1:, side] & stands[:-1, side] & (between.min(1) < 0.005)
+        assert on.sum() > 0.7 * stands[:, side].sum(), "the foot is on the floor while the performer's is"
+        speeds.append(100.0 * along[on])
+        # Without the third of a swing at either end, in which the foot leaves and lands.
+        wide = np.convolve(stands[:, side], np.ones(11), "same") > 0
+        swinging.append(foot[~wide, :, 1].min(1))
+    return np.concatenate(speeds), np.concatenate(swinging), made
+
+
+GAITS = [(1.2, 0.6, 0.4), (3.0, 0.2, 0.45), (4.5, 0.13, 0.45)]
+"""Speed (m/s), stance and swing (s): a walk and two runs."""
+
+
+@pytest.mark.parametrize("how", GAITS, ids=["walk", "run", "fast run"])
+@pytest.mark.parametrize(("shin", "tip"), [(0.75, 0.28), (1.3, 0.22), (1.0, 0.17)])
+def test_feet_that_roll_from_heel_to_toe_neither_slide_nor_scuff(how, shin, tip):
+    """Also on the performer's own skeleton."""
+    clip, stands = gait(*how)
+    shape = shod(short_shinned(shin), tip)
+    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    speeds, swinging, made = slide_of(shape, clip, stands, plan)
+    assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
+    assert np.percentile(swinging, 5) > CLEAR
+    limbs = quality_of(made.project, shape.id, clip, made.duration, plan).limbs
+    legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
+    assert legs and max(limb.median for limb in legs) < 3.0 and max(limb.p90 for limb in legs) < 8.0
+
+
+@pytest.mark.parametrize("how", GAITS)
+def test_the_made_performer_does_not_slide(how):
+    clip, stands = gait(*how)
+    places, skeleton = joint_places(clip), clip.skeleton
+    for side, name in ((0, "Left"), (1, "Right")):
+        ankle, turns = (
+            places[:, skeleton.index(f"{name} ankle")],
+            clip.turns[:, skeleton.index(f"{name} toe")],
+        )
+        tip, heel = (ankle + rotate(turns, way) for way in (TOE, HEEL))
+        on = stands[1:, side] & stands[:-1, side]
+        low = np.where((tip[1:, 1] < heel[1:, 1])[:, None], np.diff(tip, axis=0), np.diff(heel, axis=0))
+        assert np.abs(low[on]).max() < 1e-4 and np.abs(np.minimum(tip, heel)[stands[:, side], 1]).max() < 1e-3
+
+
+def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
+    clip, _ = gait(1.2, 0.6, 0.4)
+    shape = shod(short_shinned(1.3), 0.22)
+    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    whole = retarget(shape, clip, plan)
+    monkeypatch.setattr("enliven.mapping.planting._BLOCK", 7)
+    parts = retarget(shape, clip, plan)
+    times = np.linspace(0.0, clip.duration, 50)
+    one, other = (Player(made.project, shape.id).sample(times)[1] for made in (whole, parts))
+    np.testing.assert_allclose(one, other, atol=1e-9)
