@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from functools import partial
 
 from imgui_bundle import ImVec2, imgui
@@ -10,11 +11,11 @@ from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import filled, heading, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, QUIET, RAISED, WAIT, Colour
+from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
 _WHOLE = ImVec2(-1, 0)
 _PRIMARY = 40.0
@@ -58,7 +59,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """The two buttons that a performance needs, always in the same place."""
     size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
-    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+    with filled(ACCENT):
         if imgui.button("Possess", size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
@@ -73,12 +74,12 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
     """Begins a recording, or ends it; a press means what the button said when it went down."""
     if recording.phase == "recording":
-        label, tint = f"Stop   {time_text(recording.recorder.seconds)}", BAD
+        label, drawn = f"Stop   {time_text(recording.recorder.seconds)}", filled(BAD)
     elif recording.phase == "counting":
-        label, tint = f"Cancel   {recording.counted}", WAIT
+        label, drawn = f"Cancel   {recording.counted}", filled(WAIT)
     else:
-        label, tint = "\uf111  Record", RAISED
-    with tinted(tint, imgui.Col_.button, imgui.Col_.button_hovered):
+        label, drawn = "\uf111  Record", nullcontext()
+    with drawn:
         pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
         recording.pressed = recording.phase
