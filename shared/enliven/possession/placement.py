@@ -69,7 +69,7 @@ def under(body: Body, scale: float, stand: Float | None = None, front: float = 0
 
     Args:
         scale: metres of the world for one of the rest mesh.
-        stand: (3,) metres of the rest mesh on its floor, the place that comes under the hips; None: the origin.
+        stand: (3,) metres of the rest mesh, the place on its floor that comes under the hips; None: origin.
         front: radians about +Y from +Z to the front of the rest mesh.
     """
     hip = body.joints[Joint.HIP_CENTER]

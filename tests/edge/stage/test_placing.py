@@ -248,7 +248,7 @@ def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
 def moved_chair(chair, x: float, z: float):
     """The chair as it stands elsewhere in its project: character and graph."""
     character, graph = chair
-    mesh = Mesh(character.vertices.astype(float) + [x, 0.0, z], character.faces, "chair")
+    mesh = Mesh(character.vertices + np.array([x, 0.0, z]), character.faces, "chair")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
     return character_from(mesh, graph, "chair"), graph
 
@@ -291,7 +291,7 @@ def test_the_origin_of_a_mesh_about_it_stays_the_place_to_stand(chair):
 
 def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(animal):
     character, _ = animal
-    mesh = Mesh(character.vertices.astype(float) + [4.0, 0.0, 1.0], character.faces, "beast")
+    mesh = Mesh(character.vertices + np.array([4.0, 0.0, 1.0]), character.faces, "beast")
     graph = DeformationGraph.build(mesh, nodes=96, seed=0)
     made = character_from(mesh, graph, "beast"), graph
     house = Stage([EmbeddedActor(*made, ActorSettings(how="mapped", fade=0.0))])

@@ -7,6 +7,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.language import tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
@@ -22,7 +23,7 @@ _PRIMARY = 40.0
 """Pixels of height of the two buttons that a performance needs: hit without aiming."""
 _STATE = 66.0
 """Pixels of height of the box with the state of the stage: three lines; more are scrolled."""
-_STATE_ROOMY = 104.0
+_STATE_ROOMY = 90.0
 """The same where the panel has room for a whole message with what to do about it."""
 _ROOMY = 520.0
 """Least height in pixels of a panel with that room."""
@@ -44,12 +45,12 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _connected(workspace, perform, live, area)
         _performers(workspace, perform, live)  # also in the picture in which the stage is left
         _characters(workspace, perform)
-        if perform.client is not None:
-            draw_physics(workspace, perform)
         if imgui.button("\uf030  Scan a thing...", _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
+        if perform.client is not None:
+            draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
         if perform.client is not None:
             _guests(workspace, perform)
@@ -59,11 +60,12 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """The two buttons that a performance needs, always in the same place."""
     size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
-    with filled(ACCENT):
-        if imgui.button("Possess", size):
+    waits = perform.stepping_in.waits
+    with filled(WAIT if waits else ACCENT):
+        if imgui.button(f"{tr('Cancel') if waits else tr('Possess')}###Possess", size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    told("Step in: nobody else holds it then  (P)")
+    told(perform.stepping_in.words if waits else tr("Step in: nobody else holds it then  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -334,12 +336,12 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button("Join", third):
-        live.possess("join")
+        perform.stepping_in.press("join")
     workspace.remember("join")
     told("Step in beside those who hold it already  (J)")
     imgui.same_line()
     if imgui.button("Hold more", third):
-        live.possess("extend")
+        perform.stepping_in.press("extend")
     workspace.remember("extend")
     told("Hold with these parts as well as before  (E)")
     imgui.same_line()
