@@ -15,6 +15,8 @@ _OVERLAP = 0.35
 """Letters of one line overlap by less than this fraction of the smaller one: kerning, icons."""
 _CORNER_PX = 7.0
 """Pixels of the round corner of a box at most: ImGui keeps its picture with the letters'."""
+_SCROLL_PX = 3.5
+"""Pixels of the round end of a scroll bar at most: it lies on the round corner of its window."""
 _CUT_PX = 1.5
 """Pixels that a letter may reach beyond its clip rectangle: smooth edges."""
 
@@ -122,7 +124,8 @@ def overlapping_letters(lists: list[Letters]) -> list[tuple[str, list[float], li
         much = np.triu(shared > _OVERLAP * np.minimum(area[:, None], area[None]), 1)
         for one, other in np.argwhere(much):
             shadow = np.allclose(letters.texels[one], letters.texels[other], atol=1e-5)
-            corners = (places[[one, other], 2:] - places[[one, other], :2] <= _CORNER_PX).all()
+            sides = (places[[one, other], 2:] - places[[one, other], :2]).max(1)
+            corners = sides.max() <= _CORNER_PX or sides.min() <= _SCROLL_PX
             if shadow or corners:
                 continue
             wrong.append((letters.window, places[one].round(1).tolist(), places[other].round(1).tolist()))

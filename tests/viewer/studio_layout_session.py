@@ -29,6 +29,8 @@ SIZES = {
     "1280x720 at 200 %": (1280, 720, 2.0),
     "3840x2160": (3840, 2160, 1.0),
 }
+PAGES = {"600x400": (600, 400, 1.0), "1000x640 at 200 %": (1000, 640, 2.0)}
+"""Small windows for the start page, which has more lines than they have room for."""
 SMALL = ("600x400", "1280x720 at 200 %")
 FRAMED, SETTLED = 4, 6
 """Frames until a window of a new size has its size, and ImGui its contents' places."""
@@ -49,6 +51,13 @@ def scan(workspace: Workspace) -> None:
     workspace.scan.open()
 
 
+def start_page(workspace: Workspace) -> None:
+    """Shows the start page of an empty project."""
+    enter(workspace, "Animate")
+    workspace.store.new()
+    workspace.starting = True
+
+
 STATES = {
     "Perform": lambda workspace: enter(workspace, "Perform"),
     "Animate": lambda workspace: enter(workspace, "Animate"),
@@ -65,7 +74,9 @@ def main() -> None:
     pictures = Path(sys.argv[2]) if len(sys.argv) > 2 else None
     workspace = acting_stage(Path(sys.argv[1]), 1280, 720)
     window = StudioWindow(workspace)
+    sizes, states = SIZES | PAGES, STATES | {"the start page": start_page}
     shown = [(size, room) for size in SIZES for room in STATES if room in ROOMS or size in SMALL]
+    shown += [(size, "the start page") for size in PAGES]
     state = {"at": 0, "since": 0}
     lists: dict[str, list[Letters]] = {}
 
@@ -77,12 +88,12 @@ def main() -> None:
             window.close()
             return
         size, room = shown[state["at"]]
-        wide, high, text = SIZES[size]
+        wide, high, text = sizes[size]
         if state["since"] == FRAMED:
             workspace.editor.frame_all(at_once=True)
         if state["since"] == 0:
             workspace.preferences.text_size = text
-            STATES[room](workspace)
+            states[room](workspace)
             if glfw.get_window_size(glfw_window_hello_imgui()) != (wide, high):
                 glfw.set_window_size(glfw_window_hello_imgui(), wide, high)
             workspace.widgets.clear()
@@ -103,13 +114,16 @@ def main() -> None:
             point
             for one in workspace.editor.seen
             for point in workspace.editor.lens.pixels_of(np.asarray(one.extent, float))
-        ]
+        ] or [np.zeros(2)]
         low, high = np.min(character, axis=0), np.max(character, axis=0)
         said[name] = {
             "usual": [io.display_size.x, io.display_size.y],
             "widgets": dict(workspace.widgets),
+            "picture": [area.x, area.y, area.x + area.width, area.y + area.height],
             "character": [*(low + area[:2]).tolist(), *(high + area[:2]).tolist()],
         }
+        if (page := workspace.drawn.find(("start page",))) is not None:
+            said[name]["widgets"]["start page"] = page[1]
         if pictures is not None:
             from PIL import Image
 

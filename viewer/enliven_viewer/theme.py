@@ -259,13 +259,13 @@ class _Shown(Sequence[Any]):
     """
 
     def __init__(self, name: str, *, as_light: int = 0) -> None:
-        self._name, self._as_light = name, as_light
+        self.name, self._as_light = name, as_light
         self._is_set = name in ColourSet.__dataclass_fields__
 
     @property
     def _now(self) -> Sequence[Any]:
         source = COLOUR_SETS[_InUse.colours] if self._is_set else THEMES[_InUse.theme]
-        value: Sequence[Any] = getattr(source, self._name)
+        value: Sequence[Any] = getattr(source, self.name)
         if not self._as_light:
             return value
         many = isinstance(value[0], tuple)
@@ -325,6 +325,8 @@ SHADOW: Colour = _Shown("shadow")
 """Behind marks and words that lie on the picture itself: the opposite of MARK."""
 ON_COLOUR: Colour = (0.055, 0.062, 0.078, 1.0)
 """Text on bars and buttons of the colour sets, which are bright in both themes."""
+ON_FILL: Colour = _Shown("dark")
+"""Text on buttons and bars that are filled with ACCENT, GOOD, WAIT or BAD: dark on bright, light on deep."""
 UNTINTED: Colour = (1.0, 1.0, 1.0, 1.0)
 """Pictures are drawn times this: unchanged."""
 CLEAR: Colour = (0.0, 0.0, 0.0, 0.0)

@@ -110,7 +110,8 @@ class EmbeddedActor(Actor):
         if not len(grip.attachment):
             state = self._shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
-            raise out_of_reach(self.character.id, self.settings, body, grip, nodes)
+            comes = not (others or own is not None or self._stays)
+            raise out_of_reach(self.character.id, self.settings, body, grip, nodes, comes=comes)
         new = EmbeddedHold(body.id, [grip], self._time_ns, depth=depth_of(body))
         hold = new if own is None else own.with_grip(grip)
         kept = others or own is not None or self._stays
@@ -121,8 +122,7 @@ class EmbeddedActor(Actor):
                 grip.carrying.goes_on(self._meeting.carrying)
         self._meeting, self._free = None, False
         if not kept:
-            place = self._rules.at_performer(body)
-            self._placement = place.larger(self.growth, place.offset)
+            self._placement = self._grown(self._rules.at_performer(body))
         self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
         self._hold([*others[:at], hold, *others[at:]], start)
@@ -153,7 +153,7 @@ class EmbeddedActor(Actor):
         """Shows it at so many times its own size; the binding is in its rest space, and goes along."""
         factor, self.growth = growth / self.growth, growth
         if self._placed and factor != 1.0:
-            place = self._placement.offset * [1.0, 0.0, 1.0] if about is None else about
+            place = self._placement.to_world(self._rules.stand) * [1.0, 0.0, 1.0] if about is None else about
             self._placement = self._placement.larger(factor, place)
             if fade:
                 self._easing.restart_fade()
@@ -182,7 +182,7 @@ class EmbeddedActor(Actor):
         """
         if not self._placed and bodies and not self.holds:
             place, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
-            self._placement = place.larger(self.growth, place.offset)
+            self._placement = self._grown(place)
             self._easing.restart()
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
@@ -227,6 +227,10 @@ class EmbeddedActor(Actor):
     def _stays(self) -> bool:
         """Whether the mesh keeps its place and shape when one performer takes hold alone."""
         return self.settings.place == "fixed" or self.settings.how != "inside"
+
+    def _grown(self, place: Placement) -> Placement:
+        """Returns a placement of its own size at the size that it is shown at."""
+        return place.larger(self.growth, place.to_world(self._rules.stand))
 
     def _grip(self, body: Body, parts: str, others: list[EmbeddedHold]) -> Grip:
         """Returns the grip that the body would have now, beside others; empty where nothing is in reach."""

@@ -43,19 +43,25 @@ def gripped(
     return Grip(held, carrying, parts, start_turns)
 
 
-def out_of_reach(character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float) -> InputError:
+def out_of_reach(
+    character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float, *, comes: bool = False
+) -> InputError:
     """Returns the error that says why a body could not take hold, and what to do.
 
     Args:
         grip: the empty one.
         nodes: (N, 3) metres, where the nodes are, rest space.
+        comes: whether the mesh comes to the body, so that stepping nearer changes nothing.
     """
     joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
     apart = np.linalg.norm(joints[:, None] - nodes, axis=2)
     metres = float(np.nanmin(apart, initial=np.inf)) * grip.carrying.scale
     away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+    mend = "Step into the mesh, or set place = 'meet', or how = 'beside'."
+    if comes:
+        mend = "Hold it with the whole body, or with other parts of it."
     return InputError(
         f"no part of the mesh is within {settings.farthest_reach} m of the body{away}",
         where=f"possessing {character!r} with {grip.parts}",
-        mend="Step into the mesh, or set place = 'meet', or how = 'beside'.",
+        mend=mend,
     )

@@ -64,14 +64,19 @@ def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
     return under(body, ratio * body.height / mesh_height)
 
 
-def under(body: Body, scale: float) -> Placement:
-    """Returns the placement with the rest origin on the floor under the hips and +Z as the performer faces.
+def under(body: Body, scale: float, stand: Float | None = None, front: float = 0.0) -> Placement:
+    """Returns the placement with a place of the mesh under the hips, and its front as the performer faces.
 
     Args:
         scale: metres of the world for one of the rest mesh.
+        stand: (3,) metres of the rest mesh, the place on its floor that comes under the hips; None: origin.
+        front: radians about +Y from +Z to the front of the rest mesh.
     """
     hip = body.joints[Joint.HIP_CENTER]
-    return Placement(scale, facing(body), np.array([float(hip[0]), 0.0, float(hip[2])]))
+    place = Placement(scale, facing(body) - front, np.array([float(hip[0]), 0.0, float(hip[2])]))
+    if stand is None or not stand.any():
+        return place
+    return Placement(scale, place.yaw, 2 * place.offset - place.to_world(stand))
 
 
 def beside(placement: Placement, metres: float) -> Placement:

@@ -12,12 +12,19 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.person import Body, J
+from enliven.person import Body, J, Joint
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.carrying import CarriedPlacement, Carrying
 from enliven.possession.likeness import BodyInMesh, find_body_in_mesh, find_person_in_mesh
 from enliven.possession.mapped import Mapped
 from enliven.possession.placement import AS_MODELLED, Placement, beside, under
+
+_OVERLAP_M = 0.2
+"""Farthest from the floor area of a mesh that its origin is a place to stand in it: half a person's width."""
+_USUAL_HEIGHT_M = 1.75
+"""Height of the performer that this distance is measured with: a mesh is scaled to its performer's height."""
+_TRUNK = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
+"""Joints in the middle of which a person's weight is."""
 
 
 def seeks_person(settings: ActorSettings) -> bool:
@@ -62,6 +69,30 @@ class PlacementRules:
         person = find_person_in_mesh(mesh, ends) if self._person is None else self._person()
         return person if person is not None and (person.certain or own.ends) else None
 
+    @cached_property
+    def stand(self) -> Float:
+        """(3,) metres of the rest space: the place on the floor where a performer stands in the mesh.
+
+        It is the origin unless the mesh lies elsewhere, as a character does that stands aside in its project,
+        and a scan that is put next to another character. Then it is the middle of the mesh.
+        """
+        corners = self._character.vertices[:, [0, 2]]
+        low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
+        away = np.maximum(np.maximum(low, -high), 0.0)
+        if np.linalg.norm(away) <= self._overlap():
+            return np.zeros(3)
+        middle = 0.5 * (low + high)
+        if self.likeness is not None:
+            middle = self.likeness.joints[list(_TRUNK)][:, [0, 2]].mean(0)
+        return np.array([middle[0], 0.0, middle[1]])
+
+    def _overlap(self) -> float:
+        """Returns the distance of the rest space up to which the origin is a place to stand in the mesh."""
+        own = self.settings
+        metres = own.farthest_reach if own.stand == "modelled" else _OVERLAP_M
+        scale = own.height_ratio * _USUAL_HEIGHT_M / self.height
+        return metres / (self.size if own.scaled == "nobody" else scale)
+
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns where the mesh waits once the first performer is in view, so many metres to the left."""
         at = self.at_performer(body)
@@ -71,9 +102,8 @@ class PlacementRules:
     def at_performer(self, body: Body) -> Placement:
         """Returns the placement where the performer stands, the mesh's front in their facing."""
         alike = self.settings.scaled == "mesh"
-        place = under(body, self._performer_scale(body) if alike else self.size)
         front = 0.0 if self.likeness is None else self.likeness.yaw
-        return Placement(place.scale, place.yaw - front, place.offset)
+        return under(body, self._performer_scale(body) if alike else self.size, self.stand, front)
 
     def carryings(
         self, body: Body, placement: Placement, earlier: list[Carrying], own_earlier: Carrying | None = None
@@ -106,7 +136,7 @@ class PlacementRules:
             fixed = scale if own.scaled == "performer" else AS_MODELLED.scale
             places = [Placement(fixed, placement.yaw, placement.offset)]
         elif not inside or not places:
-            places.append(under(body, scale))
+            places.append(under(body, scale, self.stand))
         return [CarriedPlacement(place, own.travel, not inside) for place in places]
 
     def _front(self, placement: Placement) -> float:

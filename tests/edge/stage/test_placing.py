@@ -243,3 +243,70 @@ def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
         assert pose.linear[0, 1, 1] * np.ptp(chair[0].vertices[:, 1]) == pytest.approx(
             ratio * height, rel=1e-3
         )
+
+
+def moved_chair(chair, x: float, z: float):
+    """The chair as it stands elsewhere in its project: character and graph."""
+    character, graph = chair
+    mesh = Mesh(character.vertices + np.array([x, 0.0, z]), character.faces, "chair")
+    graph = DeformationGraph.build(mesh, nodes=64, seed=0)
+    return character_from(mesh, graph, "chair"), graph
+
+
+@pytest.mark.parametrize("how", ["inside", "beside"])
+@pytest.mark.parametrize("place", [(2.0, 0.0), (0.0, -3.0), (-1.3, 1.3), (0.98, 0.0)])
+def test_a_mesh_that_lies_elsewhere_in_its_project_is_possessed_where_the_performer_is(chair, place, how):
+    house = Stage([EmbeddedActor(*moved_chair(chair, *place), ActorSettings(how=how, fade=0.0))])
+    waiting = house.perform([person()], 0)[0]
+    hip = person().joints[Joint.HIP_CENTER, [0, 2]]
+    aside = np.linalg.norm(waiting.positions[:, [0, 2]].mean(0) - hip)
+    assert aside == pytest.approx(1.2 if how == "beside" else 0.0, abs=0.35)
+    house.possess("chair")
+    still = house.perform([person()], FRAME)[0]
+    assert np.linalg.norm(still.positions - waiting.positions, axis=1).max() < 0.05, "it jumped"
+    for i in range(30):
+        pose = house.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
+    assert np.linalg.norm(pose.positions - still.positions, axis=1).max() > 0.15
+
+
+def test_a_mesh_that_lies_elsewhere_grows_about_where_it_stands(chair):
+    actor = EmbeddedActor(*moved_chair(chair, 2.0, 0.0), ActorSettings(fade=0.0))
+    house = Stage([actor])
+    middle = house.perform([person()], 0)[0].positions[:, [0, 2]].mean(0)
+    actor.resize(2.0)
+    larger = house.perform([person()], FRAME)[0]
+    np.testing.assert_allclose(larger.positions[:, [0, 2]].mean(0), middle, atol=0.1)
+    house.possess("chair")
+    held = house.perform([person()], 2 * FRAME)[0]
+    np.testing.assert_allclose(held.positions, larger.positions, atol=0.05)
+
+
+def test_the_origin_of_a_mesh_about_it_stays_the_place_to_stand(chair):
+    middles = [
+        Stage([EmbeddedActor(*made, ActorSettings())]).perform([person()], 0)[0].positions.mean(0)
+        for made in (moved_chair(chair, 0.0, 0.0), moved_chair(chair, 0.2, 0.0))
+    ]
+    assert abs(middles[1] - middles[0])[0] == pytest.approx(0.2, abs=0.03), "as it is modelled"
+
+
+def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(animal):
+    character, _ = animal
+    mesh = Mesh(character.vertices + np.array([4.0, 0.0, 1.0]), character.faces, "beast")
+    graph = DeformationGraph.build(mesh, nodes=96, seed=0)
+    made = character_from(mesh, graph, "beast"), graph
+    house = Stage([EmbeddedActor(*made, ActorSettings(how="mapped", fade=0.0))])
+    waiting = house.perform([person()], 0)[0]
+    hip = person().joints[Joint.HIP_CENTER, [0, 2]]
+    assert np.linalg.norm(waiting.positions[:, [0, 2]].mean(0) - hip) == pytest.approx(1.2, abs=0.5)
+    house.possess("beast")
+    pose = house.perform([person(reach=0.7)], FRAME)[0]
+    moved = np.linalg.norm(pose.positions - waiting.positions, axis=1)
+    assert 0.1 < moved.max() < 1.5
+
+
+def test_a_part_that_cannot_reach_the_mesh_is_told_to_hold_with_others(tmp_path):
+    own = ActorSettings(scaled="nobody", fade=0.0)
+    low = Stage([cast(saved(tmp_path / "low.obj", 0.15), 32, own)])
+    low.perform([person()], 0)
+    with pytest.raises(InputError, match="Hold it with the whole body"):
+        low.possess("low", None, "head")

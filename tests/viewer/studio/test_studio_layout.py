@@ -22,7 +22,7 @@ def shown(tmp_path_factory) -> dict:
 
 
 def test_no_letters_are_cut_or_overlap_at_any_size(shown: dict) -> None:
-    assert len(shown) == 20
+    assert len(shown) == 22
     for name, said in shown.items():
         assert said["letters"] > 100, f"{name}: the letters were not found"
         assert not said["cut"], f"{name}: {said['cut']}"
@@ -33,7 +33,7 @@ def test_tabs_tools_and_menu_are_inside_the_window_at_any_size(shown: dict) -> N
     for name, said in shown.items():
         wide, high = said["usual"]
         wanted = [f"room {room}" for room in ROOMS]
-        if not name.startswith(("Perform", "a scan")):
+        if not name.startswith(("Perform", "a scan", "the start page")):
             wanted += [f"tool {kind.name}" for kind in TOOLS]
         for widget in wanted:
             left, top, right, bottom = said["widgets"][widget]
@@ -53,3 +53,13 @@ def test_the_hint_covers_no_character_and_every_character_is_in_the_picture(show
         low_x, low_y, high_x, high_y = said["character"]
         apart = right <= low_x or high_x <= left or bottom <= low_y or high_y <= top
         assert apart, f"{name}: the hint covers what is worked on"
+
+
+def test_the_start_page_is_inside_the_picture_and_begins_at_its_top(shown: dict) -> None:
+    for name in ("the start page 600x400", "the start page 1000x640 at 200 %"):
+        said = shown[name]
+        left, top, right, bottom = said["widgets"]["start page"]
+        low_x, low_y, high_x, high_y = said["picture"]
+        assert left >= low_x and top >= low_y and right <= high_x and bottom <= high_y, name
+        first = said["widgets"]["do Stand in front of the camera"]
+        assert top < first[1] and first[3] < bottom, f"{name}: what one begins with is out of sight"

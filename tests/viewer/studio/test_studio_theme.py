@@ -13,6 +13,7 @@ from in_a_window import in_a_window
 import enliven_viewer
 from enliven_viewer import theme
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.panels.style import UNDER_TEXT
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import COLOUR_SETS, THEMES, theme_in_use, use_theme
@@ -21,6 +22,7 @@ SESSION = Path(__file__).parents[1] / "studio_theme_session.py"
 LEAST_CONTRAST = 4.5
 """WCAG 2.2, success criterion 1.4.3, level AA: text of the usual size."""
 TEXTS = ("ink", "quiet", "accent", "good", "wait", "bad", "chain")
+PAINTING = ("tinted", "push_style_color")
 SOLID = ("panel", "dark", "popup")
 LEAST_APART = 30.0
 """CIELAB distance of neighbouring colours: far more than the 2.3 that are just seen, since bars are thin."""
@@ -111,7 +113,11 @@ def test_every_text_is_readable_on_every_ground(name) -> None:
         button = over((*colours.accent[:3], opacity), colours.panel)
         pairs.append(("ink", colours.ink, f"a tinted button of {opacity}", button))
     pairs.append(("ink", colours.ink, "pressed", colours.pressed))
-    pairs.append(("dark", colours.dark, "the main button", colours.accent))
+    for fill in ("accent", "good", "wait", "bad"):
+        pairs.append(("the ink on fills", getattr(colours, theme.ON_FILL.name), fill, getattr(colours, fill)))
+    for track in ("raised", "pressed"):
+        grab = over((*colours.accent[:3], UNDER_TEXT), getattr(colours, track))
+        pairs.append(("ink", colours.ink, f"a slider or progress on {track}", grab))
     # Over the stage: its usual look, and for what is said in every look black and white as well.
     stage = (0.30, 0.33, 0.38) if name == "dark" else (0.74, 0.75, 0.77)
     glass = over(colours.glass, stage)
@@ -188,6 +194,19 @@ def test_no_module_of_the_window_has_colours_of_its_own() -> None:
                     and all(isinstance(each, ast.Constant) for each in one.elts)
                 ]
                 assert not numbers, f"{path}:{node.lineno}: take the colour from enliven_viewer.theme"
+
+
+def test_buttons_in_a_full_colour_take_the_ink_that_is_read_on_it() -> None:
+    """Buttons are filled by ``filled`` alone: ``tinted`` would leave the usual ink on the colour."""
+    full, kinds = {"ACCENT", "GOOD", "WAIT", "BAD"}, ("button", "plot_histogram", "slider_grab", "frame_bg")
+    for path in Path(enliven_viewer.__file__).parent.glob("studio/panels/**/*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if not (isinstance(node, ast.Call) and ast.unparse(node.func).endswith(PAINTING)):
+                continue
+            parts = [ast.unparse(part) for part in node.args]
+            fills = [part for part in parts if part.startswith("imgui.Col_.") and part[11:].startswith(kinds)]
+            plain = [part for part in parts if part in full or part in {f"packed({one})" for one in full}]
+            assert not (fills and plain), f"{path}:{node.lineno}: fill the button with style.filled"
 
 
 def test_both_themes_are_drawn_in_three_workspaces(tmp_path) -> None:

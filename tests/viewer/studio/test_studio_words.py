@@ -12,10 +12,12 @@ from made_acting_stage import acting_stage
 import enliven_viewer
 from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 from enliven.mapping.quality import LimbError, MotionQuality
+from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import late_words
 from enliven_viewer.studio.panels.examples.strip import _said as coverage_words
 from enliven_viewer.studio.panels.side import made_of
 from enliven_viewer.studio.panels.source import _said as motion_words
+from enliven_viewer.studio.panels.stage.voice import command_words
 
 STUDIO = Path(enliven_viewer.__file__).parent / "studio"
 ENGINEERS = re.compile(
@@ -108,3 +110,10 @@ def test_how_good_a_motion_is_is_said_in_words_that_name_the_place() -> None:
         "it sinks into the floor or floats above it, feet slide, it goes through itself: arm, belly",
     ]
     assert not any(re.search(r"\d", line) for line in (*good, *bad))
+
+
+def test_the_list_of_phrases_says_what_each_command_does() -> None:
+    for word in WORDS:
+        assert command_words(word) not in WORDS, f"{word} is shown as it stands in the settings"
+    assert command_words("possess left arm") == "steps in: left arm"
+    assert command_words("hop") == "hop", "a word of a newer edge is shown unchanged"

@@ -80,6 +80,8 @@ _FETCHED_AT_ONCE = 4
 """Characters that are requested at the same time, so that poses and heartbeats are not held up."""
 _FULL_ASK_AGAIN = 30.0
 """Seconds until a character that does not fit into memory is requested again."""
+NO_ANSWER = "does not answer"
+"""End of the reason of a command that was given up: the edge may be busy, and still carry it out."""
 _COMMAND_WITHIN = 3.0
 """Seconds after which a command is given up and the user is told that the edge does not answer."""
 
@@ -174,7 +176,7 @@ class EdgeConnection:
         """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
-            answer = answer or Refused(f"{self.name} does not answer")
+            answer = answer or Refused(f"{self.name} {NO_ANSWER}")
             if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
                 self._notify(Notice("warning", answer.reason))
             if on_reply is not None:

@@ -84,7 +84,11 @@ class LiveStage:
     def possess(self, mode: Mode = "alone") -> None:
         """Ask the feed to let the chosen performer, or each that is free, possess a character."""
         for name in self._named(self.meant):
-            self.feed.ask(Possess(name, self.possession.body, self.possession.parts, mode))
+            self.feed.ask(self.order_to_possess(mode, name))
+
+    def order_to_possess(self, mode: Mode, name: str | None) -> Possess:
+        """Returns the order by which the chosen performer possesses a character with the chosen parts."""
+        return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
         """Ask the feed to release the chosen character, or what the chosen performer holds, or all."""

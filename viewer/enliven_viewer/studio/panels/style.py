@@ -19,6 +19,7 @@ from enliven_viewer.theme import (
     GLASS,
     INK,
     LINE,
+    ON_FILL,
     PANEL,
     POPUP,
     PRESSED,
@@ -34,6 +35,8 @@ SMALL = 12.5
 """Pixels of small text, such as labels of lanes."""
 EYE, CLOSED_EYE = "\uf06e", "\uf070"
 """Icons of Font Awesome 4: a layer that plays, and one that is muted."""
+UNDER_TEXT = 0.40
+"""Opacity of the accent colour below text, such as the value of a slider: the text stays readable."""
 FIXED = (
     imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_resize
@@ -88,8 +91,9 @@ def apply_colours() -> None:
         kind.header_hovered: (*amber, 0.18),
         kind.header_active: (*amber, 0.40),
         kind.check_mark: ACCENT,
-        kind.slider_grab: (*amber, 0.85),
-        kind.slider_grab_active: ACCENT,
+        kind.slider_grab: (*amber, UNDER_TEXT),
+        kind.slider_grab_active: (*amber, UNDER_TEXT),
+        kind.plot_histogram: (*amber, UNDER_TEXT),
         kind.separator: LINE,
         kind.scrollbar_bg: CLEAR,
         kind.scrollbar_grab: PRESSED,
@@ -127,6 +131,14 @@ def tinted(colour: Colour, *which: int) -> Iterator[None]:
         imgui.push_style_color(one, ImVec4(*colour))
     yield
     imgui.pop_style_color(len(which))
+
+
+@contextmanager
+def filled(colour: Colour) -> Iterator[None]:
+    """Fills every button inside with ACCENT, GOOD, WAIT or BAD, with letters that can be read on it."""
+    kinds = (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active)
+    with tinted(colour, *kinds), tinted(ON_FILL, imgui.Col_.text):
+        yield
 
 
 @contextmanager

@@ -37,6 +37,7 @@ _PAINTER = LanePainter()
 _NO_MOTION = later(
     "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
 )
+_NO_RECORDING = later("No motion yet. Press Record: what is performed appears here.")
 _NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's view.")
 
 
@@ -238,7 +239,9 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     tell_details(workspace, layout, origin)
     if not draw_growing(workspace, layout, origin, size.y) and not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
-        quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else _NO_MOTION)
+        performs = workspace.perform.room == "Perform"
+        usual = _NO_RECORDING if performs else _NO_MOTION
+        quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else usual)
 
 
 def _playhead(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:

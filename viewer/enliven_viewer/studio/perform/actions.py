@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from enliven.wire import Mode
 from enliven_viewer.language import later
 from enliven_viewer.live import PARTS, LiveStage
 from enliven_viewer.studio.actions import Action
@@ -73,6 +74,11 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
 def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """An action on what is followed; without a link it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
+
+
+def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
+    """An action by which a performer takes hold, as soon as it can be."""
+    return lambda session: session.stepping_in.press(mode)
 
 
 def _several(
@@ -148,9 +154,9 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE, apart=True),
-    PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
-    PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),
+    PerformAction("Possess alone", "p", _step_in("alone"), _HERE, apart=True),
+    PerformAction("Possess beside others", "j", _step_in("join"), _HERE),
+    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _HERE),
     PerformAction("Release", "r", _live(LiveStage.release), _HERE),
     PerformAction(
         "Scale with both hands, or let it stay",

@@ -26,6 +26,7 @@ from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
 from enliven_viewer.studio.perform.sender import StageSender
 from enliven_viewer.studio.perform.sizes import StageSizes
+from enliven_viewer.studio.perform.stepping_in import SteppingIn
 from enliven_viewer.studio.perform.twins import Telling, Twins
 from enliven_viewer.studio.perform.voice import StageVoice
 
@@ -48,6 +49,7 @@ class PerformSession:
         recording: from the stage onto the timeline.
         guests: other edges, which are seen and recorded as well.
         sizes: how large characters stand on the stage.
+        stepping_in: possesses a character now, or as soon as it can be.
         voice: spoken commands.
         physics: loose objects on the stage.
         close_up: the view of the limb that is about to be held.
@@ -70,6 +72,7 @@ class PerformSession:
         self.close_up = CloseUp(editor)
         self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
+        self.stepping_in = SteppingIn(self)
         self.address, self.cameras = "", CameraSearch()
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
@@ -181,6 +184,7 @@ class PerformSession:
         self.editor.beside_box = None
         self.sender.forget()
         self.sizes.forget()
+        self.stepping_in.forget()
         self.voice.forget()
         self.physics.forget()
         self.recording.recorder = LiveRecorder()
@@ -270,6 +274,7 @@ class PerformSession:
             self.sizes.advance(self._client, self.standing)
             self.voice.advance(self._client, is_near=self.live is not None and self.live.near)
             self.physics.advance(self._client)
+            self.stepping_in.advance()
         if self.live is None:
             return
         performs = self.room in ("Perform", "Play")

@@ -17,10 +17,10 @@ from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner import draw_numbers
-from enliven_viewer.studio.panels.style import packed, panel, small, tinted
+from enliven_viewer.studio.panels.style import filled, packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, INK, QUIET, RAISED, Colour
+from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK = "\uf060"
 _PAD = 10.0
@@ -65,7 +65,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
 def _next_step(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the button of what comes next, always in the same place and marked."""
     label, about, act = _step_of(workspace, puppet)
-    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+    with filled(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
             act()
     workspace.remember("next step")

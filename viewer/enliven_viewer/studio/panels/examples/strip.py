@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
@@ -11,7 +13,7 @@ from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import filled, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -101,11 +103,8 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     for place, label in enumerate(meant):
         if place:
             imgui.same_line(0, 5)
-        if label == "Done":
-            imgui.push_style_color(imgui.Col_.button, packed(ACCENT, 0.75))
-        pressed = imgui.button(f"{tr(label)}###{label}")
-        if label == "Done":
-            imgui.pop_style_color()
+        with filled(ACCENT) if label == "Done" else nullcontext():
+            pressed = imgui.button(f"{tr(label)}###{label}")
         workspace.remember(f"pose {label}")
         told(meant[label])
         if pressed:

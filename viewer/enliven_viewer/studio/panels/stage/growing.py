@@ -8,7 +8,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.style import packed, small
 from enliven_viewer.studio.timeline import GAP, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, DARK, INK
+from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 
 def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
@@ -27,10 +27,10 @@ def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, t
     draw.add_rect_filled(low, high, packed(DARK))
     left, right = (origin.x + layout.x(second) for second in clip)
     right = max(right, left + 2.0)
-    draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(right, top + LANE - 2), packed(BAD, 0.85), 4.0)
+    draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(right, top + LANE - 2), packed(BAD), 4.0)
     draw.add_text(ImVec2(origin.x + 28, top + 4), packed(INK), tr("Recording"))
     with small():
         draw.push_clip_rect(ImVec2(left, top), ImVec2(right, top + LANE), True)
-        draw.add_text(ImVec2(left + 8, top + 5), packed(INK), f"{clip[1] - clip[0]:.1f} s")
+        draw.add_text(ImVec2(left + 8, top + 5), packed(ON_FILL), f"{clip[1] - clip[0]:.1f} s")
         draw.pop_clip_rect()
     return True

@@ -108,8 +108,11 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
 
 
 def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """Draw who holds what, a line each, with the colour of the performer's skeleton."""
+    """Draw what a press of Possess waits for, and who holds what, a line each."""
     bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
+    if perform.stepping_in.words:
+        _line(draw, area, bottom, perform.stepping_in.words, WAIT)
+        bottom -= HOLDER
     for holder in reversed(perform.holders):
         present = perform.performers
         number = present.index(holder.body) if holder.body in present else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from functools import partial
 
 from imgui_bundle import ImVec2, imgui
@@ -11,18 +12,18 @@ from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import filled, heading, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, BAD, DARK, GOOD, QUIET, RAISED, WAIT, Colour
+from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
 _WHOLE = ImVec2(-1, 0)
 _PRIMARY = 40.0
 """Pixels of height of the two buttons that a performance needs: hit without aiming."""
 _STATE = 66.0
 """Pixels of height of the box with the state of the stage: three lines; more are scrolled."""
-_STATE_ROOMY = 104.0
+_STATE_ROOMY = 90.0
 """The same where the panel has room for a whole message with what to do about it."""
 _ROOMY = 520.0
 """Least height in pixels of a panel with that room."""
@@ -50,6 +51,8 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
+        if perform.client is not None:
+            draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
         if perform.client is not None:
             _guests(workspace, perform)
@@ -59,11 +62,12 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """The two buttons that a performance needs, always in the same place."""
     size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
-    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
-        if imgui.button(labelled(tr("Possess"), "Possess"), size):
+    waits = perform.stepping_in.waits
+    with filled(WAIT if waits else ACCENT):
+        if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    told("Step in: nobody else holds it then  (P)")
+    told(perform.stepping_in.words if waits else tr("Step in: nobody else holds it then  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -74,12 +78,12 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
     """Begins a recording, or ends it; a press means what the button said when it went down."""
     if recording.phase == "recording":
-        label, tint = tr("Stop   {0}", time_text(recording.recorder.seconds)), BAD
+        label, drawn = tr("Stop   {0}", time_text(recording.recorder.seconds)), filled(BAD)
     elif recording.phase == "counting":
-        label, tint = tr("Cancel   {0}", recording.counted), WAIT
+        label, drawn = tr("Cancel   {0}", recording.counted), filled(WAIT)
     else:
-        label, tint = "\uf111  " + tr("Record"), RAISED
-    with tinted(tint, imgui.Col_.button, imgui.Col_.button_hovered):
+        label, drawn = "\uf111  " + tr("Record"), nullcontext()
+    with drawn:
         pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
         recording.pressed = recording.phase
@@ -343,12 +347,12 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
-        live.possess("join")
+        perform.stepping_in.press("join")
     workspace.remember("join")
     told("Step in beside those who hold it already  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
-        live.possess("extend")
+        perform.stepping_in.press("extend")
     workspace.remember("extend")
     told("Hold with these parts as well as before  (E)")
     imgui.same_line()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.language import tr
+from enliven_viewer.language import Texts, tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import fitting
 from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
@@ -22,6 +22,27 @@ _HELP = 24.0
 """Pixels of the button that lists the phrases."""
 _REASON = 50.0
 """Pixels of height for the state of the physics: three lines of small text."""
+_MEANT = Texts(
+    {
+        "possess": "steps in",
+        "join": "steps in next to others",
+        "extend": "holds with more parts",
+        "release": "lets go",
+        "next": "next match",
+        "previous": "match before",
+        "follow": "follows the pose again",
+        "lock": "only who is here performs",
+        "unlock": "everybody performs again",
+        "scale": "scales with both hands",
+        "parts": "chooses the parts",
+        "record": "records",
+        "stop": "ends the recording",
+        "again": "records again",
+    }
+)
+"""The edge's commands in words for artists."""
+_COMMANDS = 210.0
+"""Pixels from the left of the list of phrases to what each does."""
 _PHRASES = "phrases"
 """The name of the popup with the phrases."""
 
@@ -61,11 +82,18 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
     if imgui.begin_popup(_PHRASES):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
-            imgui.same_line(230)
+            imgui.same_line(_COMMANDS)
             with tinted(QUIET, imgui.Col_.text):
-                imgui.text_unformatted(action)
+                imgui.text_unformatted(command_words(action))
         imgui.end_popup()
     imgui.end_child()
+
+
+def command_words(action: str) -> str:
+    """Returns what a command of the edge does, such as "possess left arm", in words for artists."""
+    word, _, parts = action.partition(" ")
+    words = _MEANT.get(word, word)
+    return f"{words}: {parts}" if parts else words
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:

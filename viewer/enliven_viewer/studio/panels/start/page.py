@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.modal import action_button
-from enliven_viewer.studio.panels.style import heading, packed, quiet
+from enliven_viewer.studio.panels.style import BODY, heading, packed, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import SAMPLES, Workspace
 from enliven_viewer.theme import INK, QUIET
@@ -17,6 +17,8 @@ _PAGE = 560.0
 """Pixels, width of the start page: two columns of buttons."""
 _COLUMN = 250.0
 """Pixels of a column and of its buttons, where there is room."""
+_LEAST_COLUMN = 200.0
+"""Pixels that the longest button needs: in a narrower page the columns are below each other."""
 _BETWEEN = 24.0
 """Pixels between the two columns."""
 _EDGE = 14.0
@@ -51,29 +53,48 @@ def draw_start(workspace: Workspace, area: Area) -> None:
 def _page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size(ImVec2(min(_PAGE, area.width - 2 * _EDGE), 0))
+    wide, high = min(_PAGE, area.width - 2 * _EDGE), area.height - 2 * _EDGE
+    # As high as its contents; in a small window it scrolls.
+    imgui.set_next_window_size_constraints(ImVec2(wide, 0), ImVec2(wide, max(high, 1.0)))
+    imgui.set_next_window_size(ImVec2(wide, 0))
     imgui.begin(labelled(tr("Start"), "Start"), None, _FLAGS)
-    column = min(_COLUMN, (imgui.get_content_region_avail().x - _BETWEEN) / 2)
+    room = imgui.get_content_region_avail().x
+    column = min(_COLUMN, (room - _BETWEEN) / 2)
+    is_narrow = column < _LEAST_COLUMN
+    column = room if is_narrow else column
     imgui.push_font(None, 22.0)
+    imgui.push_text_wrap_pos(0.0)
     imgui.text(tr("What shall come alive?"))
+    imgui.pop_text_wrap_pos()
     imgui.pop_font()
+    imgui.push_font(None, BODY * _fitting(workspace, column))
     imgui.begin_group()
     heading("Begin")
     for name in _FIRST:
         if name in workspace.actions:
             action_button(workspace, name, column)
     imgui.end_group()
-    imgui.same_line(0.0, _BETWEEN)
+    if not is_narrow:
+        imgui.same_line(0.0, _BETWEEN)
     imgui.begin_group()
     heading("Samples")
     for name in SAMPLES:
         action_button(workspace, f"sample.{name}", column)
     _recent(workspace, column)
     imgui.end_group()
+    imgui.pop_font()
     imgui.dummy(ImVec2(0, 4))
     low, size = imgui.get_window_pos(), imgui.get_window_size()
     workspace.drawn.note("start page", (low.x, low.y, low.x + size.x, low.y + size.y))
     imgui.end()
+
+
+def _fitting(workspace: Workspace, column: float) -> float:
+    """Returns the size of letters over the usual one with which all buttons fit into a column, 1 at most."""
+    names = [*_FIRST, *(f"sample.{name}" for name in SAMPLES)]
+    labels = [tr(workspace.actions[name].label) for name in names if name in workspace.actions]
+    room = column - 2 * imgui.get_style().frame_padding.x
+    return min(1.0, room / max(imgui.calc_text_size(label).x for label in labels))
 
 
 def _recent(workspace: Workspace, column: float) -> None:

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.start.placing import Rectangle, place_card
-from enliven_viewer.studio.panels.style import packed, tinted
+from enliven_viewer.studio.panels.style import filled, packed
 from enliven_viewer.studio.places import MENU, Area, Places
 from enliven_viewer.studio.start import TOUR, Tour
 from enliven_viewer.studio.workspace import Workspace
@@ -204,14 +204,14 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
     each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
     size = ImVec2(each, _BUTTON)
     if tour.step is None:
-        with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+        with filled(ACCENT):
             if imgui.button(labelled(tr(_CLOSE), _CLOSE), ImVec2(-1, _BUTTON)):
                 workspace.end_tour()
         workspace.remember("tour close")
         return
     part = tour.part
     imgui.begin_disabled(part is None or tour.shows or part.waits)
-    with tinted(ACCENT, imgui.Col_.button, imgui.Col_.button_hovered), tinted(DARK, imgui.Col_.text):
+    with filled(ACCENT):
         if imgui.button(labelled(tr(_SHOW), _SHOW), size):
             mouse = imgui.get_io().mouse_pos
             tour.show((mouse.x, mouse.y))

@@ -1,0 +1,217 @@
+"""A press of Possess is done at once, or as soon as it can be, or refused with what to do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import PATIENCE
+from sample_meshes.chair import make_chair
+from scanning_edge import ScanningEdge
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.wire import ScanMessage
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform import stepping_in
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.files import add_sample
+
+STEP = 33_333_333
+
+
+class Sitting:
+    """An edge in this process, and a session that follows it."""
+
+    def __init__(self, folder: Path, *actors: EmbeddedActor) -> None:
+        self.house, self.editor = ScanningEdge(actors), Editor()
+        self.perform = PerformSession(self.editor, folder)
+        self.perform.room = "Perform"
+        self.house.followers.append(self)
+        self.count, self.present = 0, list[Body]()
+
+    def connect(self) -> None:
+        """Follows the edge, and waits until its characters are here."""
+        self.perform.connect(str(self.house.outlet.publisher.endpoint))
+        self.until(lambda: len(self.perform.standing) == len(self.house.stage.actors))
+
+    def poll(self) -> None:
+        """Lets the session go on, as each picture of the window does."""
+        self.perform.advance(0.02)
+
+    def until(self, done, what: str = "it") -> None:
+        """Shows the camera whoever is present until something has happened."""
+
+        def after_a_frame() -> object:
+            self.count += 1
+            self.house.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
+            return done()
+
+        self.house.until(after_a_frame, what)
+
+    def pictures(self, count: int) -> None:
+        """Lets so many frames pass."""
+        end = self.count + count
+        self.until(lambda: self.count >= end)
+
+    @property
+    def held(self) -> set[str]:
+        """The characters that somebody holds."""
+        return {one.character for one in self.perform.holders}
+
+    @property
+    def toasts(self) -> list[tuple[str, str]]:
+        """What was said, and what to do about it."""
+        return [(one.text, one.mend) for one in self.editor.toasts.shown]
+
+
+def person(x: float = 0.0, z: float = -2.5) -> Body:
+    return Body(1, standing_figure() + np.array([x, 0.0, z]), np.ones(20))
+
+
+def actor(name: str = "chair", **options: object) -> EmbeddedActor:
+    mesh = make_chair(0.05)
+    graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+    return EmbeddedActor(character_from(mesh, graph, name), graph, ActorSettings(**options))
+
+
+@pytest.fixture
+def sitting(tmp_path: Path, monkeypatch) -> Iterator:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr(stepping_in, "SEEN_S", 0.1)
+    made: list[Sitting] = []
+
+    def make(*actors: EmbeddedActor) -> Sitting:
+        made.append(Sitting(tmp_path, *actors))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.perform.disconnect()
+        one.house.close()
+
+
+def test_whoever_is_in_view_steps_in_at_once(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    assert not one.perform.stepping_in.words
+    one.until(lambda: one.held == {"chair"})
+    assert not one.toasts
+
+
+def test_with_nobody_in_view_it_is_done_as_soon_as_somebody_comes(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words.startswith("Nobody is in view"), "it is said at once"
+    one.pictures(5)
+    assert not one.held and one.perform.stepping_in.waits
+    one.present = [person()]
+    one.until(lambda: one.held == {"chair"})
+    assert not one.perform.stepping_in.waits and not one.toasts
+
+
+def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    one.perform.stepping_in.press()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.pictures(10)
+    assert not one.held and not one.perform.stepping_in.waits
+
+
+def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) -> None:
+    monkeypatch.setattr(stepping_in, "PATIENCE_S", 0.1)
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    one.until(lambda: not one.perform.stepping_in.waits)
+    assert one.toasts == [("Possess was given up", "Nobody is in view: step in front of the camera")]
+
+
+def test_what_the_edge_refuses_is_said_with_what_to_do(sitting) -> None:
+    one = sitting(actor(place="fixed"))
+    one.connect()
+    one.present = [person(z=-9.0)]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    one.until(lambda: one.toasts)
+    ((what, mend),) = one.toasts
+    assert what.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
+    assert not one.perform.stepping_in.waits
+
+
+def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
+    one = sitting(actor("bench"))
+    one.connect()
+    one.present = [person()]
+    add_sample(one.editor, "chair")
+    one.editor.choose("chair")
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == "chair is being made ready for the stage"
+    one.until(lambda: one.held == {"chair"}, "the chair, and not the bench that stood there")
+
+
+def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
+    one = sitting(actor())
+    one.perform.connect(str(one.house.outlet.publisher.endpoint))
+    one.perform.live.near = True  # a stage that this window has started
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == one.perform.live.making
+    one.present = [person()]
+    one.until(lambda: one.held == {"chair"})
+
+
+def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
+    one = sitting(actor(), actor("scan"))
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers and len(one.perform.standing) == 2)
+    one.house.outlet.send(ScanMessage(1, "scanning"), 0)
+    one.until(lambda: one.perform.stepping_in._scan.phase == "scanning")
+    one.perform.stepping_in.press()
+    assert one.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
+    one.house.outlet.send(ScanMessage(1, "finishing"), 0)
+    one.until(lambda: one.perform.stepping_in._scan.phase == "finishing")
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == "The scan becomes a character"
+    one.pictures(5)
+    assert not one.held
+    one.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
+    one.until(lambda: one.held == {"scan"})
+
+
+def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
+    one = sitting(actor())
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    end = time.monotonic() + PATIENCE
+    while not one.perform.stepping_in.words and time.monotonic() < end:
+        one.poll()  # the edge compiles meanwhile, and does nothing else
+        time.sleep(0.01)
+    assert one.perform.stepping_in.words.startswith("The stage is busy")
+    one.until(lambda: one.held == {"chair"})
+
+
+def test_nothing_on_the_stage_and_no_stage_are_said(sitting) -> None:
+    one = sitting()
+    one.connect()
+    one.until(lambda: one.perform.connected)
+    one.perform.stepping_in.press()
+    assert one.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
+    one.perform.disconnect()
+    one.perform.stepping_in.press()
+    assert not one.perform.stepping_in.waits

@@ -1,0 +1,230 @@
+"""A press of *Possess*: done at once, done as soon as it can be, or refused with what to do about it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from enliven.wire import SCAN, SUPERSEDED, Answer, Mode, Refused, ScanMessage
+from enliven_viewer.language import tr
+from enliven_viewer.link import NO_ANSWER, EdgeClient
+from enliven_viewer.live import LiveStage
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform.sender import StageSender
+
+PATIENCE_S = 120.0
+"""Seconds that a press is kept while the stage, a character or a performer is not there: kernels are compiled
+once, and an artist alone walks from the keyboard to the camera."""
+SEEN_S = 0.8
+"""Seconds in view from which a performer who was waited for takes hold: whole in the picture, and still."""
+
+_ANSWERED_S = 0.3
+"""Seconds without an answer from which it is told that the stage is busy: most answers take one frame."""
+
+
+class FollowedStage(Protocol):
+    """What a press is about: a session that follows a stage."""
+
+    editor: Editor
+    live: LiveStage | None
+    sender: StageSender
+    there: str
+
+    @property
+    def connected(self) -> bool:
+        """Whether an edge is heard."""
+
+    @property
+    def client(self) -> EdgeClient | None:
+        """The link to the edge."""
+
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """The ids of the characters on the stage."""
+
+    @property
+    def performers(self) -> tuple[int, ...]:
+        """The ids of the performers in view."""
+
+    def lacks_edge(self) -> str:
+        """Why nothing can be asked of an edge; empty if it can."""
+
+
+@dataclass
+class _Press:
+    """A press that is not answered yet.
+
+    Attributes:
+        mode: what happens to earlier holds.
+        character: the id of the character that was chosen; empty: the edge finds the one that is meant.
+        until: monotonic second up to which it is kept.
+        asked: whether the edge has been asked, and has not answered yet.
+        since: monotonic second in which the edge was asked first.
+        of_scan: whether it is about the character that a scan becomes.
+        had_to_wait: whether no performer was in view at some time.
+        seen_since: monotonic second since when a performer is in view.
+    """
+
+    mode: Mode
+    character: str
+    until: float
+    asked: bool = False
+    since: float | None = None
+    of_scan: bool = False
+    had_to_wait: bool = False
+    seen_since: float | None = None
+
+
+class SteppingIn:
+    """Lets a performer possess a character now, or as soon as the stage, the character and they are there.
+
+    Attributes:
+        words: what a press waits for, in large letters; empty if it waits for nothing.
+    """
+
+    def __init__(self, stage: FollowedStage) -> None:
+        self._stage = stage
+        self._press: _Press | None = None
+        self.words = ""
+
+    @property
+    def waits(self) -> bool:
+        """Whether a press waits for something; the next press gives it up."""
+        return bool(self.words)
+
+    def press(self, mode: Mode = "alone") -> None:
+        """Possesses the chosen character; gives up a press that waits."""
+        if self.waits:
+            self.forget()
+            return
+        live = self._stage.live
+        if live is not None and live.take:
+            self._refuse(tr("What plays is a recording. Connect to a stage to step in"))
+        elif live is not None and self._stage.client is None:
+            live.possess(mode)
+        elif live is not None:
+            chosen = self._stage.editor.selection.character or self._stage.there
+            self._press = _Press(mode, chosen or "", time.monotonic() + PATIENCE_S)
+            self.advance()
+
+    def forget(self) -> None:
+        """Gives up what waits."""
+        self._press, self.words = None, ""
+
+    def advance(self) -> None:
+        """Goes on with a press as far as it can: call it once a picture."""
+        press = self._press
+        if press is None:
+            return
+        if press.asked:
+            self.words = self._busy(press)
+            return
+        lacking = self._lacks(press)
+        if lacking:
+            self._refuse(lacking)
+            return
+        self.words = self._waits_for(press)
+        if self.words and time.monotonic() > press.until:
+            self._refuse(tr("Possess was given up") + ". " + self.words)
+        elif not self.words:
+            self._ask(press)
+
+    def _lacks(self, press: _Press) -> str:
+        """Returns why the press cannot be carried out, however long one waits; empty if it may be."""
+        stage, live = self._stage, self._stage.live
+        if live is None:
+            return stage.lacks_edge()
+        if not stage.connected:
+            is_coming = live.near and not len(live.document.timeline)
+            return "" if is_coming else stage.lacks_edge()
+        name, phase = press.character, self._scan.phase
+        state = stage.sender.states.get(name, "")
+        if state.startswith("refused"):
+            return tr("{0} cannot stand on the stage. {1}", name, state.removeprefix("refused: "))
+        if phase in ("scanning", "paused"):
+            return tr("The camera scans. Finish the scan first, or cancel it")
+        if press.of_scan and phase in ("off", "failed"):
+            return tr("The scan became no character. Scan again, or choose another one")
+        own = stage.editor.project.characters.get(name)
+        if own is not None and name not in stage.standing:
+            return "" if own.mesh is not None else tr("It has no surface. Only what has one can be performed")
+        is_known = stage.client is not None and stage.client.edges[0].complete
+        is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
+        nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
+        return "" if stage.standing or is_coming else nothing
+
+    def _waits_for(self, press: _Press) -> str:
+        """Returns what is not there yet; empty if all is."""
+        stage, live = self._stage, self._stage.live
+        if live is None or stage.client is None:
+            return ""
+        if not stage.connected or not (stage.standing or stage.client.edges[0].complete):
+            return live.making
+        if self._scan.phase == "finishing":
+            press.of_scan = True
+            return tr("The scan becomes a character")
+        if press.of_scan:
+            press.character = self._scan.character
+        if waiting := self._waits_for_character(press):
+            return waiting
+        now = time.monotonic()
+        if not stage.performers and live.playhead.live:
+            press.seen_since, press.had_to_wait = None, True
+            return tr("Nobody is in view: step in front of the camera")
+        press.seen_since = press.seen_since or now
+        if press.had_to_wait and now - press.seen_since < SEEN_S:
+            return tr("Stand still for a moment")
+        return ""
+
+    def _waits_for_character(self, press: _Press) -> str:
+        """Puts the character on the stage if it is not there; returns that it is waited for, or nothing."""
+        stage, name = self._stage, press.character
+        own = stage.editor.project.characters
+        if name in stage.standing or (stage.standing and name not in own and not press.of_scan):
+            return ""
+        if name in own and name not in stage.sender.states and stage.client is not None:
+            stage.sender.put(stage.client.stage, stage.editor.project, name)
+        return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
+
+    def _busy(self, press: _Press) -> str:
+        """Returns that the edge has not answered yet, if that lasts."""
+        lasts = press.since is not None and time.monotonic() - press.since > _ANSWERED_S
+        return tr("The stage is busy: it follows in a moment") if lasts else ""
+
+    def _ask(self, press: _Press) -> None:
+        """Asks the edge."""
+        stage = self._stage
+        if stage.live is None or stage.client is None:
+            return
+        press.asked, press.since = True, press.since or time.monotonic()
+        self.words = self._busy(press)
+        meant = press.character if press.character in stage.standing else None
+        order = stage.live.order_to_possess(press.mode, meant)
+        stage.client.ask(order, lambda answer: self._answered(press, answer))
+
+    def _answered(self, press: _Press, answer: Answer) -> None:
+        """Takes the edge's answer; a busy edge is asked again."""
+        if press is not self._press:
+            return
+        if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER):
+            press.asked = False
+            if time.monotonic() > press.until:
+                self._refuse(tr("The stage does not answer. Look whether its program runs"))
+            return
+        self.forget()
+        if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
+            where, _, what = answer.reason.partition(": ")
+            self._refuse(what if where.startswith(("possessing", "stage")) else answer.reason)
+
+    def _refuse(self, reason: str) -> None:
+        """Tells why, and what to do about it; nothing waits any more."""
+        self.forget()
+        what, _, mend = reason.partition(". ")
+        self._stage.editor.toasts.say(what[:1].upper() + what[1:].removesuffix("."), mend)
+
+    @property
+    def _scan(self) -> ScanMessage:
+        """How the scan of the edge goes."""
+        client = self._stage.client
+        return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()
