@@ -7,8 +7,8 @@
 A model of other proportions that keeps its performer's pose would slide: its strides are of another length,
 and its feet roll about other points. So the root gives way. Over the floor it goes as the standing foot asks
 for, so that the points that touch do not move, and up and down so that the sole of that foot is on the floor.
-It stays smooth. What is left, and what two standing feet do not agree on, is for the legs to bend by. In the air
-the root follows the performer's, and rises if a foot would be too low.
+It stays smooth. What is left, and what two standing feet do not agree on, is for the legs to bend by. In the
+air the root follows the performer's, and rises if a foot would be too low.
 """
 
 from __future__ import annotations
