@@ -17,6 +17,7 @@ from enliven_viewer.live.hud import late_words
 from enliven_viewer.studio.panels.examples.strip import _said as coverage_words
 from enliven_viewer.studio.panels.side import made_of
 from enliven_viewer.studio.panels.source import _said as motion_words
+from enliven_viewer.studio.panels.stage import live, scan
 from enliven_viewer.studio.panels.stage.voice import command_words
 
 STUDIO = Path(enliven_viewer.__file__).parent / "studio"
@@ -117,3 +118,9 @@ def test_the_list_of_phrases_says_what_each_command_does() -> None:
         assert command_words(word) not in WORDS, f"{word} is shown as it stands in the settings"
     assert command_words("possess left arm") == "steps in: left arm"
     assert command_words("hop") == "hop", "a word of a newer edge is shown unchanged"
+
+
+def test_what_was_heard_stands_below_the_advice_of_a_scan() -> None:
+    top = live.heard_below(is_scanned=True) - live._LARGE - live._AROUND
+    assert top >= scan.ADVICE, "the words lie on each other"
+    assert live.heard_below(is_scanned=False) < live.heard_below(is_scanned=True)

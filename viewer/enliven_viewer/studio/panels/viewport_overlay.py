@@ -167,7 +167,8 @@ def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-
     live = perform.room == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
     if perform.room in ("Perform", "Play"):
-        bottom -= HOLDER * len(perform.holders)  # and above the words about who holds what
+        # And above the words about who holds what, and about what a press of Possess waits for.
+        bottom -= HOLDER * (len(perform.holders) + perform.stepping_in.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 

@@ -10,6 +10,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
 from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panels.stage.scan import ADVICE
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.places import HOLDER, Area
@@ -32,6 +33,10 @@ _LOW = 14.0
 """Pixels above the bottom where they begin elsewhere."""
 _HEARD = 96.0
 """Pixels from the top to the lower edge of the words that were heard: below the time of a recording."""
+_AROUND = 14.0
+"""Pixels of glass above and below a line of large words, together."""
+_GAP = 8.0
+"""Pixels between the advice of a scan and the words that were heard."""
 _LEAST = 240.0
 """Pixels beside the performers in the corner that the words need; with less they lie over them."""
 
@@ -57,7 +62,7 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     if perform.room in ("Perform", "Play"):
         draw_holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
         draw_size(perform, draw, area)
-        draw_heard(perform, draw, area)
+        draw_heard(perform, draw, area, heard_below(is_scanned=workspace.scan.active))
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -121,11 +126,16 @@ def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ig
         bottom -= HOLDER
 
 
-def draw_heard(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def heard_below(*, is_scanned: bool) -> float:
+    """Returns how many pixels below the top the words that were heard end, below the advice of a scan."""
+    return ADVICE + _GAP + _LARGE + _AROUND if is_scanned else _HEARD
+
+
+def draw_heard(perform: PerformSession, draw, area: Area, below: float = _HEARD) -> None:  # type: ignore[no-untyped-def]
     """Draw what the microphone heard in large words below the top; nothing else moves for them."""
     words = perform.voice.words
     if words:
-        _line(draw, area, area.y + _HEARD, words, GOOD if perform.voice.is_understood else WAIT)
+        _line(draw, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
 
 
 def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]
@@ -133,7 +143,7 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # 
     room = area.width - 90.0
     size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
     wide = _wide(text, size)
-    left, top = area.x + (area.width - wide) / 2, bottom - size - 14
+    left, top = area.x + (area.width - wide) / 2, bottom - size - _AROUND
     low, high = ImVec2(left - 44, top), ImVec2(left + wide + 20, bottom)
     draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
     draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))

@@ -18,6 +18,8 @@ _HALF = ImVec2(126, 0)
 _TALL = ImVec2(-1, 38)
 _LARGE = 34.0
 """Pixels of the words over the picture: read from three metres away, with a camera in the hands."""
+ADVICE = 72.0
+"""Pixels from the top of the picture to the lower edge of these words."""
 _SIZES: dict[Size, str] = {
     "small": later("Something small: a cup, a shoe"),
     "thing": later("A chair, a lamp"),
@@ -200,7 +202,7 @@ def _words(draw, area: Area, text: str, tint: Colour) -> None:  # type: ignore[n
     grown = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_LARGE, (area.width - 120.0) / max(grown, 1e-3))
     wide = grown * size
-    x, y = area.x + (area.width - wide) / 2, area.y + 26
+    x, y = area.x + (area.width - wide) / 2, area.y + ADVICE - _LARGE - 12
     low, high = ImVec2(x - 48, y - 12), ImVec2(x + wide + 24, y + size + 12)
     draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
     draw.add_circle_filled(ImVec2(x - 24, y + size / 2), 9.0, packed(tint))
