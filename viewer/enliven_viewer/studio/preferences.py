@@ -14,7 +14,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
 from enliven.files import own_folder, read_file, write_file
-from enliven_viewer.language import language_in_use, speak
+from enliven_viewer.language import language_in_use, speak, tr
 from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
@@ -163,7 +163,7 @@ class Preferences:
             InputError: if the version is not a whole number.
         """
         if not isinstance(version, int) or isinstance(version, bool):
-            raise InputError("the version is not a whole number", where=str(self.path))
+            raise InputError(tr("the version is not a whole number"), where=str(self.path))
         try:
             refuse_later_version(version, _VERSION, str(self.path))
         except InputError as error:
@@ -175,5 +175,5 @@ class Preferences:
         try:
             self.path.replace(self.path.with_suffix(_DAMAGED))
         except OSError as error:
-            what = f"the preferences cannot be read ({error.strerror or 'the system refused'})"
-            self.refusal = ResourceError(what, where=str(self.path), mend="Check who may read the file.")
+            what = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
+            self.refusal = ResourceError(what, where=str(self.path), mend=tr("Check who may read the file."))
