@@ -133,3 +133,13 @@ def pytest_runtest_setup(item):
     until = item.config.getoption("--until")
     if until is not None and time.time() > until:
         pytest.skip("the time is out")
+
+
+@pytest.fixture(autouse=True)
+def _usual_window():
+    """The theme and the language of the window are of the whole process: each test leaves the usual ones."""
+    yield
+    if theme := sys.modules.get("enliven_viewer.theme"):
+        theme.use_theme("dark", "usual")
+    if language := sys.modules.get("enliven_viewer.language"):
+        language.speak("en")

@@ -21,12 +21,6 @@ SESSION = Path(__file__).parents[1] / "studio_german_session.py"
 SCRIPT = Path(__file__).parents[3] / "scripts" / "texts.py"
 
 
-@pytest.fixture(autouse=True)
-def _english_after():
-    yield
-    speak("en")
-
-
 @pytest.fixture(scope="module")
 def script():
     made = importlib.util.spec_from_file_location("texts_of_the_window", SCRIPT)

@@ -47,12 +47,6 @@ XYZ = np.array(
 )
 
 
-@pytest.fixture(autouse=True)
-def _usual_theme():
-    yield
-    use_theme("dark", "usual")
-
-
 def linear(shown) -> np.ndarray:
     """(..., 3) linear light of sRGB 0..1."""
     shown = np.asarray(shown, float)
