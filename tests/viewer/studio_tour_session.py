@@ -85,7 +85,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("do Armchair"))
     began = time.monotonic()
     yield from meets(workspace, "recorded person")
-    yield Click(Widget("recorded person"))
+    yield from press(workspace, "recorded person", lambda: perform.live is not None)
     yield from until(workspace, lambda: "stage state" in workspace.tour.target.widgets, "the waiting")
     yield Wait(0.5)
     yield from shot("02b waiting")
@@ -136,6 +136,16 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield Wait(0.3)
     yield from meets(workspace, "dialog Save")
     yield Click(Widget("dialog Save"))
+
+
+def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterator[Action]:
+    """Click until it had its effect: the list of cameras above may move a button just then."""
+    end = time.monotonic() + PATIENCE
+    while not done() and time.monotonic() < end:
+        yield Click(Widget(name))
+        for _ in range(20):
+            if not done():
+                yield Do(lambda _: time.sleep(CALM))
 
 
 def typed(text: str):  # type: ignore[no-untyped-def]
