@@ -47,7 +47,7 @@ EDGE = (
 )
 """The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
 FILM = ("run", "--film", "--size", "320x180", "--out", "film")
-"""The main job, small: an edge and a viewer, and a film of what the viewer shows."""
+"""A small version of the main job: an edge, and a viewer that films its picture."""
 
 OWN_FILES = """
 import runpy, sys

@@ -114,7 +114,7 @@ def refuse_later_toml(path: Path) -> None:
     except LaterVersionError:
         raise
     except EnlivenError:
-        return  # another file, or a damaged one: whoever writes says so if it cannot be replaced
+        return  # another kind of file, or a damaged one: the writer reports it if it cannot be replaced
 
 
 def _inside(value: Any) -> list[Any]:

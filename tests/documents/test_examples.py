@@ -1,4 +1,4 @@
-"""Every script of examples/ runs as it stands, is short, and imports public names only."""
+"""Every script of examples/ runs unchanged, is short, and imports public names only."""
 
 import ast
 import runpy

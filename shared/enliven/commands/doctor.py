@@ -1,4 +1,4 @@
-"""enliven doctor: what this machine has and lacks, or how a running edge is, and what to do about it."""
+"""enliven doctor: checks this machine or a running edge, and gives the remedy for each fault."""
 
 from __future__ import annotations
 

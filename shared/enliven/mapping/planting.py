@@ -7,8 +7,8 @@
 A model of other proportions that keeps its performer's pose would slide: its strides are of another length,
 and its feet roll about other points. So the root gives way. Over the floor it goes as the standing foot asks
 for, so that the points that touch do not move, and up and down so that the sole of that foot is on the floor.
-It stays smooth. What is left, and what two standing feet do not agree on, is for the legs to bend by. In the
-air the root follows the performer's, and rises if a foot would be too low.
+The root's path stays smooth. The legs bend by the rest, and where two standing feet ask for different paths.
+In the air the root follows the performer's, and rises if a foot would be too low.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ _SMOOTH_S = 0.05
 _CLEAR = 0.7
 """Share of the performer's height over the floor that a foot has at least in the air: it does not scuff."""
 _SCUFF = 0.03
-"""Leg lengths by which a foot that swings clears the floor, if its performer's does: 25 mm on an adult."""
+"""Leg lengths that a swinging foot is above the floor, if the performer's is as high: 25 mm on an adult."""
 _PATCH = 0.006
 """Leg lengths above the lowest point of a foot over which it touches the floor: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
-"""Share of a vertex's weight from which it is part of a foot."""
+"""Least share of a vertex's weight on the foot's bones with which the vertex belongs to the foot."""
 _DIRECTIONS = 128
 """Directions, spread evenly, in which the outermost points of a foot are looked for."""
 _BLOCK = 2048

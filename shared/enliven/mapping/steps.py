@@ -404,7 +404,7 @@ def _tilt_foot(
 ) -> None:
     """Turns a foot about its ankle so that its toes or its heel rise by ``lift`` (T,) metres, if they can.
 
-    Changes turns (T, N, 4) and joints (T, N, 3) in place. What is left, the leg has to bend by.
+    Changes turns (T, N, 4) and joints (T, N, 3) in place. The leg bends by the rest.
 
     Args:
         pace: seconds between two moments.

@@ -24,7 +24,7 @@ _OVERLAP_M = 0.2
 _USUAL_HEIGHT_M = 1.75
 """Height of the performer that this distance is measured with: a mesh is scaled to its performer's height."""
 _TRUNK = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""Joints in the middle of which a person's weight is."""
+"""Joints around the middle of a person's trunk."""
 
 
 def seeks_person(settings: ActorSettings) -> bool:

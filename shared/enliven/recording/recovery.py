@@ -78,8 +78,8 @@ def recover(path: Path, output: Path) -> Recovery:
     """Copies every whole message of ``path`` into the new recording ``output``.
 
     Raises:
-        InputError: where ``path`` is no recording of enliven or of a later version, nothing in it is whole,
-            or ``output`` exists.
+        InputError: if ``path`` is not a recording, is of a later version or has no whole message, or if
+            ``output`` exists.
         ResourceError: where ``output`` cannot be written; it is removed then.
     """
     container = _container_of(path)
