@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 
+from enliven.arrays import UInt16
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
@@ -66,7 +67,7 @@ def _run_what_it_lacks() -> None:
     fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
-def _with_duplicate(depth):  # type: ignore[no-untyped-def]
+def _with_duplicate(depth: UInt16) -> UInt16:
     """Returns (H, W) the same person twice: the nearer of the picture and the picture moved aside."""
     moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)

@@ -211,7 +211,7 @@ def _boxes(boards: list[_Board]) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _distance(points, pieces, starts, boxes, wood):  # type: ignore[no-untyped-def]
+def _distance(points, pieces, starts, boxes, wood):
     """Signed distance of ``points`` (N, 3) to all boards, at most _BAND, and (N,) the nearest board.
 
     Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum), the cushion without.
@@ -248,7 +248,7 @@ def _distance(points, pieces, starts, boxes, wood):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def _nearer(x, y, z, pieces, s, bound):  # type: ignore[no-untyped-def]
+def _nearer(x, y, z, pieces, s, bound):
     """Signed distance of a point to one straight piece with a rounded rectangular section, or ``bound``."""
     ax, ay, az = pieces.along[s, 0], pieces.along[s, 1], pieces.along[s, 2]
     dx, dy, dz = x - pieces.start[s, 0], y - pieces.start[s, 1], z - pieces.start[s, 2]

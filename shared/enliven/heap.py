@@ -6,7 +6,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
+def push(keys, items, size, key, item):
     """Add an item to a heap of ``size``; returns the new size."""
     i = size
     while i > 0:
@@ -20,7 +20,7 @@ def push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def pop(keys, items, size):  # type: ignore[no-untyped-def]
+def pop(keys, items, size):
     """Take the smallest key off a heap of ``size``; returns the new size."""
     size -= 1
     key, item = keys[size], items[size]

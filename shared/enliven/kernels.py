@@ -40,17 +40,17 @@ class Held(structref.StructRefProxy):  # type: ignore[misc]
 structref.define_boxing(HeldType, Held)
 
 
-def _held(values):  # type: ignore[no-untyped-def]
+def _held(values: tuple[Any, ...]) -> SimpleNamespace:
     """Holds values where nothing is compiled; kernels compile the following in its place."""
     return SimpleNamespace(values=values)
 
 
 @overload(_held)
-def _held_in_kernels(values):  # type: ignore[no-untyped-def]
+def _held_in_kernels(values):
     """Returns how a kernel makes a structure of values of these types."""
     kind = HeldType((("values", types.unliteral(values)),))
 
-    def make(values):  # type: ignore[no-untyped-def]
+    def make(values):
         held = structref.new(kind)
         held.values = values
         return held
@@ -59,7 +59,7 @@ def _held_in_kernels(values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def hold(values):  # type: ignore[no-untyped-def]
+def hold(values):
     """Returns a :class:`Held` of arrays, numbers, and tuples and named tuples of them.
 
     Numba looks at every array of a call, 0.15 microseconds each. A kernel that takes many of them call after
@@ -89,7 +89,7 @@ def copy_rows(target: Any, source: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def quantile(ordered, share):  # type: ignore[no-untyped-def]
+def quantile(ordered, share):
     """The number below which a share in [0, 1] of (N,) rising values is, between two of them linearly."""
     at = share * (len(ordered) - 1)
     low = int(at)

@@ -90,10 +90,10 @@ def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
 
 
 @intrinsic
-def transpose6(typing, source, index, target, to):  # type: ignore[no-untyped-def]
+def transpose6(typing, source, index, target, to):
     """Write the block at ``index`` of ``source``, transposed, to ``to`` of ``target``; other lanes are 0."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         first, there = (
             address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
         )
@@ -104,10 +104,10 @@ def transpose6(typing, source, index, target, to):  # type: ignore[no-untyped-de
 
 
 @intrinsic
-def mirror6(typing, source, index, target, to, sign):  # type: ignore[no-untyped-def]
+def mirror6(typing, source, index, target, to, sign):
     """Write a symmetric block, given by its lower half, times ``sign``; from ``index`` to ``to``."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         first, there = (
             address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
         )
@@ -125,7 +125,7 @@ def mirror6(typing, source, index, target, to, sign):  # type: ignore[no-untyped
 
 
 @intrinsic
-def invert6(typing, block, index, sign):  # type: ignore[no-untyped-def]
+def invert6(typing, block, index, sign):
     """Replace the symmetric block at ``index`` by its inverse, by Gauss and Jordan.
 
     Returns whether ``sign`` times it is positive definite; where not, the inverse is none.
@@ -134,7 +134,7 @@ def invert6(typing, block, index, sign):  # type: ignore[no-untyped-def]
     f - f (1 + 1/p) = -f/p of it, as it has to, and no single number is written between whole registers.
     """
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         first = address_of(context, builder, sig.args[0], args[0], args[1], EIGHT)
         rows, definite = _rows(builder, first), ir.Constant(ir.IntType(1), 1)
         for k in range(_ROWS):
@@ -157,10 +157,10 @@ def invert6(typing, block, index, sign):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def totals6(typing, a, b, c, d, e, f):  # type: ignore[no-untyped-def]
+def totals6(typing, a, b, c, d, e, f):
     """The sums of six vectors of eight, one a lane; the last two lanes are 0."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
             # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
             even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
@@ -175,11 +175,11 @@ def totals6(typing, a, b, c, d, e, f):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def shorten6(typing, block, index, short, to):  # type: ignore[no-untyped-def]
+def shorten6(typing, block, index, short, to):
     """Write the block at ``index`` to ``to`` of ``short``, int16, in six rows of six; returns the scale that
     turns these into its numbers. Two numbers behind them are overwritten."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         rows = _rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))
         most = _everywhere(_LEAST)
         for row in rows:
@@ -200,12 +200,12 @@ def shorten6(typing, block, index, short, to):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def loadshort8(typing, short, index):  # type: ignore[no-untyped-def]
+def loadshort8(typing, short, index):
     """Eight int16 as a vector of eight float32."""
     if short.dtype != types.int16:
         return None
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
         loaded = builder.load(builder.bitcast(builder.gep(data, [args[1]]), _SHORT.as_pointer()))
         loaded.align = 2

@@ -52,14 +52,14 @@ QUAD = Lanes(4, types.float32)
 for _operator, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
 
     @type_callable(_operator)
-    def _type_pair(context: Any):  # type: ignore[no-untyped-def]
+    def _type_pair(context: Any) -> Any:
         def typer(a: Any, b: Any) -> Any:
             return a if isinstance(a, Lanes) and a == b else None
 
         return typer
 
     @lower_builtin(_operator, Lanes, Lanes)
-    def _lower_pair(context, builder, sig, args, instruction=_instruction):  # type: ignore[no-untyped-def]
+    def _lower_pair(context: Any, builder: Any, sig: Any, args: Any, instruction: str = _instruction) -> Any:
         return getattr(builder, instruction)(*args)
 
 
@@ -79,11 +79,11 @@ def _splat(builder: Any, kind: Lanes, scalar: Any) -> Any:
 
 def _make_load(kind: Lanes) -> Any:
     @intrinsic
-    def load(typing, array, index):  # type: ignore[no-untyped-def]
+    def load(typing, array, index):
         if array.dtype != kind.scalar:
             return None
 
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        def generate(context, builder, sig, args):
             loaded = builder.load(address_of(context, builder, sig.args[0], args[0], args[1], kind))
             loaded.align = kind.scalar.bitwidth // 8
             return loaded
@@ -95,11 +95,11 @@ def _make_load(kind: Lanes) -> Any:
 
 def _make_store(kind: Lanes) -> Any:
     @intrinsic
-    def store(typing, array, index, value):  # type: ignore[no-untyped-def]
+    def store(typing, array, index, value):
         if array.dtype != kind.scalar:
             return None
 
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        def generate(context, builder, sig, args):
             place = address_of(context, builder, sig.args[0], args[0], args[1], kind)
             builder.store(args[2], place).align = kind.scalar.bitwidth // 8
             return context.get_dummy_value()
@@ -111,8 +111,8 @@ def _make_store(kind: Lanes) -> Any:
 
 def _make_splat(kind: Lanes) -> Any:
     @intrinsic
-    def splat(typing, scalar):  # type: ignore[no-untyped-def]
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def splat(typing, scalar):
+        def generate(context, builder, sig, args):
             return _splat(builder, kind, args[0])
 
         return signature(kind, kind.scalar), generate
@@ -122,8 +122,8 @@ def _make_splat(kind: Lanes) -> Any:
 
 def _make_fma(kind: Lanes) -> Any:
     @intrinsic
-    def fma(typing, scalar, times, plus):  # type: ignore[no-untyped-def]
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def fma(typing, scalar, times, plus):
+        def generate(context, builder, sig, args):
             vector = vector_of(kind)
             name = f"llvm.fmuladd.v{kind.count}f{kind.scalar.bitwidth}"
             function = builder.module.globals.get(name) or ir.Function(
@@ -140,8 +140,8 @@ def _make_fma(kind: Lanes) -> Any:
 
 def _make_total(kind: Lanes) -> Any:
     @intrinsic
-    def total(typing, value):  # type: ignore[no-untyped-def]
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def total(typing, value):
+        def generate(context, builder, sig, args):
             half, count = args[0], kind.count
             none = ir.Constant(vector_of(kind), ir.Undefined)
             while count > 1:
@@ -158,12 +158,12 @@ def _make_total(kind: Lanes) -> Any:
 
 
 @intrinsic
-def widened4(typing, array, index):  # type: ignore[no-untyped-def]
+def widened4(typing, array, index):
     """Four float32 of an array as a vector of four float64."""
     if array.dtype != types.float32:
         return None
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         loaded = builder.load(address_of(context, builder, sig.args[0], args[0], args[1], QUAD))
         loaded.align = 4
         return builder.fpext(loaded, vector_of(FOUR))
@@ -172,10 +172,10 @@ def widened4(typing, array, index):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def narrowed4(typing, value):  # type: ignore[no-untyped-def]
+def narrowed4(typing, value):
     """Four float64 as a vector of four float32."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         return builder.fptrunc(args[0], vector_of(QUAD))
 
     return signature(QUAD, FOUR), generate
@@ -186,10 +186,10 @@ def _shuffled4(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 
 @intrinsic
-def cross4(typing, a, b):  # type: ignore[no-untyped-def]
+def cross4(typing, a, b):
     """The cross product of two vectors of three numbers and a 0, with a 0."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         def ahead(v: Any) -> Any:
             return _shuffled4(builder, v, v, [1, 2, 0, 3])
 
@@ -200,10 +200,10 @@ def cross4(typing, a, b):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def totals4(typing, a, b, c):  # type: ignore[no-untyped-def]
+def totals4(typing, a, b, c):
     """The sums of three vectors of four, one a lane, and a 0."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
             # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
             even = _shuffled4(builder, u, v, [0, 4, 2, 6])
@@ -217,11 +217,11 @@ def totals4(typing, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def turned8(typing, rows, index, value):  # type: ignore[no-untyped-def]
+def turned8(typing, rows, index, value):
     """Either half of a vector of eight, three numbers and one that does not count, times a 3x3 matrix in rows
     of four: the sum of the rows, weighted with the half's numbers."""
 
-    def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def generate(context, builder, sig, args):
         vector, total = vector_of(EIGHT), None
         first = address_of(context, builder, sig.args[0], args[0], args[1], QUAD)
         for k in range(3):
@@ -242,8 +242,8 @@ def turned8(typing, rows, index, value):  # type: ignore[no-untyped-def]
 
 def _make_reorder(order: list[int]) -> Any:
     @intrinsic
-    def reorder(typing, value):  # type: ignore[no-untyped-def]
-        def generate(context, builder, sig, args):  # type: ignore[no-untyped-def]
+    def reorder(typing, value):
+        def generate(context, builder, sig, args):
             none = ir.Constant(vector_of(EIGHT), ir.Undefined)
             return builder.shuffle_vector(args[0], none, ir.Constant(ir.VectorType(I32, 8), order))
 

@@ -11,7 +11,7 @@ _BLOCK = 32
 
 
 @njit(cache=True, nogil=True)
-def pixels_of(mask):  # type: ignore[no-untyped-def]
+def pixels_of(mask):
     """(M,) int32 the masked pixels' places in reading order."""
     flat = mask.ravel()
     out, count = np.empty(len(flat) + 1, np.int32), 0

@@ -168,7 +168,7 @@ def _perpendicular(a: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def rotation_matrix(q, out):  # type: ignore[no-untyped-def]
+def rotation_matrix(q, out):
     """Kernel: ``out`` (3, 3) takes the rotation of a unit quaternion, four numbers."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
@@ -177,14 +177,14 @@ def rotation_matrix(q, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def nearest_rotations(matrices, out):  # type: ignore[no-untyped-def]
+def nearest_rotations(matrices, out):
     """Kernel: ``out`` (N, 3, 3) takes the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     for i in range(matrices.shape[0]):
         rotation_matrix(nearest_quaternion(matrices[i]), out[i])
 
 
 @njit(cache=True, nogil=True)
-def _nearest_quaternions(matrices):  # type: ignore[no-untyped-def]
+def _nearest_quaternions(matrices):
     """Kernel: (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     out = np.empty((matrices.shape[0], 4))
     for i in range(matrices.shape[0]):
@@ -193,7 +193,7 @@ def _nearest_quaternions(matrices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def nearest_quaternion(m):  # type: ignore[no-untyped-def]
+def nearest_quaternion(m):
     """Kernel: (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), M (3, 3).
 
     trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form
@@ -221,7 +221,7 @@ def nearest_quaternion(m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _top_eigenvector(k):  # type: ignore[no-untyped-def]
+def _top_eigenvector(k):
     """Kernel: the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
     v = np.eye(4)
     for _ in range(16):
@@ -243,7 +243,7 @@ def _top_eigenvector(k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _jacobi_turn(k, v, p, q):  # type: ignore[no-untyped-def]
+def _jacobi_turn(k, v, p, q):
     """Kernel: one Jacobi rotation that zeroes k[p, q] (p < q, upper half) and is gathered in ``v``."""
     if k[p, q] == 0.0:
         return

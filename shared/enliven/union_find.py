@@ -6,7 +6,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def root_of(parent, i):  # type: ignore[no-untyped-def]
+def root_of(parent, i):
     """The representative of i in (N,) ``parent``, with path halving."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -15,7 +15,7 @@ def root_of(parent, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def join(parent, i, j):  # type: ignore[no-untyped-def]
+def join(parent, i, j):
     """Unite the sets of i and j; the smaller index becomes the representative."""
     a, b = root_of(parent, i), root_of(parent, j)
     if a < b:

@@ -177,7 +177,7 @@ def _measured(link: EdgeClient) -> Iterator[Figure]:
     yield Figure("window.put_latency_ms", slowest, "ms", "the median frame without an edit", usual / slowest)
 
 
-def _lap(link: EdgeClient, mesh) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def _lap(link: EdgeClient, mesh) -> tuple[float, float]:
     """Milliseconds from an edit to its first pose, and the longest from sensor to pose meanwhile."""
     answers, seen, before = [], [], link.characters["chair"]
     began = time.perf_counter()
@@ -194,7 +194,7 @@ def _lap(link: EdgeClient, mesh) -> tuple[float, float]:  # type: ignore[no-unty
     return 1e3 * took, max(each.sensor_to_pose_ms for each in seen)
 
 
-def _until(link: EdgeClient, done) -> None:  # type: ignore[no-untyped-def]
+def _until(link: EdgeClient, done) -> None:
     end = time.monotonic() + PATIENCE
     while not done():
         assert time.monotonic() < end, "it never came"

@@ -36,7 +36,7 @@ def drawn_letters() -> list[Letters]:
     return [letters for one in imgui.get_draw_data().cmd_lists if (letters := _letters(one)) is not None]
 
 
-def _letters(drawn) -> Letters | None:  # type: ignore[no-untyped-def]
+def _letters(drawn) -> Letters | None:
     """Returns the letters of a draw list: pairs of triangles with a place of some width in the texture."""
     vertices, indices = drawn.vtx_buffer, drawn.idx_buffer
     if not len(vertices) or not len(indices):

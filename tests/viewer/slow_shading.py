@@ -13,15 +13,15 @@ def smoothstep(low: float, high: float, x: float) -> float:
     return t * t * (3 - 2 * t)
 
 
-def mix(a, b, t):  # type: ignore[no-untyped-def]
+def mix(a, b, t):
     return np.asarray(a) * (1 - t) + np.asarray(b) * t
 
 
-def unit(v):  # type: ignore[no-untyped-def]
+def unit(v):
     return np.asarray(v) / np.linalg.norm(v)
 
 
-def surroundings(way, roughness: float, settings: RenderSettings):  # type: ignore[no-untyped-def]
+def surroundings(way, roughness: float, settings: RenderSettings):
     look, key = LOOKS[settings.look], to_key(settings)
     sky, soft, boxes = np.array(look.sky), 0.05 + 0.95 * roughness, 1 - 0.8 * roughness
     light = mix(look.bounce, sky, smoothstep(-soft, soft, way[1]))
@@ -31,7 +31,7 @@ def surroundings(way, roughness: float, settings: RenderSettings):  # type: igno
     return light + 0.25 * boxes * np.array(look.key) * smoothstep(0.9 - soft, 0.9 + soft, way @ key)
 
 
-def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):  # type: ignore[no-untyped-def]
+def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):
     """(3,) light towards the eye from a point that the key light reaches."""
     look, to_light = LOOKS[settings.look], to_key(settings)
     albedo, roughness = np.asarray(albedo), min(max(roughness, 0.09), 1.0)
@@ -56,7 +56,7 @@ def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):  #
     return (1 - metallic) * albedo * (np.array(look.key) * key * 0.318 + ambient) + mirrored + rim
 
 
-def developed(light, at, size):  # type: ignore[no-untyped-def]
+def developed(light, at, size):
     """(3,) 0..1 of a pixel, without the dither."""
     q = (np.asarray(at) + 0.5) / size - 0.5
     light = np.maximum(light * (0.98 - 0.72 * (q @ q)) - 0.002, 0.0)

@@ -42,7 +42,7 @@ STEP = pace.STEP = 0.12
 def work(workspace: Workspace) -> Iterator[Action]:
     """Choose a take, pair by hand and by guessing, pose twice, retime, change a setting, play."""
 
-    def star():  # type: ignore[no-untyped-def]
+    def star():
         return workspace.editor.project.puppets["star"]
 
     yield Wait(0.2)

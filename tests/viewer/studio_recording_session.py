@@ -120,7 +120,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["done"] = True
 
 
-def close(ctx, window, press, until, shot, folder: Path) -> None:  # type: ignore[no-untyped-def]
+def close(ctx, window, press, until, shot, folder: Path) -> None:
     """Close the window while it records: it asks; the recording goes on, and is then saved with the rest."""
     workspace, recording = window.workspace, window.workspace.perform.recording
     workspace.store.save(folder / "clean.enliven")

@@ -148,7 +148,7 @@ def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterat
                 yield Do(lambda _: time.sleep(CALM))
 
 
-def typed(text: str):  # type: ignore[no-untyped-def]
+def typed(text: str):
     """What types letters into the field that has the focus."""
     from imgui_bundle import imgui
 

@@ -27,7 +27,7 @@ said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
-def bone(name: str):  # type: ignore[no-untyped-def]
+def bone(name: str):
     places = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     return still_shape(name, Skeleton(("a", "b"), np.array([-1, 0], np.int32), places))
 

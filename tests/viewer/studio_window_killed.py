@@ -37,7 +37,7 @@ LONGEST = 4.0
 """Seconds of work at most before a window is killed: some eight recovery files."""
 
 
-def place(project) -> float:  # type: ignore[no-untyped-def]
+def place(project) -> float:
     """Metres that the shape was moved to the right in all."""
     return float(project.shapes["limb"].place[0])
 

@@ -19,7 +19,9 @@ from enliven_edge.commands.progress import interruptible
 
 if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
+    from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
+    from enliven_edge.tracking import SceneSettings
 
 log = logging.getLogger(__name__)
 
@@ -87,7 +89,12 @@ def calibrate(
     _write(found, collectors, output, accept_doubt)
 
 
-def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: ignore[no-untyped-def]
+def _collectors(
+    sensors: dict[str, Sensor],
+    scenes: dict[str, SceneSettings | None],
+    chosen: EdgeSettings,
+    seconds: float | None,
+) -> list[Collector]:
     """Returns a collector for each sensor, with its own tracker."""
     from enliven_edge.fusion.calibration import Collector
     from enliven_edge.fusion.live import settings_before_fusion
@@ -96,8 +103,8 @@ def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: i
     made = []
     for name, sensor in sensors.items():
         tracker = chosen.tracker
-        if scenes[name] is not None:
-            tracker = dataclasses.replace(tracker, scene=scenes[name])
+        if (scene := scenes[name]) is not None:
+            tracker = dataclasses.replace(tracker, scene=scene)
         made.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
     return made
 

@@ -19,9 +19,9 @@ from enliven.files import write_picture
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from enliven.arrays import UInt8
+    from enliven.arrays import Float, UInt8
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors import Sensor
+    from enliven_edge.sensors import Condition, Sensor
     from enliven_edge.terminal import Way
 
 _PATIENCE = 15.0
@@ -138,7 +138,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
     return frames
 
 
-def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+def _facts(frames: list[DepthFrame], condition: Condition | None, name: str) -> list[tuple[str, str]]:
     """Returns facts about a sensor, each with its name."""
     import numpy as np
 
@@ -170,7 +170,7 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
     return facts
 
 
-def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
+def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str, str]]:
     import numpy as np
 
     facts = []

@@ -15,19 +15,24 @@ Output: the word "ready" on a line, then for each image the number of people (ui
 import os
 import struct
 import sys
+from collections.abc import Callable
+from typing import Any, BinaryIO
 
 import numpy as np
+
+Finder = Callable[[np.ndarray, int], list[Any]]
+"""Returns the image's people from (H, W, 3) uint8 sRGB and a time in milliseconds."""
 
 HEAD = struct.Struct("<IIq")
 
 
-def _by_solutions():
+def _by_solutions() -> Finder:
     """The finder of MediaPipe up to 0.10.21: one person."""
     import mediapipe  # type: ignore[import-not-found]
 
     pose = mediapipe.solutions.pose.Pose(static_image_mode=False, model_complexity=1)
 
-    def find(image, milliseconds):
+    def find(image: np.ndarray, milliseconds: int) -> list[Any]:
         result = pose.process(image)
         if result.pose_landmarks is None:
             return []
@@ -36,7 +41,7 @@ def _by_solutions():
     return find
 
 
-def _by_tasks(model):
+def _by_tasks(model: str) -> Finder:
     """The finder of MediaPipe 1: several people."""
     import mediapipe  # type: ignore[import-not-found]
     from mediapipe.tasks.python import BaseOptions, vision  # type: ignore[import-not-found]
@@ -48,7 +53,7 @@ def _by_tasks(model):
     )
     landmarker = vision.PoseLandmarker.create_from_options(options)
 
-    def find(image, milliseconds):
+    def find(image: np.ndarray, milliseconds: int) -> list[Any]:
         wrapped = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=image)
         result = landmarker.detect_for_video(wrapped, milliseconds)
         return list(zip(result.pose_landmarks, result.pose_world_landmarks, strict=True))
@@ -56,7 +61,7 @@ def _by_tasks(model):
     return find
 
 
-def _packed(people, width, height):
+def _packed(people: list[Any], width: int, height: int) -> bytes:
     rows = [
         [
             (point.x * width, point.y * height, point.visibility or 0.0, there.x, there.y, there.z)
@@ -67,13 +72,13 @@ def _packed(people, width, height):
     return struct.pack("<I", len(rows)) + np.array(rows, "<f4").tobytes()
 
 
-def _exactly(stream, count):
+def _exactly(stream: BinaryIO, count: int) -> bytes:
     """So many bytes, or none at the end of the stream."""
     data = stream.read(count)
     return data if data is not None and len(data) == count else b""
 
 
-def main():
+def main() -> None:
     """Reads images from the standard input, and writes the landmarks of each to the standard output."""
     # What MediaPipe's libraries print must not get between the landmarks.
     out = os.fdopen(os.dup(1), "wb")

@@ -28,7 +28,7 @@ _BRAKE = 0.5
 
 
 @njit(cache=True, nogil=True)
-def correct_contacts(  # type: ignore[no-untyped-def]
+def correct_contacts(
     geoms,
     frames,
     distances,
@@ -99,7 +99,7 @@ def correct_contacts(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def limit_speeds(velocities, fastest, fastest_turn):  # type: ignore[no-untyped-def]
+def limit_speeds(velocities, fastest, fastest_turn):
     """Limits the rows of (P, 6) linear and angular velocities; returns False where one is not finite.
 
     Slow rows are braked as well: gravity is far faster, so nothing hangs, but a tower that would tremble by a

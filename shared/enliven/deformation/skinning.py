@@ -51,7 +51,7 @@ def _place(character: Character, pose: Pose, out: Float32 | None) -> Float32:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _skin_vertices(vertices, indices, weights, matrices, out):  # type: ignore[no-untyped-def]
+def _skin_vertices(vertices, indices, weights, matrices, out):
     for v in range(vertices.shape[0]):
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         a = b = c = np.float32(0)

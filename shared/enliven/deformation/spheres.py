@@ -172,7 +172,7 @@ def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[U
 
 
 @njit(cache=True, nogil=True)
-def _greedy(points, inner, order, radius, most):  # type: ignore[no-untyped-def]
+def _greedy(points, inner, order, radius, most):
     """Numbers of the points that get a sphere, each covering what is inside; none where ``most`` are too few.
 
     Spheres are found through a hash table of cells as large as their radius.
@@ -211,14 +211,14 @@ def _greedy(points, inner, order, radius, most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _slot(x, y, z, size):  # type: ignore[no-untyped-def]
+def _slot(x, y, z, size):
     """Where a cell is in a hash table of ``size``, a power of two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 
 
 @njit(cache=True, nogil=True)
-def _centres(rest, indices, weights, pivots, linear, positions, out):  # type: ignore[no-untyped-def]
+def _centres(rest, indices, weights, pivots, linear, positions, out):
     """c' = sum_k w_k (linear_k (c - pivot_k) + position_k)."""
     for s in range(rest.shape[0]):
         for a in range(3):

@@ -169,7 +169,7 @@ def character_of(shape: Shape) -> Character:
     )
 
 
-def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
+def _drawn(skeleton: Skeleton) -> Int32:
     """(E, 2) pairs of transforms with pivots at the two ends of a bone."""
     # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]

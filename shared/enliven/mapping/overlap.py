@@ -99,7 +99,7 @@ def _touching(shape: Shape) -> Bool:
 
 
 @njit(cache=True, nogil=True)
-def wind(points, corners, bones, axis, cells, numbers, exits, ways):  # type: ignore[no-untyped-def]
+def wind(points, corners, bones, axis, cells, numbers, exits, ways):
     """Kernel: winding numbers (P,) of faces about points (P, 3), counted along an axis.
 
     ``exits`` (P,) takes the face by which the ray, or the one the other way, leaves what the point is in,
@@ -179,7 +179,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _span(values, low, per, cells):  # type: ignore[no-untyped-def]
+def _span(values, low, per, cells):
     """Kernel: the first and the last cell that three numbers lie in."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
@@ -187,7 +187,7 @@ def _span(values, low, per, cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _met(corners, x, y, one, two, axis):  # type: ignore[no-untyped-def]
+def _met(corners, x, y, one, two, axis):
     """Kernel: whether the line through (x, y) along an axis meets a face, and where on the axis.
 
     1 where the face looks along the axis, -1 against it, 0 where it is missed. An edge belongs to one of the

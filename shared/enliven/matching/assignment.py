@@ -16,7 +16,7 @@ from enliven.kernels import copy_row, njit
 
 
 @njit(cache=True, nogil=True)
-def binomials(most):  # type: ignore[no-untyped-def]
+def binomials(most):
     """(most + 1, most + 2) C(n, k) as float64: exact up to 2^53, large beyond."""
     table = np.zeros((most + 1, most + 2))
     table[:, 0] = 1.0
@@ -27,7 +27,7 @@ def binomials(most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def all_choices(gain, count, scores, picks):  # type: ignore[no-untyped-def]
+def all_choices(gain, count, scores, picks):
     """Every choice of m of n columns, m <= n, in colexicographic order.
 
     Args:
@@ -75,7 +75,7 @@ def all_choices(gain, count, scores, picks):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _own(count, members, p, k):  # type: ignore[no-untyped-def]
+def _own(count, members, p, k):
     """How much the rank of k members falls when member p is left out."""
     change = int(count[members[p], p + 1])
     for i in range(p + 1, k):
@@ -84,7 +84,7 @@ def _own(count, members, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rank(count, members, k):  # type: ignore[no-untyped-def]
+def _rank(count, members, k):
     """The colexicographic rank of k ascending members."""
     total = 0
     for i in range(k):
@@ -93,7 +93,7 @@ def _rank(count, members, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _next(members, k):  # type: ignore[no-untyped-def]
+def _next(members, k):
     """The next k ascending members in colexicographic order."""
     i = 0
     while i + 1 < k and members[i] + 1 == members[i + 1]:
@@ -103,7 +103,7 @@ def _next(members, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _drop(members, k, value):  # type: ignore[no-untyped-def]
+def _drop(members, k, value):
     """Takes a value out of k ascending members."""
     moved = False
     for i in range(k):
@@ -133,7 +133,7 @@ def least_cost(cost: Float) -> tuple[Int, Int]:
 
 
 @njit(cache=True, nogil=True)
-def assign(gain, state, columns):  # type: ignore[no-untyped-def]
+def assign(gain, state, columns):
     """The best column for each row, each used once (shortest augmenting paths).
 
     Args:
@@ -163,7 +163,7 @@ def assign(gain, state, columns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _augment(gain, state, bonus, row, rows_of, row_price, column_price):  # type: ignore[no-untyped-def]
+def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
     """One more row gets a column; column n stands for the row that has none yet."""
     n = gain.shape[1]
     nearest = np.full(n + 1, np.inf)
@@ -196,7 +196,7 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):  # type
 
 
 @njit(cache=True, nogil=True)
-def best_choices(gain, scores, picks):  # type: ignore[no-untyped-def]
+def best_choices(gain, scores, picks):
     """The best choices of m of n columns, the best first, as many as ``scores`` has room for.
 
     Args:

@@ -10,7 +10,7 @@ from enliven.matching.views import NEAREST
 
 
 @njit(cache=True, nogil=True)
-def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-untyped-def]
+def rank_rows(ends, first, source, rows, whole, missing):
     """Scores of all candidates' matches, unsorted.
 
     Args:
@@ -62,7 +62,7 @@ def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: ignore[no-untyped-def]
+def seen_branches(points, first, axes, eye, perspective, blur, dots):
     """(B, 2) branches on the screen, from their sub-tree's root, made comparable.
 
     For cosines each gets length one. A branch seen end-on, with less than a share ``blur`` of it visible, has
@@ -97,7 +97,7 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def _on_screen(point, axes, eye, perspective):  # type: ignore[no-untyped-def]
+def _on_screen(point, axes, eye, perspective):
     """Right and up on the screen, and the depth: see :meth:`enliven.matching.views.ScreenView.project`."""
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0

@@ -12,7 +12,7 @@ from enliven.union_find import join, root_of
 
 
 @njit(cache=True, nogil=True)
-def face_vectors(vertices, faces):  # type: ignore[no-untyped-def]
+def face_vectors(vertices, faces):
     """(F, 3) the cross product of two edges of each face: its normal, as long as twice its area."""
     out = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
@@ -24,7 +24,7 @@ def face_vectors(vertices, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def face_areas(vertices, faces):  # type: ignore[no-untyped-def]
+def face_areas(vertices, faces):
     """(F,) twice the area of each face."""
     out = np.empty(faces.shape[0])
     for f in range(faces.shape[0]):
@@ -38,7 +38,7 @@ def face_areas(vertices, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def normals_of(vertices, faces, wanted):  # type: ignore[no-untyped-def]
+def normals_of(vertices, faces, wanted):
     """Normals of a few vertices of a large mesh.
 
     Args:
@@ -92,7 +92,7 @@ def normals_of(vertices, faces, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _twice(rows, of):  # type: ignore[no-untyped-def]
+def _twice(rows, of):
     """Both arrays with twice the room."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
     copy_rows(more[: rows.shape[0]], rows)
@@ -101,7 +101,7 @@ def _twice(rows, of):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def corner_sums(faces, vectors, count):  # type: ignore[no-untyped-def]
+def corner_sums(faces, vectors, count):
     """(count, 3) for each vertex the sum of the ``vectors`` (F, 3) of the ``faces`` (F, 3) around it."""
     out = np.zeros((count, 3))
     for f in range(faces.shape[0]):
@@ -113,7 +113,7 @@ def corner_sums(faces, vectors, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _mix(bits):  # type: ignore[no-untyped-def]
+def _mix(bits):
     """A 64-bit finaliser: every input bit reaches every output bit."""
     bits ^= bits >> np.uint64(33)
     bits *= np.uint64(0xFF51AFD7ED558CCD)
@@ -141,7 +141,7 @@ def first_of_position(vertices: Float) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _first_equal(rows):  # type: ignore[no-untyped-def]
+def _first_equal(rows):
     """(V,) for each row of ``rows`` (V, 3) uint64 the first equal row, by an open-addressing hash table."""
     count = rows.shape[0]
     size = 16
@@ -166,7 +166,7 @@ def _first_equal(rows):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def shells(faces, count):  # type: ignore[no-untyped-def]
+def shells(faces, count):
     """(count,) the number of the shell (0, 1, ... by first vertex) of each vertex, joined by ``faces``."""
     parent = np.arange(count)
     for f in range(faces.shape[0]):
@@ -185,7 +185,7 @@ def shells(faces, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def edge_lengths(vertices, faces):  # type: ignore[no-untyped-def]
+def edge_lengths(vertices, faces):
     """(F, 3) the lengths of each face's edges 01, 12, 20."""
     out = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
@@ -196,7 +196,7 @@ def edge_lengths(vertices, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def longest_edge(vertices, faces):  # type: ignore[no-untyped-def]
+def longest_edge(vertices, faces):
     """Metres, the longest edge of all faces; zero without faces."""
     longest = 0.0
     for f in range(faces.shape[0]):
@@ -235,7 +235,7 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
 
 
 @njit(cache=True, nogil=True)
-def _split_faces(faces, middle, lengths):  # type: ignore[no-untyped-def]
+def _split_faces(faces, middle, lengths):
     """The faces cut at the middles (-1: none) of their edges 01, 12, 20, into 1 to 4 faces each."""
     total = 0
     for f in range(faces.shape[0]):

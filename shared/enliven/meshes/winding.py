@@ -91,7 +91,7 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 
 @njit(cache=True, nogil=True)
-def _parted(count, ones, twos, agree):  # type: ignore[no-untyped-def]
+def _parted(count, ones, twos, agree):
     """For each of ``count`` faces its root in a forest and whether it runs against that; and the twisted
     roots.
 

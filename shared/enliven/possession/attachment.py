@@ -272,7 +272,7 @@ def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) ->
 
 
 @njit(cache=True, nogil=True)
-def _place(joints, turns, bone, along, radial, out):  # type: ignore[no-untyped-def]
+def _place(joints, turns, bone, along, radial, out):
     """Kernel of :meth:`Attachment.targets`."""
     for i in range(bone.shape[0]):
         child = bone[i]

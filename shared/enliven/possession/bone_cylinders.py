@@ -87,7 +87,7 @@ def filled_joints(joints: Float, rest: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _unit_into(x, y, z, fallback, out):  # type: ignore[no-untyped-def]
+def _unit_into(x, y, z, fallback, out):
     """``out`` (3,) takes the direction of (x, y, z), or ``fallback`` (3,) where that has no length."""
     length = np.sqrt(x * x + y * y + z * z)
     if length > 1e-6:
@@ -99,14 +99,14 @@ def _unit_into(x, y, z, fallback, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _cross_into(u, v, out):  # type: ignore[no-untyped-def]
+def _cross_into(u, v, out):
     out[0] = u[1] * v[2] - u[2] * v[1]
     out[1] = u[2] * v[0] - u[0] * v[2]
     out[2] = u[0] * v[1] - u[1] * v[0]
 
 
 @njit(cache=True, nogil=True)
-def _product_into(m, n, out):  # type: ignore[no-untyped-def]
+def _product_into(m, n, out):
     """``out`` = M N for (3, 3) matrices; ``out`` is neither of them."""
     for r in range(3):
         for c in range(3):
@@ -114,7 +114,7 @@ def _product_into(m, n, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _girdle(joints, left, right, frame):  # type: ignore[no-untyped-def]
+def _girdle(joints, left, right, frame):
     """``frame`` (3, 3) takes, row by row: to the left, up along the spine, ahead."""
     side, up, ahead = frame[0], frame[1], frame[2]
     spine = joints[_CHEST] - joints[_HIP]
@@ -130,7 +130,7 @@ def _girdle(joints, left, right, frame):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _swing_into(a, b, out):  # type: ignore[no-untyped-def]
+def _swing_into(a, b, out):
     """``out`` (3, 3) takes the rotation by the shortest arc from the unit vector ``a`` to ``b``."""
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     axis = np.empty(3)
@@ -155,7 +155,7 @@ def _swing_into(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _girdle_turn(rest, joints, pair, turn, frame):  # type: ignore[no-untyped-def]
+def _girdle_turn(rest, joints, pair, turn, frame):
     """``turn`` (3, 3) takes how a girdle has turned, ``frame`` its axes now, row by row."""
     before = np.empty((3, 3))
     _girdle(rest, pair[0], pair[1], before)
@@ -164,7 +164,7 @@ def _girdle_turn(rest, joints, pair, turn, frame):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def _rotations(rest, joints, turns, axes):  # type: ignore[no-untyped-def]
+def _rotations(rest, joints, turns, axes):
     """Kernel of :func:`bone_rotations`; both bodies complete."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     _girdle_turn(rest, joints, _HIPS, girdle_turn[0], girdle[0])
@@ -200,7 +200,7 @@ def _rotations(rest, joints, turns, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sample_cylinders(joints, axes, radius, along, around, points, normals):  # type: ignore[no-untyped-def]
+def _sample_cylinders(joints, axes, radius, along, around, points, normals):
     """Kernel of :func:`bone_samples`."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):

@@ -12,7 +12,7 @@ _INNER = 0.35
 
 
 @njit(cache=True, nogil=True)
-def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):  # type: ignore[no-untyped-def]
+def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     """The four nearest nodes of each sample that face as it does, nearest first.
 
     Samples come in groups (of one bone). A node that is out of reach of a whole group is looked at once, and
@@ -66,7 +66,7 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
 
 
 @njit(cache=True, nogil=True)
-def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: ignore[no-untyped-def]
+def _close_to_group(points, first, last, nodes, reach, centre, close):
     """Fills ``close`` with the nodes within ``reach`` of the ball around a group, those within the inner part
     of it first; returns how many these are, and how many there are in all."""
     for a in range(3):
@@ -96,7 +96,7 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def to_rest_space(points, indices, weights, pivots, linear, positions):  # type: ignore[no-untyped-def]
+def to_rest_space(points, indices, weights, pivots, linear, positions):
     """(L, 3) the rest-space points that lie at ``points`` (L, 3) now: each node's inverse map, blended.
 
     A node that is squashed flat is taken as unturned, so that the point stays finite.
@@ -119,7 +119,7 @@ def to_rest_space(points, indices, weights, pivots, linear, positions):  # type:
 
 
 @njit(cache=True, nogil=True)
-def _inverse_into(m, out):  # type: ignore[no-untyped-def]
+def _inverse_into(m, out):
     """``out`` (3, 3) takes the inverse of ``m``, or the identity where that is far from one."""
     for r in range(3):
         r1, r2 = (r + 1) % 3, (r + 2) % 3

@@ -26,7 +26,7 @@ WIDEST = 1.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look_up(field, x, y, z, found, last):  # type: ignore[no-untyped-def]
+def look_up(field, x, y, z, found, last):
     """Fills the distance at a point of the world and its slope along each axis, trilinear between voxels.
 
     Args:
@@ -74,7 +74,7 @@ def look_up(field, x, y, z, found, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):  # type: ignore[no-untyped-def]
+def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):
     """Adds up the normal equations of the points in some rows of a half-size image.
 
     A point's residual is the volume's distance there; it falls by the slope along a move of the camera.

@@ -78,20 +78,20 @@ def grown(array: np.ndarray, length: int, fill: float) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def key_of(x, y, z):  # type: ignore[no-untyped-def]
+def key_of(x, y, z):
     """Returns the key of a block's place."""
     return ((np.int64(x) + _REACH) << 42) | ((np.int64(y) + _REACH) << 21) | (np.int64(z) + _REACH)
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _home(key, size):  # type: ignore[no-untyped-def]
+def _home(key, size):
     """Returns where the search for a key begins in a table of ``size``, a power of two."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(size - 1))
 
 
 @njit(cache=True, nogil=True)
-def find(keys, slots, key):  # type: ignore[no-untyped-def]
+def find(keys, slots, key):
     """Returns the number of the block with a key, or -1."""
     at = _home(key, len(keys))
     while keys[at] != -1:
@@ -102,7 +102,7 @@ def find(keys, slots, key):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def insert(keys, slots, key, number):  # type: ignore[no-untyped-def]
+def insert(keys, slots, key, number):
     """Gives a key that the table does not have a number."""
     at = _home(key, len(keys))
     while keys[at] != -1:
@@ -111,7 +111,7 @@ def insert(keys, slots, key, number):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def link(keys, slots, places, beside, first, last):  # type: ignore[no-untyped-def]
+def link(keys, slots, places, beside, first, last):
     """Makes the blocks ``first`` to ``last`` and those beside them neighbours."""
     for b in range(first, last):
         x, y, z = places[b, 0], places[b, 1], places[b, 2]
@@ -124,12 +124,12 @@ def link(keys, slots, places, beside, first, last):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def _insert_all(keys, slots, places, count):  # type: ignore[no-untyped-def]
+def _insert_all(keys, slots, places, count):
     for b in range(count):
         insert(keys, slots, key_of(places[b, 0], places[b, 1], places[b, 2]), b)
 
 
 @njit(cache=True, nogil=True)
-def _find_all(keys, slots, places, found):  # type: ignore[no-untyped-def]
+def _find_all(keys, slots, places, found):
     for i in range(len(places)):
         found[i] = find(keys, slots, key_of(places[i, 0], places[i, 1], places[i, 2]))

@@ -145,7 +145,7 @@ def _pair_means(values: Float32) -> Float32:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _halve(depth, limits, inverse, first, last):  # type: ignore[no-untyped-def]
+def _halve(depth, limits, inverse, first, last):
     """Fills rows of (h, w + 2 _STEP) inverse depth, 1/m, of 2 x 2 pixels: the mean of the nearest ones."""
     height, width = depth.shape
     for v in range(first, last):
@@ -160,7 +160,7 @@ def _halve(depth, limits, inverse, first, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _mean_inverse(a, b, c, d, limits):  # type: ignore[no-untyped-def]
+def _mean_inverse(a, b, c, d, limits):
     """Returns the mean inverse, 1/m, of those of four depths (mm) that lie at the nearest; 0 for none."""
     za, zb, zc, zd = _metres(a, limits), _metres(b, limits), _metres(c, limits), _metres(d, limits)
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
@@ -174,14 +174,14 @@ def _mean_inverse(a, b, c, d, limits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _metres(depth, limits):  # type: ignore[no-untyped-def]
+def _metres(depth, limits):
     """Returns a depth (mm) in metres, infinity where it is none, or nearer or farther than what counts."""
     z = np.float32(depth) * np.float32(1e-3)
     return z if (z > np.float32(0.0)) & (z >= limits[0]) & (z <= limits[1]) else np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(inverse, across, down, limits, points, normals, worth, first, last):  # type: ignore[no-untyped-def]
+def _fit(inverse, across, down, limits, points, normals, worth, first, last):
     """Fits a plane round each half-size pixel of some rows.
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
@@ -222,7 +222,7 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):  #
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_neighbours(inverse, v, across, down, sums):  # type: ignore[no-untyped-def]
+def _add_neighbours(inverse, v, across, down, sums):
     """Sums up the nine pixels about each one of a row that are of the same surface, without a branch.
 
     Args:
@@ -254,7 +254,7 @@ def _add_neighbours(inverse, v, across, down, sums):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def certainty(limits, z):  # type: ignore[no-untyped-def]
+def certainty(limits, z):
     """Returns the variance of the best depth over that of a depth z, at most 1."""
     beyond = z - limits[4]
     share = limits[2] / (limits[2] + limits[3] * beyond * beyond)
@@ -262,7 +262,7 @@ def certainty(limits, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _through(depth, across, down, points, normals, worth, planes, weights, first, last):  # type: ignore[no-untyped-def]
+def _through(depth, across, down, points, normals, worth, planes, weights, first, last):
     """Puts the plane of its half-size pixel through each pixel of some rows."""
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
@@ -281,7 +281,7 @@ def _through(depth, across, down, points, normals, worth, planes, weights, first
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bound(depth, limits, tiles, first, last):  # type: ignore[no-untyped-def]
+def _bound(depth, limits, tiles, first, last):
     """Fills the nearest and farthest depth of some rows of tiles."""
     height, width = depth.shape
     zero, one = np.float32(0.0), np.float32(1.0)

@@ -35,7 +35,7 @@ NEAR = 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def allocate(points, stride, phase, reach, turn, place, band, keys, slots, places, count):  # type: ignore[no-untyped-def]
+def allocate(points, stride, phase, reach, turn, place, band, keys, slots, places, count):
     """Adds the blocks round the points of a half-size image that are not there yet.
 
     Args:
@@ -74,7 +74,7 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def classify(places, band, camera, tiles, shape, state, first, last):  # type: ignore[no-untyped-def]
+def classify(places, band, camera, tiles, shape, state, first, last):
     """Fills ``state`` for some blocks: unseen, free or near, by the depth of the tiles that they cover."""
     size = band.voxel * SIDE
     radius = 0.5 * np.sqrt(3.0) * size
@@ -108,7 +108,7 @@ def classify(places, band, camera, tiles, shape, state, first, last):  # type: i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def integrate(jobs, state, places, band, camera, image, voxels, first, last):  # type: ignore[no-untyped-def]
+def integrate(jobs, state, places, band, camera, image, voxels, first, last):
     """Averages the distances of an image, an :class:`ImageArrays`, into the voxels of some blocks.
 
     Args:
@@ -140,7 +140,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):  #
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _depth_of(places, b, band, camera):  # type: ignore[no-untyped-def]
+def _depth_of(places, b, band, camera):
     """Returns the depth of a block's middle."""
     size, turn = band.voxel * SIDE, camera.turn
     return (
@@ -152,7 +152,7 @@ def _depth_of(places, b, band, camera):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carve(distance, weight, front, more):  # type: ignore[no-untyped-def]
+def _carve(distance, weight, front, more):
     """Averages free space into all voxels of a block; returns how many are behind a surface."""
     inside = 0
     for i in range(VOXELS):
@@ -163,7 +163,7 @@ def _carve(distance, weight, front, more):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _project(places, b, band, camera, shape, local, pixel, shown):  # type: ignore[no-untyped-def]
+def _project(places, b, band, camera, shape, local, pixel, shown):
     """Fills where a block's voxels are in the camera's frame, and their pixels, without a branch.
 
     Args:
@@ -204,7 +204,7 @@ def _project(places, b, band, camera, shape, local, pixel, shown):  # type: igno
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(pixel, local, planes, weights, behind, before, along, worth):  # type: ignore[no-untyped-def]
+def _look(pixel, local, planes, weights, behind, before, along, worth):
     """Fills (512,) metres before the plane of each voxel's pixel, normal . voxel, and the plane's weight.
 
     Args:
@@ -230,7 +230,7 @@ def _look(pixel, local, planes, weights, behind, before, along, worth):  # type:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _average(sizes, local, shown, before, along, worth, distance, weight):  # type: ignore[no-untyped-def]
+def _average(sizes, local, shown, before, along, worth, distance, weight):
     """Averages distances into the voxels of a block, without a branch; returns how many are behind a surface.
 
     Args:
@@ -259,7 +259,7 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):  # ty
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _paint(pixel, shown, before, worth, near, picture, weight, hue):  # type: ignore[no-untyped-def]
+def _paint(pixel, shown, before, worth, near, picture, weight, hue):
     """Averages the colours of an image into the voxels of a block that lie next to the surface."""
     for i in range(VOXELS):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:

@@ -55,7 +55,7 @@ def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
 
 
 @njit(cache=True, nogil=True)
-def _gather(b, beside, distance, weight, support, cells):  # type: ignore[no-untyped-def]
+def _gather(b, beside, distance, weight, support, cells):
     """Fills (9, 9, 9) distances of a block and of the next layer beside it, NaN where too little was seen."""
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
@@ -67,7 +67,7 @@ def _gather(b, beside, distance, weight, support, cells):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _case(cells, x, y, z):  # type: ignore[no-untyped-def]
+def _case(cells, x, y, z):
     """Returns the case of a cell; 0 where a corner is not known."""
     case = 0
     for k in range(8):
@@ -79,7 +79,7 @@ def _case(cells, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _edge_at(b, beside, x, y, z, edge):  # type: ignore[no-untyped-def]
+def _edge_at(b, beside, x, y, z, edge):
     """Returns the block, the voxel and the axis of a cell's edge."""
     axis, corner = edge // 4, _STARTS[edge // 4, edge % 4]
     x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
@@ -88,7 +88,7 @@ def _edge_at(b, beside, x, y, z, edge):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):  # type: ignore[no-untyped-def]
+def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
     """Numbers the edges that the surface crosses; returns the counts of faces and of vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
@@ -112,7 +112,7 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 
 @njit(cache=True, nogil=True)
-def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):  # type: ignore[no-untyped-def]
+def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):
     """Fills where the surface crosses the numbered edges, its colours there, and which were told."""
     for row in range(len(owners)):
         b = owners[row]
@@ -141,7 +141,7 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
 
 
 @njit(cache=True, nogil=True)
-def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):  # type: ignore[no-untyped-def]
+def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):
     """Fills the faces of all cells."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     face = 0

@@ -112,7 +112,7 @@ def piece_of(volume: DistanceVolume, place: tuple[int, int, int], blocks: Int) -
 
 
 @njit(cache=True, nogil=True)
-def _weigh(blocks, weight, sums):  # type: ignore[no-untyped-def]
+def _weigh(blocks, weight, sums):
     """Fills the sums of the blocks' weights."""
     for n in range(len(blocks)):
         total = 0.0
@@ -122,14 +122,14 @@ def _weigh(blocks, weight, sums):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _voxel(b, x, y, z, beside):  # type: ignore[no-untyped-def]
+def _voxel(b, x, y, z, beside):
     """Returns the block and the voxel at a place of a block, up to one beyond its end."""
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
 
 
 @njit(cache=True, nogil=True)
-def _case(b, x, y, z, beside, distance, weight):  # type: ignore[no-untyped-def]
+def _case(b, x, y, z, beside, distance, weight):
     """Returns the case of a cell; 0 where a corner is not known."""
     case = 0
     for k in range(8):
@@ -142,7 +142,7 @@ def _case(b, x, y, z, beside, distance, weight):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):  # type: ignore[no-untyped-def]
+def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
     """Fills the corners of the triangles, three by three; returns how many corners they are."""
     used = 0
     place = np.empty(3, np.int64)

@@ -47,7 +47,7 @@ def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> D
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _draw_faces(points, faces, lens, depth, face, shares):  # type: ignore[no-untyped-def]
+def _draw_faces(points, faces, lens, depth, face, shares):
     """Draws every face, camera frame, keeping the nearest at each pixel."""
     height, width = depth.shape
     u, v, inverse = np.empty(3), np.empty(3), np.empty(3)

@@ -113,7 +113,7 @@ def open_sides(faces: Int32, count: int) -> Bool:
 
 
 @njit(cache=True, nogil=True)
-def _open_sides(faces, first, ends, free):  # type: ignore[no-untyped-def]
+def _open_sides(faces, first, ends, free):
     """Returns the same by the ends of the sides that leave each vertex.
 
     Args:

@@ -79,7 +79,7 @@ def _direction(v: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def point_bones(parents, vectors, positions, known, turns):  # type: ignore[no-untyped-def]
+def point_bones(parents, vectors, positions, known, turns):
     """Kernel: ``turns`` (F, N, 4) takes the world turns that point bones along ``positions`` (F, N, 3).
 
     ``known`` is (F, N, 4), or (0, N, 4) where nothing is known.
@@ -101,7 +101,7 @@ def point_bones(parents, vectors, positions, known, turns):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def root_turn(parents, vectors, positions):  # type: ignore[no-untyped-def]
+def root_turn(parents, vectors, positions):
     """Kernel: the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
     moment = np.zeros((3, 3))
     count, only = 0, 0
@@ -120,7 +120,7 @@ def root_turn(parents, vectors, positions):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def swung(q, rest, now):  # type: ignore[no-untyped-def]
+def swung(q, rest, now):
     """Kernel: ``q`` and then the shortest way that points ``rest`` along ``now``; a joint on top of its
     parent says nothing, and the bone stays as it is carried."""
     if length(rest) < _SHORT or length(now) < _SHORT:
@@ -129,7 +129,7 @@ def swung(q, rest, now):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def twisted(parents, vectors, positions, joint, q):  # type: ignore[no-untyped-def]
+def twisted(parents, vectors, positions, joint, q):
     """Kernel: ``q`` turned about its bone so that the bones after it, if there are several, fit best.
 
     With a and b the parts at right angles to the bone of a child as carried and as it is, the angle is

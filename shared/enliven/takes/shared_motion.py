@@ -26,7 +26,7 @@ def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
 
 
 @njit(cache=True, nogil=True)
-def _shared(positions, rest, turns, moves):  # type: ignore[no-untyped-def]
+def _shared(positions, rest, turns, moves):
     """Kernel: fills ``turns`` (F, 3, 3) and ``moves`` (F, 3)."""
     weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
     middle, centre = np.empty(3), np.empty(3)
@@ -43,7 +43,7 @@ def _shared(positions, rest, turns, moves):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _weighted(positions, rest, weights, middle, centre, spread):  # type: ignore[no-untyped-def]
+def _weighted(positions, rest, weights, middle, centre, spread):
     """Kernel: the weighted middles of both, and sum w (p - middle) (r - centre)^T over the sum of weights."""
     total = weights.sum()
     middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
@@ -59,7 +59,7 @@ def _weighted(positions, rest, weights, middle, centre, spread):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _weigh(positions, rest, turn, move, weights):  # type: ignore[no-untyped-def]
+def _weigh(positions, rest, turn, move, weights):
     """Kernel: each weight becomes one over how far its node is from where the motion takes it."""
     for n in range(rest.shape[0]):
         apart = 0.0

@@ -97,7 +97,7 @@ class _Ruler:
         self.pairs = _touching_pairs(self.rest, faces)
         self.volume = _volume(self.rest, faces)
 
-    def __call__(self, pose) -> tuple[float, ...]:  # type: ignore[no-untyped-def]
+    def __call__(self, pose) -> tuple[float, ...]:
         scale = float(np.median(np.cbrt(np.abs(np.linalg.det(pose.linear.astype(np.float64))))))
         vertices = skin_vertices(self.character, pose)[self.first].astype(np.float64)
         ratio = self._lengths(vertices)[self.kept] / (scale * self.lengths[self.kept])

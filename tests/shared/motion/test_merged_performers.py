@@ -17,12 +17,12 @@ from enliven.wire import HoldMessage
 STEP = 33_333_333
 
 
-def body(who: int, number: int, x: float = 0.0):  # type: ignore[no-untyped-def]
+def body(who: int, number: int, x: float = 0.0):
     made = swaying(1, number)
     return replace(made, id=who, joints=made.joints + np.array([x, 0.0, 0.0]))
 
 
-def frames(count: int, who) -> list[BodyFrame]:  # type: ignore[no-untyped-def]
+def frames(count: int, who) -> list[BodyFrame]:
     """Frames in which the function says who is seen, each with a place."""
     return [BodyFrame([body(i, n, x) for i, x in who(n)], n * STEP, "edge") for n in range(count)]
 
@@ -42,7 +42,7 @@ def recorded(seen: list[BodyFrame], *events: HoldMessage) -> dict[str, float]:
 def test_24_losses_make_one_take() -> None:
     """Each time the tracker finds the performer under another id, after a tenth of a second to a second."""
 
-    def who(n: int):  # type: ignore[no-untyped-def]
+    def who(n: int):
         track, since = divmod(n, 40)
         return [] if since < 1 + track else [(1 + track, 0.02 * track)]
 
@@ -64,7 +64,7 @@ def test_who_is_lost_holds_still_and_does_not_slide() -> None:
 
 
 def test_two_performers_who_cross_while_lost_keep_their_own_takes() -> None:
-    def who(n: int):  # type: ignore[no-untyped-def]
+    def who(n: int):
         if 80 <= n < 90:
             return []
         first, second = (1, 2) if n < 80 else (8, 9)

@@ -58,7 +58,7 @@ def view(eye: np.ndarray = EYE) -> CameraView:
     return CameraView(eye, look_at(eye, np.array([0.0, 1.0, 0.0])), perspective(0.5, 1.0, 0.1, 30.0))
 
 
-def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: RenderSettings = SMALL):  # type: ignore[no-untyped-def]
+def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: RenderSettings = SMALL):
     renderer = Renderer(gl, SIZE, of)
     actors = tuple(SceneCharacter(one, one.rest_pose()) for one in boards)
     renderer.draw(Scene(actors, (), PLAIN), view(eye))

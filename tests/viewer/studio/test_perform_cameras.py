@@ -15,7 +15,7 @@ PATIENCE_S = 120.0
 """Seconds that the edge's program may take to start on a machine with ten times its work."""
 
 
-def until(done) -> None:  # type: ignore[no-untyped-def]
+def until(done) -> None:
     end = time.monotonic() + PATIENCE_S
     while not done():
         assert time.monotonic() < end, "the edge's program did not end"

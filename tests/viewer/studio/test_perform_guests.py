@@ -31,7 +31,7 @@ def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
 
 
 @pytest.fixture
-def two(tmp_path: Path):  # type: ignore[no-untyped-def]
+def two(tmp_path: Path):
     """A session that follows two real edges, and the process of the first."""
     stamp = time.time_ns()
     edges = [started(f"{name}-{stamp}", tmp_path / name) for name in ("left", "right")]

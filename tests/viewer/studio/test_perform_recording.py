@@ -81,7 +81,7 @@ def test_the_still_end_is_left_out() -> None:
 
 
 @pytest.fixture
-def session(tmp_path: Path):  # type: ignore[no-untyped-def]
+def session(tmp_path: Path):
     """A session that follows a real edge, whose performer lifts a knee in a chair."""
     edge = subprocess.Popen(
         [sys.executable, str(EDGE), f"stage-{time.time_ns()}", str(tmp_path), "100"],

@@ -51,7 +51,7 @@ class Person:
 class House:
     """A real edge with a chair, and a workspace whose project has the chair too, on one thread."""
 
-    def __init__(self, outlet: Outlet, folder) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, outlet: Outlet, folder) -> None:
         mesh = make_chair(0.08)
         graph = DeformationGraph.build(mesh, nodes=24, seed=0)
         self.actor = EmbeddedActor(

@@ -81,7 +81,7 @@ def actor(name: str = "chair", **options: object) -> EmbeddedActor:
 
 
 @pytest.fixture
-def sitting(tmp_path: Path, monkeypatch) -> Iterator:  # type: ignore[no-untyped-def]
+def sitting(tmp_path: Path, monkeypatch) -> Iterator:
     monkeypatch.setattr(stepping_in, "SEEN_S", 0.1)
     made: list[Sitting] = []
 

@@ -86,7 +86,7 @@ def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
     actor = SceneCharacter(character, character.rest_pose())
     twins = Twins(editor)
 
-    def live(playing: bool, **telling) -> bool:  # type: ignore[no-untyped-def]
+    def live(playing: bool, **telling) -> bool:
         editor.playing = playing
         shown = twins.shown(Scene((actor,)), Telling(**telling)).actors
         assert (twins.hidden == {name}) == bool(shown)

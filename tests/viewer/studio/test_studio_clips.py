@@ -56,7 +56,7 @@ def desk(tmp_path: Path, project: Project = PROJECT) -> Workspace:
     return workspace
 
 
-def bar_of(workspace: Workspace, name: str):  # type: ignore[no-untyped-def]
+def bar_of(workspace: Workspace, name: str):
     return next(bar for bar in workspace.timeline.layout.bars() if bar.character.id == name)
 
 
@@ -79,7 +79,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
     second = layout.x(1.0) - layout.x(0.0)
     quarter = 0.25 * (clip.end - clip.begin)
 
-    def clip_after(x: float, by: float, word: str, **held: bool):  # type: ignore[no-untyped-def]
+    def clip_after(x: float, by: float, word: str, **held: bool):
         drag(workspace, x, y, by, **held)
         assert editor.history.names == (word,), "one edit"
         (made,) = clips_of(editor.project, name, bar.layers[0])

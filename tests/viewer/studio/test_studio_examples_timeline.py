@@ -27,7 +27,7 @@ NAMES = ("head", "left", "right", "foot")
 SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
 
 
-def posed(times: tuple[float, ...], **changes) -> Project:  # type: ignore[no-untyped-def]
+def posed(times: tuple[float, ...], **changes) -> Project:
     """The star with key poses at seconds of "sway", played by a layer."""
     project = project_with(*NAMES, take="sway")
     rest = project.puppets["star"].rest

@@ -381,7 +381,7 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
     assert not workspace.ended and not workspace.store.dirty
 
 
-def depth_recording(folder, frames: int):  # type: ignore[no-untyped-def]
+def depth_recording(folder, frames: int):
     """The first images of the shipped recording of depth."""
     from itertools import islice
 

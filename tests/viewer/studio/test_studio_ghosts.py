@@ -107,7 +107,7 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
     free, real = threading.Event(), room.sample
     threads = set()
 
-    def slow(*words):  # type: ignore[no-untyped-def]
+    def slow(*words):
         threads.add(threading.current_thread())
         free.wait(20)
         return real(*words)

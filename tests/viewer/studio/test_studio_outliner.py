@@ -42,7 +42,7 @@ def labels(outliner: Outliner) -> list[tuple[int, str]]:
     return [(row.depth, row.label) for row in outliner.rows]
 
 
-def row(outliner: Outliner, key: str):  # type: ignore[no-untyped-def]
+def row(outliner: Outliner, key: str):
     return next(one for one in outliner.rows if one.key == key)
 
 

@@ -82,7 +82,7 @@ class Device:
 
     latency = 0.05
 
-    def __init__(self, fill) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, fill) -> None:
         self.fill, self.closed = fill, False
 
     def ask(self, seconds: float) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_it_is_heard_where_the_playhead_is_and_only_while_it_plays() -> None:
 def test_without_a_device_it_is_said_once_and_the_project_plays_on(tmp_path) -> None:
     tried: list[int] = []
 
-    def none(fill):  # type: ignore[no-untyped-def]
+    def none(fill):
         tried.append(1)
         raise OSError("PortAudio library not found")
 

@@ -154,7 +154,7 @@ def test_a_file_that_was_damaged_meanwhile_can_be_saved_over(windows, tmp_path: 
 
 
 def test_a_full_disk_is_said_and_asks_for_nothing(windows, monkeypatch) -> None:
-    def full(*_):  # type: ignore[no-untyped-def]
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)

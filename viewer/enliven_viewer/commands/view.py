@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,9 @@ from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
 from enliven_viewer.settings import ViewerSettings, WindowStart, sized
+
+if TYPE_CHECKING:
+    from enliven_viewer.link import EdgeFeed, TakeFeed
 
 LOCAL = "127.0.0.1"
 
@@ -146,7 +149,7 @@ def _title(take: Path | None) -> str:
     return f"enliven · {take.name}" if take else "enliven"
 
 
-def _feed(take: Path | None, addresses: list[str]):  # type: ignore[no-untyped-def]
+def _feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
     """The take's feed, or the edges'."""
     if take is not None:
         from enliven_viewer.link import TakeFeed

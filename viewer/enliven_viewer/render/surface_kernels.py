@@ -13,7 +13,7 @@ _MANY = 64
 
 
 @njit(cache=True, nogil=True)
-def _room(count):  # type: ignore[no-untyped-def]
+def _room(count):
     """Keys and values of a table for so many keys, a power of two with room to spare."""
     size = 16
     while size < 1.4 * count:
@@ -22,7 +22,7 @@ def _room(count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _slot(keys, key):  # type: ignore[no-untyped-def]
+def _slot(keys, key):
     """The place of a key in the table, or the empty place where it belongs."""
     mask = np.uint64(len(keys) - 1)
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
@@ -33,7 +33,7 @@ def _slot(keys, key):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def places_of(bits):  # type: ignore[no-untyped-def]
+def places_of(bits):
     """(V,) a number of each row; those with the same int32 bits (V, C) have the same."""
     count, columns = bits.shape
     size = 16
@@ -66,7 +66,7 @@ def places_of(bits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def corners_of(vertices, faces):  # type: ignore[no-untyped-def]
+def corners_of(vertices, faces):
     """(F, 3) unit normals (zero for a face without area) and (F, 3) angles at the corners."""
     normals, angles = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
     edges, lengths = np.empty((3, 3)), np.empty(3)
@@ -94,7 +94,7 @@ def corners_of(vertices, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def groups_of(place, normals, cosine):  # type: ignore[no-untyped-def]
+def groups_of(place, normals, cosine):
     """(3 F,) the smoothing group of every corner of every face (F, 3), and how many there are.
 
     A union over mild edges: each face with the one before it at the same edge.
@@ -132,19 +132,19 @@ def groups_of(place, normals, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _low(place, half):  # type: ignore[no-untyped-def]
+def _low(place, half):
     """The lower end of the edge that begins at a corner."""
     return min(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _high(place, half):  # type: ignore[no-untyped-def]
+def _high(place, half):
     """The higher end."""
     return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True)
-def _link(place, normals, cosine, parents, one, other):  # type: ignore[no-untyped-def]
+def _link(place, normals, cosine, parents, one, other):
     """One group for the corners of two faces at both ends of an edge, where it is mild."""
     f, g = one // 3, other // 3
     mild = 0.0
@@ -161,7 +161,7 @@ def _link(place, normals, cosine, parents, one, other):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def _numbered(parents):  # type: ignore[no-untyped-def]
+def _numbered(parents):
     """(K,) numbers of the groups of a union of (K,), from 0, and how many there are."""
     numbers, found = np.full(len(parents), -1), 0
     for k in range(len(parents)):
@@ -176,7 +176,7 @@ def _numbered(parents):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def drawn_of(group, faces, vertices):  # type: ignore[no-untyped-def]
+def drawn_of(group, faces, vertices):
     """(3 F,) the drawn vertex of every corner, and (N,) the corner at which each was first met.
 
     One is drawn for each group and vertex, or what else (F, 3) numbers below ``vertices`` stand for.
@@ -195,7 +195,7 @@ def drawn_of(group, faces, vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def summed(group, count, normals, angles):  # type: ignore[no-untyped-def]
+def summed(group, count, normals, angles):
     """(G, 3) the normals of the faces around each group, by their angles."""
     sums = np.zeros((count, 3))
     for k in range(len(group)):
@@ -206,7 +206,7 @@ def summed(group, count, normals, angles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bounds_something(faces, vertices):  # type: ignore[no-untyped-def]
+def bounds_something(faces, vertices):
     """Whether every edge is there once in each direction."""
     keys, _ = _room(3 * len(faces))
     for f in range(len(faces)):
@@ -224,7 +224,7 @@ def bounds_something(faces, vertices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def firsts_of(cells):  # type: ignore[no-untyped-def]
+def firsts_of(cells):
     """(V,) the first vertex that has the same number of (V,)."""
     keys, first = _room(len(cells))
     out = np.empty(len(cells), np.int32)

@@ -24,7 +24,7 @@ _HEARD = 0.3
 
 
 @njit(cache=True, nogil=True)
-def blend(x, w, predicted, known, before, d, share, out):  # type: ignore[no-untyped-def]
+def blend(x, w, predicted, known, before, d, share, out):
     """Kernel: ``out`` (20, D) from what S sensors say.
 
     Args:
@@ -72,7 +72,7 @@ def blend(x, w, predicted, known, before, d, share, out):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def doubt_outliers(x, w, predicted):  # type: ignore[no-untyped-def]
+def doubt_outliers(x, w, predicted):
     """Kernel: lowers the weights (S, 20) of who is farther from the prediction (20, 3) than another is."""
     count, joints, _ = x.shape
     for j in range(joints):
@@ -90,7 +90,7 @@ def doubt_outliers(x, w, predicted):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fuse_confidence(x, w, told, joints, out):  # type: ignore[no-untyped-def]
+def fuse_confidence(x, w, told, joints, out):
     """Kernel: (20,) confidence of fused joints (20, 3) that S sensors put at ``x`` (S, 20, 3).
 
     Args:
@@ -113,7 +113,7 @@ def fuse_confidence(x, w, told, joints, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bones_within(joints, bones, shortest, longest):  # type: ignore[no-untyped-def]
+def bones_within(joints, bones, shortest, longest):
     """Kernel: whether every one of the bones (B, 2) is longer and shorter than (B,) metres."""
     for b in range(len(bones)):
         squared = _apart(joints[bones[b, 0]], joints[bones[b, 1]])
@@ -123,13 +123,13 @@ def bones_within(joints, bones, shortest, longest):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def _apart(a, b):  # type: ignore[no-untyped-def]
+def _apart(a, b):
     """Kernel: squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @njit(cache=True, nogil=True)
-def trunk_distances(a, a_sure, b, b_sure, pairs, out):  # type: ignore[no-untyped-def]
+def trunk_distances(a, a_sure, b, b_sure, pairs, out):
     """Kernel: (A, B) mean distance of bodies, of the 12 points that do not depend on the naming of sides.
 
     Args:
@@ -151,7 +151,7 @@ def trunk_distances(a, a_sure, b, b_sure, pairs, out):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def side_costs(x, sure, expected, other):  # type: ignore[no-untyped-def]
+def side_costs(x, sure, expected, other):
     """Kernel: mean distance, metres, of joints with a side from where expected, as named and exchanged."""
     plain, crossed, weight = 0.0, 0.0, 0.0
     for j in range(len(other)):

@@ -13,7 +13,7 @@ FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[no-untyped-def]
+def nearest_capsules(which, seen, affinity, ends, radii, side):
     """Finds the capsule that each observed point lies on, by its surface, into ``which``.
 
     A surface that faces away from the observed normal costs up to twice ``side`` metres more, so that a
@@ -58,7 +58,7 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
+def misfits(points, ends, radii, far):
     """(N,) metres: the mean distance from points to the nearest surface plus that from capsules to points.
 
     Args:
@@ -96,7 +96,7 @@ def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
+def standing_out(points, ends, radii):
     """(M,) float32 metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
     zero, one = np.float32(0.0), np.float32(1.0)
     seen, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
@@ -117,7 +117,7 @@ def standing_out(points, ends, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def clear_of_rays(points, eye, near, far, ends, radii):  # type: ignore[no-untyped-def]
+def clear_of_rays(points, eye, near, far, ends, radii):
     """(M,) float32 metres between some capsules and a stretch of the ray through each point; negative inside.
 
     The least distance between the stretch and a capsule's axis, less the radius there.

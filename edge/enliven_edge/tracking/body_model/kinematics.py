@@ -16,7 +16,7 @@ _SMALL = 1e-4
 
 
 @njit(cache=True, nogil=True)
-def forward_into(world, pivots, position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
     """Forward kinematics, parents first, into the first two arguments.
 
     Args:
@@ -51,7 +51,7 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
 
 
 @njit(cache=True, nogil=True)
-def pivots_by_length(out, world, rotations, parents, offsets):  # type: ignore[no-untyped-def]
+def pivots_by_length(out, world, rotations, parents, offsets):
     """(13, 3, L) the derivatives of the frames' origins by the lengths, into ``out``; L is 0 or 12."""
     out[:] = 0.0
     for f in range(1, len(parents) if out.shape[2] > 0 else 0):
@@ -68,7 +68,7 @@ def pivots_by_length(out, world, rotations, parents, offsets):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _along(row, lengths):  # type: ignore[no-untyped-def]
+def _along(row, lengths):
     """The dot product of (L,) and (L,), summed in any order so that many terms are added at once."""
     total = 0.0
     for term in range(len(lengths)):
@@ -77,7 +77,7 @@ def _along(row, lengths):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
+def _shrugged(offset, rotation, frame):
     """The shift of a shoulder, sideways and up, by its raised arm: metres a metre of shoulder width."""
     sine, cosine = shrug(rotation)
     side = 1.0 if frame == UPPER_ARM_L else -1.0
@@ -86,7 +86,7 @@ def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def shrug(rotation):  # type: ignore[no-untyped-def]
+def shrug(rotation):
     """Sine and cosine of the angle by which a shoulder has risen with its arm.
 
     The collar bone has no unknown of its own: it moves with the arm, as it does in people (the
@@ -98,7 +98,7 @@ def shrug(rotation):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):  # type: ignore[no-untyped-def]
+def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):
     """The capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
 
     Args:
@@ -118,7 +118,7 @@ def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
 
 
 @njit(cache=True, nogil=True)
-def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+def turn(rotations, step, dof_frame, dof_axis):
     """Right-multiplies every frame's rotation by the exponential of its part of the step."""
     k = 0
     while k < len(dof_frame):
@@ -131,7 +131,7 @@ def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
+def carry_on(rotations, before, share, fastest):
     """Turns each frame on by a share of its turn since ``before``, ``fastest`` radians at most, in place."""
     for f in range(len(rotations)):
         vector = share * deviation(before[f], rotations[f])
@@ -141,7 +141,7 @@ def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def product(a, b):  # type: ignore[no-untyped-def]
+def product(a, b):
     """(3, 3) the matrix product a b, without a call of BLAS."""
     out = np.empty((3, 3))
     for i in range(3):
@@ -151,7 +151,7 @@ def product(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def deviation(reference, rotation):  # type: ignore[no-untyped-def]
+def deviation(reference, rotation):
     """(3,) log(reference' rotation): the rotation vector from one rotation to another, in its axes."""
     out = np.empty(3)
     deviation_into(out, reference, rotation)
@@ -159,7 +159,7 @@ def deviation(reference, rotation):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
+def deviation_into(out, reference, rotation):
     """Writes :func:`deviation` into (3,) ``out``: the fit computes some forty in a step."""
     trace = 0.0
     for i in range(3):
@@ -178,7 +178,7 @@ def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def exponential(v):  # type: ignore[no-untyped-def]
+def exponential(v):
     """(3, 3) the rotation by the rotation vector v (Rodrigues)."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     a = 1.0 - angle * angle / 6.0 if angle < 1e-4 else np.sin(angle) / angle
@@ -198,7 +198,7 @@ def exponential(v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def logarithm(r):  # type: ignore[no-untyped-def]
+def logarithm(r):
     """(3,) the rotation vector of a (3, 3) rotation, of length at most pi."""
     v = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
     sine = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

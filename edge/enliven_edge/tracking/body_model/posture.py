@@ -81,7 +81,7 @@ def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, F
 
 
 @njit(cache=True, nogil=True)
-def frames_of(position, rotations, lengths, parents, offsets):  # type: ignore[no-untyped-def]
+def frames_of(position, rotations, lengths, parents, offsets):
     """:func:`forward` for kernels; parents and offsets as of :func:`kinematics.forward_into`."""
     count = len(parents)
     world, pivots = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -90,7 +90,7 @@ def frames_of(position, rotations, lengths, parents, offsets):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def joints_into(joints, world, pivots, lengths, frames, local):  # type: ignore[no-untyped-def]
+def joints_into(joints, world, pivots, lengths, frames, local):
     """Writes the (J, 3) places, world frame, of points that the body carries into ``joints``.
 
     Args:
@@ -110,7 +110,7 @@ def joints_into(joints, world, pivots, lengths, frames, local):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _joints(position, rotations, lengths, parents, offsets, frames, local):  # type: ignore[no-untyped-def]
+def _joints(position, rotations, lengths, parents, offsets, frames, local):
     """(20, 3) see :meth:`Posture.joints`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     joints = np.empty((len(frames), 3))
@@ -119,7 +119,7 @@ def _joints(position, rotations, lengths, parents, offsets, frames, local):  # t
 
 
 @njit(cache=True, nogil=True)
-def _turns(position, rotations, lengths, parents, offsets, bones):  # type: ignore[no-untyped-def]
+def _turns(position, rotations, lengths, parents, offsets, bones):
     """(20, 4) see :meth:`Posture.orientations`, w >= 0; ``bones`` are the frames of the bones."""
     world, _ = frames_of(position, rotations, lengths, parents, offsets)
     turns, out = np.empty((len(world), 4)), np.empty((len(bones), 4))
@@ -133,7 +133,7 @@ def _turns(position, rotations, lengths, parents, offsets, bones):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def capsules_of(position, rotations, lengths, parents, offsets, frames, local, thickness):  # type: ignore[no-untyped-def]
+def capsules_of(position, rotations, lengths, parents, offsets, frames, local, thickness):
     """See :meth:`Posture.capsules`, and :func:`kinematics.capsules_into`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     ends, radii = np.empty((len(frames), 2, 3)), np.empty((len(frames), 2))
@@ -182,7 +182,7 @@ _LIES = 0.4
 
 
 @njit(cache=True, nogil=True)
-def chest_axes(rotations):  # type: ignore[no-untyped-def]
+def chest_axes(rotations):
     """Two unit vectors, world frame: towards the chest's left, and up along it.
 
     Args:
@@ -193,7 +193,7 @@ def chest_axes(rotations):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def chest_axes_about(rotations):  # type: ignore[no-untyped-def]
+def chest_axes_about(rotations):
     """The same of the posture turned about (:func:`appearance.turned_about`), without making it.
 
     Mirrored left for right and turned half about the pelvis' upright axis, the chest is mirrored front for
@@ -207,14 +207,14 @@ def chest_axes_about(rotations):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def ahead_in_plan(left):  # type: ignore[no-untyped-def]
+def ahead_in_plan(left):
     """The unit (x, z) direction that a chest faces, by the line of its shoulders: bent over or not."""
     length = np.sqrt(left[0] * left[0] + left[2] * left[2]) + 1e-9
     return -left[2] / length, left[0] / length
 
 
 @njit(cache=True, nogil=True)
-def leaning_back(left, up):  # type: ignore[no-untyped-def]
+def leaning_back(left, up):
     """How far a chest leans backward, as the sine beyond what is usual: people bend forward."""
     if up[1] < _LIES:
         return 0.0

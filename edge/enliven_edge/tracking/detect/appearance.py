@@ -102,14 +102,14 @@ def estimate_at_points(observation: Observation, estimate: Estimate) -> Estimate
 
 
 @njit(cache=True, nogil=True)
-def _shown_at(pixels, camera, parts, axes, centre, scale):  # type: ignore[no-untyped-def]
+def _shown_at(pixels, camera, parts, axes, centre, scale):
     """Returns the (M, 2) rays of pixels and the (P, M) parts there, see :func:`part_map.parts_at_rays`."""
     rays = _rays(pixels, camera)
     return rays, parts_at_rays(parts, rays, axes, centre, scale)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _affinity(shown, carries, metres):  # type: ignore[no-untyped-def]
+def _affinity(shown, carries, metres):
     """See :meth:`EstimateAtPoints.affinity`.
 
     Args:
@@ -130,7 +130,7 @@ def _affinity(shown, carries, metres):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rays(pixels, camera):  # type: ignore[no-untyped-def]
+def _rays(pixels, camera):
     """Returns (M, 2) x/z and y/z of (M, 2) rows and columns."""
     rays = np.empty((len(pixels), 2))
     for i in range(len(pixels)):
@@ -148,7 +148,7 @@ def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _agreement(surface, shown, carries, ends, radii):  # type: ignore[no-untyped-def]
+def _agreement(surface, shown, carries, ends, radii):
     """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
 
     Args:
@@ -173,7 +173,7 @@ def facing_score(seen: EstimateAtPoints, posture: Posture, eye: Float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def likely_to_face(ways, angle):  # type: ignore[no-untyped-def]
+def likely_to_face(ways, angle):
     """See :func:`facing_score`.
 
     Args:
@@ -193,7 +193,7 @@ def facing(posture: Posture, eye: Float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _facing(rotations, place, eye):  # type: ignore[no-untyped-def]
+def _facing(rotations, place, eye):
     left, _ = chest_axes(rotations)
     return facing_in_plan(left, place, eye)
 

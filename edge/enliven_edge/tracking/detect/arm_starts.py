@@ -93,7 +93,7 @@ def _as_the_other(posture: Posture, arm: Arm) -> Posture:
 
 
 @njit(cache=True, nogil=True)
-def _at_surface(view, joints):  # type: ignore[no-untyped-def]
+def _at_surface(view, joints):
     """Returns (N, 3) joints, each moved along its ray to just behind the person's surface there.
 
     Where the person is not seen there, or far from it, the joint stays.
@@ -151,7 +151,7 @@ def _where_it_stands_out(
 
 
 @njit(cache=True, nogil=True)
-def fullest_ball(points, radius):  # type: ignore[no-untyped-def]
+def fullest_ball(points, radius):
     """(M,) which of (M, 3) points are within a radius of the one that has most others about it."""
     most, best, square = 0, 0, radius * radius
     x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()

@@ -82,13 +82,13 @@ def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _jumps(here, there, step):  # type: ignore[no-untyped-def]
+def _jumps(here, there, step):
     """Whether two depths, metres, ``step`` pixels apart are not of one surface."""
     return abs(there - here) > step * (0.02 + 0.008 * here * here)
 
 
 @njit(cache=True, nogil=True)
-def _solid(z, mask, step):  # type: ignore[no-untyped-def]
+def _solid(z, mask, step):
     """(h, w) the masked pixels with three neighbours on the same surface: no stray depth at an edge."""
     height, width = mask.shape
     out = np.zeros((height, width), np.bool_)
@@ -104,7 +104,7 @@ def _solid(z, mask, step):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def spread(points, z, mask, step, source, distance):  # type: ignore[no-untyped-def]
+def spread(points, z, mask, step, source, distance):
     """Dijkstra from one more source: lowers ``distance`` (h, w), metres, where the new way is shorter.
 
     Args:

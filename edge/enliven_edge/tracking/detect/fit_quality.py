@@ -79,14 +79,14 @@ class Facing:
 
 
 @njit(cache=True, nogil=True)
-def backward(rotations):  # type: ignore[no-untyped-def]
+def backward(rotations):
     """See :func:`posture.leaning_back`; of (13, 3, 3) rotations."""
     left, up = chest_axes(rotations)
     return leaning_back(left, up)
 
 
 @njit(cache=True, nogil=True)
-def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untyped-def]
+def _advantage(rotations, place, eye, velocity, ways):
     """Returns the log probability of a posture's facing less that of its opposite, by one frame.
 
     Args:
@@ -104,7 +104,7 @@ def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def _walking(velocity, ahead):  # type: ignore[no-untyped-def]
+def _walking(velocity, ahead):
     """Returns how plainly a person walks ahead, in [-1, 1]; -1: plainly backward.
 
     Args:

@@ -79,7 +79,7 @@ class Crop:
 
 
 @njit(cache=True, nogil=True)
-def _to_camera(points, depth, centre, axes):  # type: ignore[no-untyped-def]
+def _to_camera(points, depth, centre, axes):
     """See :meth:`Crop.to_camera`; nothing is nearer than ``_NEAREST``."""
     out = np.empty((len(points), 3))
     for i in range(len(points)):
@@ -92,7 +92,7 @@ def _to_camera(points, depth, centre, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def cells_at(rays, axes, centre, scale):  # type: ignore[no-untyped-def]
+def cells_at(rays, axes, centre, scale):
     """See :meth:`Crop.cells`."""
     out = np.empty((len(rays), 2))
     for i in range(len(rays)):
@@ -150,7 +150,7 @@ def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Fl
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _samples(z, mask, camera, axes):  # type: ignore[no-untyped-def]
+def _samples(z, mask, camera, axes):
     """(3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
     pixels, width = pixels_of(mask), mask.shape[1]
     some = pixels[:: max(1, len(pixels) // _SAMPLES)]
@@ -165,7 +165,7 @@ def _samples(z, mask, camera, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):  # type: ignore[no-untyped-def]
+def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
     """The four channels, each cell by the pixels nearest to its four quarters' middles."""
     rows, columns = image.shape[1:]
     size, rise = cell / depth, pose[1]
@@ -193,7 +193,7 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):  # t
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _aim(rays, pixels, down, size, camera, axes, centre, shape):  # type: ignore[no-untyped-def]
+def _aim(rays, pixels, down, size, camera, axes, centre, shape):
     """The rays, x/z and y/z, of a row of quarters ``down`` from the middle, and the pixels that they meet.
 
     Into (2, J) and (J,): a pixel's place in reading order, -1 outside the image. Apart from what the pixels

@@ -90,7 +90,7 @@ class Estimate:
 
 
 @njit(cache=True, nogil=True)
-def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
+def _landmarks(joints, spread, surest, trust):
     """(J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
     out = np.empty((len(joints), 5))
     low, high = _WIDTHS
@@ -104,7 +104,7 @@ def _landmarks(joints, spread, surest, trust):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _apart(joints, seen, spread, which):  # type: ignore[no-untyped-def]
+def _apart(joints, seen, spread, which):
     """See :meth:`Estimate.count_apart`."""
     count = 0
     for j in which:
@@ -165,7 +165,7 @@ class PoseEstimator:
 
 
 @njit(cache=True, nogil=True)
-def _decoded(here, spread, facing, pose):  # type: ignore[no-untyped-def]
+def _decoded(here, spread, facing, pose):
     """Decodes the network's output: joints, spread, facing and person probability, as of :class:`Estimate`.
 
     Args:
@@ -185,7 +185,7 @@ def _decoded(here, spread, facing, pose):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _log_softmax(logits):  # type: ignore[no-untyped-def]
+def _log_softmax(logits):
     """(N,) log probabilities, float64, of (N,) float32 logits."""
     shifted = logits.astype(np.float64) - np.float64(logits.max())
     return shifted - np.log(np.exp(shifted).sum())

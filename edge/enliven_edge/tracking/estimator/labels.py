@@ -41,7 +41,7 @@ MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 
 
 @njit(cache=True, nogil=True)
-def facing_in_plan(left, place, eye):  # type: ignore[no-untyped-def]
+def facing_in_plan(left, place, eye):
     """Returns the radians in plan from facing the sensor to the person's facing, anticlockwise from above.
 
     Args:

@@ -25,7 +25,7 @@ _BIAS, _MANTISSA = np.int32(127), np.int32(23)
 
 
 @njit(cache=True, nogil=True)
-def parts_at_rays(logits, rays, axes, centre, scale):  # type: ignore[no-untyped-def]
+def parts_at_rays(logits, rays, axes, centre, scale):
     """(P, M) float32 probabilities of P parts at M rays: softmax over the logits between four cells.
 
     Args:
@@ -50,7 +50,7 @@ def parts_at_rays(logits, rays, axes, centre, scale):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _read(out, row, places, right, down, columns):  # type: ignore[no-untyped-def]
+def _read(out, row, places, right, down, columns):
     """A map's values at (M,) places, and shares of a cell to the right and down from there, into ``out``."""
     for i in range(len(out)):
         at = np.uintp(places[i])
@@ -61,7 +61,7 @@ def _read(out, row, places, right, down, columns):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _softmax(logits):  # type: ignore[no-untyped-def]
+def _softmax(logits):
     """Makes (P, M) logits probabilities of each column, in place."""
     most, total = logits[0].copy(), np.zeros(logits.shape[1], np.float32)
     for p in range(1, len(logits)):
@@ -82,7 +82,7 @@ def _softmax(logits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def exponential(x):  # type: ignore[no-untyped-def]
+def exponential(x):
     """e to the power of a float32 from -87 to 87, by its series, to 3e-7 of it; as e^-87 below.
 
     Without a call, so that many are computed at once.

@@ -73,7 +73,7 @@ def align(
 
 
 @njit(cache=True, nogil=True)
-def _align(  # type: ignore[no-untyped-def]
+def _align(
     position, rotations, lengths, frames, local, targets, weights, width, skeleton, limits, iterations
 ):
     """Levenberg-Marquardt, the posture in place; returns the energy."""
@@ -109,9 +109,7 @@ def _align(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _normal_equations(  # type: ignore[no-untyped-def]
-    matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits
-):
+def _normal_equations(matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits):
     """Writes the normal equations of targets, joint ranges and relaxation; returns the energy, square cm."""
     frames, local, targets, weights = wanted
     parents, offsets, moves, dof_frame, dof_axis, lengths_of = skeleton

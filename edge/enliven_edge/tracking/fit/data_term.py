@@ -20,7 +20,7 @@ from enliven_edge.tracking.fit.normal_equations import of_frame
 
 
 @njit(cache=True, nogil=True)
-def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):  # type: ignore[no-untyped-def]
+def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
     """Adds the term that draws every observed point and the surface of its nearest capsule together.
 
     ``support`` (C,) receives the number of points that each capsule explains within ``width``.
@@ -62,7 +62,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
 
 
 @njit(cache=True, nogil=True)
-def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
+def _by_capsule(which, seen, count):
     """(3, M) the points sorted by capsule, and (C + 1,) the first point of each capsule."""
     first = np.zeros(count + 1, np.int64)
     for c in which:
@@ -79,7 +79,7 @@ def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignore[no-untyped-def]
+def _moments(squares, firsts, powers, points, here, axis, width):
     """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
 
     Written out in single precision, so that many points are summed at once: most of a fit is spent here.
@@ -141,7 +141,7 @@ def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignor
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _fill_square(out, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+def _fill_square(out, xx, xy, xz, yy, yz, zz):
     """A symmetric (3, 3)."""
     out[0, 0], out[0, 1], out[0, 2] = xx, xy, xz
     out[1, 0], out[1, 1], out[1, 2] = xy, yy, yz
@@ -149,13 +149,13 @@ def _fill_square(out, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _cross(a, x, y, z):  # type: ignore[no-untyped-def]
+def _cross(a, x, y, z):
     """(3,) a cross (x, y, z), as a tuple: a view of an array's row would be counted, which takes longer."""
     return a[1] * z - a[2] * y, a[2] * x - a[0] * z, a[0] * y - a[1] * x
 
 
 @njit(cache=True, nogil=True)
-def _add_pose_terms(total, pull, squares, firsts, start, way, room):  # type: ignore[no-untyped-def]
+def _add_pose_terms(total, pull, squares, firsts, start, way, room):
     """Adds sum phi phi' and -sum r phi of a capsule's points, phi = (n, start cross n + way cross t n).
 
     ``room`` (2, 3, 3) is overwritten.
@@ -185,7 +185,7 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):  # type: ignore[no-untyped-def]
+def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):
     """Adds the terms of a capsule's points in the lengths.
 
     A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of

@@ -29,7 +29,7 @@ MOST_DAMPING = 1e4
 
 
 @njit(cache=True, nogil=True)
-def minimise(  # type: ignore[no-untyped-def]
+def minimise(
     position, rotations, lengths, observed, constants, predicted, stiffness, reference, firmness, iterations,
     support, violated, information,
 ):  # fmt: skip
@@ -88,7 +88,7 @@ def minimise(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
+def cholesky(factor, matrix, damping):
     """The upper factor U of M + damping diag(M) + 0.001 = U'U; only upper triangles are read and written.
 
     Row by row, and of four earlier rows at once: a row is then read and written a quarter as often.
@@ -116,7 +116,7 @@ def cholesky(factor, matrix, damping):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-untyped-def]
+def solve_damped(step, factor, matrix, gradient, damping):
     """step = -(M + damping diag(M) + 0.001)^-1 gradient; only M's upper triangle is read."""
     count = len(gradient)
     cholesky(factor, matrix, damping)
@@ -136,7 +136,7 @@ def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def stepped(position, rotations, lengths, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+def stepped(position, rotations, lengths, step, dof_frame, dof_axis):
     """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
     largest = 1e-9
     for k in range(3, model.DOFS):

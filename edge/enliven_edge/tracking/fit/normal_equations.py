@@ -25,7 +25,7 @@ _MOVES = 3
 
 
 @njit(cache=True, nogil=True)
-def empty_sums(frames, lengths):  # type: ignore[no-untyped-def]
+def empty_sums(frames, lengths):
     """The sums of no residuals, for so many frames and lengths; 0 lengths where they are frozen.
 
     Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums
@@ -37,7 +37,7 @@ def empty_sums(frames, lengths):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):  # type: ignore[no-untyped-def]
+def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):
     """Adds a residual along one direction to the sums.
 
     Args:
@@ -65,7 +65,7 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight): 
 
 
 @njit(cache=True, nogil=True)
-def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: ignore[no-untyped-def]
+def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
     """Adds the three residuals of a point with a target to the sums.
 
     Args:
@@ -99,13 +99,13 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def of_frame(lengths_of, frame, lengths):  # type: ignore[no-untyped-def]
+def of_frame(lengths_of, frame, lengths):
     """The lengths that move the points of a frame; none where all are frozen."""
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
 @njit(cache=True, nogil=True)
-def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
+def gather(matrix, gradient, sums, body):
     """Adds the sums to the normal equations, the upper triangle of the matrix; the sums are used up.
 
     Args:
@@ -138,7 +138,7 @@ def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _turns(world, pivots, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+def _turns(world, pivots, dof_frame, dof_axis):
     """(K, 6) the twist of every rotational unknown: about its axis, through its frame's pivot."""
     out = np.empty((len(dof_frame), 6))
     for k in range(len(dof_frame)):
@@ -151,7 +151,7 @@ def _turns(world, pivots, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):  # type: ignore[no-untyped-def]
+def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
     """Adds the part of translation and rotations; ``total`` and ``pull`` are of all that a frame moves."""
     product = np.empty(6)
     for a in range(_MOVES):
@@ -177,7 +177,7 @@ def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):  # ty
 
 
 @njit(cache=True, nogil=True)
-def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no-untyped-def]
+def point_row(row, scale, frame, point, normal, local, body):
     """Adds scale * normal . d(point)/d(unknowns) to the row, for a point carried by a frame.
 
     Args:
@@ -209,7 +209,7 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def robust(residual, width):  # type: ignore[no-untyped-def]
+def robust(residual, width):
     """Geman-McClure: the energy r^2 / (1 + (r / width)^2) and its weight in iterated least squares."""
     ratio = residual / width
     w = 1.0 / (1.0 + ratio * ratio)
@@ -217,7 +217,7 @@ def robust(residual, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
+def carried(point, frame, local, lengths, body):
     """Writes the (3,) place of a point that a frame carries, linear in the lengths, into ``point``."""
     world, pivots = body.world, body.pivots
     for a in range(3):
@@ -231,7 +231,7 @@ def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def ends_by_length(out, body, capsule_frame, capsule_local):  # type: ignore[no-untyped-def]
+def ends_by_length(out, body, capsule_frame, capsule_local):
     """(C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
     for c in range(len(capsule_frame)):
         for e in range(2):
@@ -239,7 +239,7 @@ def ends_by_length(out, body, capsule_frame, capsule_local):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def by_length(out, frame, local, body):  # type: ignore[no-untyped-def]
+def by_length(out, frame, local, body):
     """(3, L) the derivatives by the lengths of a point that is (3, 12) in its frame, into ``out``."""
     world, of_pivot, lengths_of = body.world, body.by_length, body.lengths_of
     out[:] = 0.0
@@ -251,7 +251,7 @@ def by_length(out, frame, local, body):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def stretch_into(out, normal, by_ends, t, frame, lengths_of):  # type: ignore[no-untyped-def]
+def stretch_into(out, normal, by_ends, t, frame, lengths_of):
     """(L,) normal . d(point)/d(length), a share t along a capsule, into ``out``; not by the girth."""
     out[:] = 0.0
     for p in of_frame(lengths_of, frame, len(out)):

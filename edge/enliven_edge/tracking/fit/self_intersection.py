@@ -9,7 +9,7 @@ from enliven_edge.tracking.body_model import model
 
 
 @njit(cache=True, nogil=True)
-def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
+def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
     """Adds the term that keeps samples on the first capsule of each pair out of the second."""
     ends, radii, capsule_frame, by_ends = surface.ends, surface.radii, surface.frame, surface.by_ends
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
@@ -49,7 +49,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples): 
 
 
 @njit(cache=True, nogil=True)
-def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
+def _add_few(matrix, gradient, filled, values, count, residual, weight):
     """Adds one weighted residual to the upper triangle of the normal equations.
 
     Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
@@ -63,7 +63,7 @@ def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type
 
 
 @njit(cache=True, nogil=True)
-def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
+def _clear(one, thick, other, broad):
     """Whether two capsules are too far apart to meet, by the balls about them."""
     apart, first, second = 0.0, 0.0, 0.0
     for a in range(3):
@@ -75,7 +75,7 @@ def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _parting_row(filled, values, first, second, normal, body):  # type: ignore[no-untyped-def]
+def _parting_row(filled, values, first, second, normal, body):
     """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
 
     An unknown that moves both points turns that line without making it longer, so only the unknowns that move

@@ -58,7 +58,7 @@ _FLOOR_SLACK = 0.02
 
 
 @njit(cache=True, nogil=True)
-def free_space(sums, surface, view, weight, width, samples, violated):  # type: ignore[no-untyped-def]
+def free_space(sums, surface, view, weight, width, samples, violated):
     """Adds the term against limbs where the camera saw through, or in front of what it saw.
 
     Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
@@ -120,7 +120,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
+def _in_camera(out, pose, point):
     """(3,) a point of the world in the frame of a camera at the (4, 4) pose, into ``out``."""
     for a in range(3):
         out[a] = 0.0
@@ -129,7 +129,7 @@ def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
+def above_floor(sums, surface, weight, slack):
     """Adds the term that keeps the balls at both ends of every capsule above y = -``slack`` metres."""
     ends, radii, lengths_of = surface.ends, surface.radii, surface.lengths_of
     down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums.tug))
@@ -148,7 +148,7 @@ def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # type: ignore[no-untyped-def]
+def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
     """Adds the term that draws joints p to their landmarks: weight w |p - landmark|^2, robustly.
 
     Args:
@@ -175,7 +175,7 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # ty
 
 
 @njit(cache=True, nogil=True)
-def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: ignore[no-untyped-def]
+def hold_build(matrix, gradient, lengths, reference, firmness, scale):
     """Adds the term that keeps proportions near the reference's, and the size ``scale`` times as firmly.
 
     With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2;
@@ -202,7 +202,7 @@ def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):
     """Adds the term that keeps rotations near a reference: weight * |log(reference' rotation)|^2."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
@@ -221,7 +221,7 @@ def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_ax
 
 
 @njit(cache=True, nogil=True)
-def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
+def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):
     """Adds the term that keeps rotations within their ranges: the excess beyond is a residual."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
@@ -241,7 +241,7 @@ def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, 
 
 
 @njit(cache=True, nogil=True)
-def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
+def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):
     """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained).
 
     A term is one line here, one kernel above, and one weight in :class:`FitSettings`.
@@ -281,7 +281,7 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
 
 
 @njit(cache=True, nogil=True)
-def placed(state, shape, free):  # type: ignore[no-untyped-def]
+def placed(state, shape, free):
     """The frames and the surface of a posture, with so many lengths that are not frozen."""
     rotations, lengths, frames = state.rotations, state.lengths, shape.capsule_frame
     world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))

@@ -118,7 +118,7 @@ class Observation:
 
 
 @njit(cache=True, nogil=True)
-def side_by_side(points, normals):  # type: ignore[no-untyped-def]
+def side_by_side(points, normals):
     """(6, M) float32 of (M, 3) points and (M, 3) normals: a row a number, to look at many at once."""
     out = np.empty((6, len(points)), np.float32)
     for i in range(len(points)):
@@ -133,7 +133,7 @@ def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
+def _world_points(z, ray, pose):
     """Every pixel's ray scaled by its depth and moved by the (4, 4) pose."""
     height, width = z.shape
     out = np.empty((height, width, 3))
@@ -146,7 +146,7 @@ def _world_points(z, ray, pose):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def nearest_columns(mask):  # type: ignore[no-untyped-def]
+def nearest_columns(mask):
     """(h, w) int16 the masked column nearest to every pixel in its row, the left one of two; -1: none is."""
     height, width = mask.shape
     out = np.empty((height, width), np.int16)
@@ -178,7 +178,7 @@ def nearest_columns(mask):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def nearest_pixel(v, u, nearest):  # type: ignore[no-untyped-def]
+def nearest_pixel(v, u, nearest):
     """(row, column) of the masked pixel nearest to one, from :func:`nearest_columns`; -1 where none is."""
     height = nearest.shape[0]
     best, row, column = 1 << 60, -1, -1
@@ -213,7 +213,7 @@ def observe(
 
 
 @njit(cache=True, nogil=True)
-def _observed(surface, z, mask, eye, points):  # type: ignore[no-untyped-def]
+def _observed(surface, z, mask, eye, points):
     """Points, points beside their normals, pixels and nearest columns, as of :class:`Observation`."""
     pixels = sampled(mask, points)
     found, normals = surface_samples(surface, z, pixels, eye)
@@ -221,7 +221,7 @@ def _observed(surface, z, mask, eye, points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def sampled(mask, points):  # type: ignore[no-untyped-def]
+def sampled(mask, points):
     """(M, 2) rows and columns of at most so many masked pixels, evenly spread in reading order."""
     pixels, width = pixels_of(mask), mask.shape[1]
     total = len(pixels)
@@ -235,7 +235,7 @@ def sampled(mask, points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
+def surface_samples(points, z, pixels, eye):
     """(M, 3) float32 points at M pixels, and their unit normals from differences across two pixels.
 
     Normals face the eye. Where a neighbour is unknown or across a depth edge, the direction to the eye
@@ -261,19 +261,19 @@ def surface_samples(points, z, pixels, eye):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _between(a, b):  # type: ignore[no-untyped-def]
+def _between(a, b):
     """The vector from one point to another."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 @njit(cache=True, nogil=True)
-def _cross(a, b):  # type: ignore[no-untyped-def]
+def _cross(a, b):
     """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, nogil=True)
-def _turned_to(a, b):  # type: ignore[no-untyped-def]
+def _turned_to(a, b):
     """b, turned about where it points away from a."""
     side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
     return side * b[0], side * b[1], side * b[2]

@@ -42,7 +42,7 @@ def survey(depth: UInt16) -> DepthSurvey:
 
 
 @njit(cache=True, nogil=True)
-def _survey(depth, step, near):  # type: ignore[no-untyped-def]
+def _survey(depth, step, near):
     """Counts over every ``step``-th row and column, and an FNV-1a hash of those pixels."""
     height, width = depth.shape
     known, usable, speckle, count = 0, 0, 0, 0
@@ -72,7 +72,7 @@ _FARTHEST = np.uint16(65535)
 
 
 @njit(cache=True, nogil=True)
-def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
+def reduce_depth(depth, stride, height, width):
     """The lower median of up to nine known samples of every stride x stride block, in metres.
 
     A median keeps a depth edge an edge, where a mean would invent points between the two sides. A whole row
@@ -98,7 +98,7 @@ def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _part_in_three(first, second, third, row):  # type: ignore[no-untyped-def]
+def _part_in_three(first, second, third, row):
     """Every third of a row from its first, second and third on, each (width,): read as they lie, at once.
 
     With a factor that the compiler knows it does so many at a time, three times as fast as one by one; 3 is
@@ -109,7 +109,7 @@ def _part_in_three(first, second, third, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _balance(samples, odd):  # type: ignore[no-untyped-def]
+def _balance(samples, odd):
     """Makes every other unknown sample of each column of (9, width) the nearest and the rest the farthest.
 
     A pair of them leaves the median of the known where it was, and an odd one makes it the lower one. With
@@ -126,7 +126,7 @@ def _balance(samples, odd):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _medians(samples, out):  # type: ignore[no-untyped-def]
+def _medians(samples, out):
     """(width,) metres: the median of each column of (9, width) millimetres.
 
     Of three ordered triples: the median of the greatest of the least, the median of the middle ones, and the
@@ -145,7 +145,7 @@ def _medians(samples, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _ordered(a, b, c):  # type: ignore[no-untyped-def]
+def _ordered(a, b, c):
     """Three numbers, the least first."""
     a, b = min(a, b), max(a, b)
     b, c = min(b, c), max(b, c)
@@ -153,7 +153,7 @@ def _ordered(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def known_pixels(z):  # type: ignore[no-untyped-def]
+def known_pixels(z):
     """The number of an (h, w) image's pixels that have depth."""
     count = 0
     for v in range(z.shape[0]):
@@ -163,7 +163,7 @@ def known_pixels(z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def is_same(one, other):  # type: ignore[no-untyped-def]
+def is_same(one, other):
     """Whether two (h, w) images are equal; it ends with the first row that is not."""
     if one.shape != other.shape:
         return False

@@ -59,9 +59,7 @@ class FootContacts:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def step_feet(  # type: ignore[no-untyped-def]
-    joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis
-):
+def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis):
     """Returns (2,), see :meth:`FootContacts.__call__`; updates the state of the feet by a frame, in place.
 
     Args:
@@ -93,7 +91,7 @@ def step_feet(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _begin(joints, speed, ground, stands, floor):  # type: ignore[no-untyped-def]
+def _begin(joints, speed, ground, stands, floor):
     """Sets the state of the feet in a first frame: a low foot stands, and stands where it is."""
     for foot in range(2):
         stands[foot] = False
@@ -104,7 +102,7 @@ def _begin(joints, speed, ground, stands, floor):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _go_on(joints, last, speed, ground, seconds, floor):  # type: ignore[no-untyped-def]
+def _go_on(joints, last, speed, ground, seconds, floor):
     """Updates the low-passed speed of the feet, and the lowest height that they were at of late."""
     follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF * seconds))
     for foot in range(2):

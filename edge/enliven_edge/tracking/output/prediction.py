@@ -68,7 +68,7 @@ class Predictor:
 
 
 @njit(cache=True, nogil=True)
-def foreseen_places(joints, before, speed, delay, passed, seconds):  # type: ignore[no-untyped-def]
+def foreseen_places(joints, before, speed, delay, passed, seconds):
     """(J, 3) where joints are after some seconds, by their (J, 3) speeds, which this frame changes.
 
     Args:
@@ -84,7 +84,7 @@ def foreseen_places(joints, before, speed, delay, passed, seconds):  # type: ign
 
 
 @njit(cache=True, nogil=True)
-def foreseen_turns(turns, before, spin, delay, passed, seconds):  # type: ignore[no-untyped-def]
+def foreseen_turns(turns, before, spin, delay, passed, seconds):
     """(J, 4) the same of turns, by their (J, 3) spins in radians a second."""
     if passed > 0.0:
         learn_spin(spin, before, turns, passed, _share(passed))
@@ -94,13 +94,13 @@ def foreseen_turns(turns, before, spin, delay, passed, seconds):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _share(passed):  # type: ignore[no-untyped-def]
+def _share(passed):
     """The share of a new speed that the low-pass takes over after so many seconds; 1 where it begins."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF * passed)) if passed > 0.0 else 1.0
 
 
 @njit(cache=True, nogil=True)
-def ahead_of(velocity, delay, seconds, half):  # type: ignore[no-untyped-def]
+def ahead_of(velocity, delay, seconds, half):
     """(J,) seconds to look ahead: so many, and a delay as far as a velocity counts as movement.
 
     That is 0 at rest, half of it at the speed ``half``, and nearly all of it far beyond.
@@ -113,7 +113,7 @@ def ahead_of(velocity, delay, seconds, half):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def learn_spin(spin, before, turns, passed, share):  # type: ignore[no-untyped-def]
+def learn_spin(spin, before, turns, passed, share):
     """Low-pass on (J, 3) spins, radians a second about each bone's own axes, in place.
 
     Args:
@@ -128,7 +128,7 @@ def learn_spin(spin, before, turns, passed, share):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
+def turned_on(turns, spin, seconds):
     """(J, 4) turns after (J,) seconds at (J, 3) spins."""
     out = turns.copy()
     for j in range(len(out)):
@@ -138,7 +138,7 @@ def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
+def moved_on(joints, speed, seconds):
     """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds; every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
@@ -158,11 +158,11 @@ def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _limit(velocity, most):  # type: ignore[no-untyped-def]
+def _limit(velocity, most):
     """Returns the factor that makes a (3,) velocity no faster than ``most``."""
     return min(1.0, most / max(_length(velocity), 1e-9))
 
 
 @njit(cache=True, nogil=True)
-def _length(v):  # type: ignore[no-untyped-def]
+def _length(v):
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

@@ -81,13 +81,13 @@ class OneEuroTurns(_Filter):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _alpha(cutoff, seconds):  # type: ignore[no-untyped-def]
+def _alpha(cutoff, seconds):
     """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * seconds))
 
 
 @njit(cache=True, nogil=True)
-def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):
     """One step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres a second, in place.
 
     Args:
@@ -109,7 +109,7 @@ def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):  # type:
 
 
 @njit(cache=True, nogil=True)
-def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):
     """One step of the filter on (B, 4) ``value`` and (B, 3) ``velocity`` radians a second, in place.
 
     Args:
@@ -131,7 +131,7 @@ def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def step_between(q, r):  # type: ignore[no-untyped-def]
+def step_between(q, r):
     """(x, y, z) log(conj(q) r), radians: from a (4,) unit quaternion to another, the shorter way round."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     rw, rx, ry, rz = r[0], r[1], r[2], r[3]
@@ -147,7 +147,7 @@ def step_between(q, r):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def turn(q, x, y, z):  # type: ignore[no-untyped-def]
+def turn(q, x, y, z):
     """q (4,) becomes q exp(v), unit, for the rotation vector v = (x, y, z) radians in q's own frame."""
     angle = np.sqrt(x * x + y * y + z * z)
     scale = np.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5

@@ -35,7 +35,7 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
 
 @njit(cache=True, nogil=True)
-def _known(joints, confidence):  # type: ignore[no-untyped-def]
+def _known(joints, confidence):
     """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], 0 if not, and whether all are."""
     known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):
@@ -57,7 +57,7 @@ def finite_turns(orientations: Float, last: Float | None) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _are_units(turns):  # type: ignore[no-untyped-def]
+def _are_units(turns):
     """Whether all of (J, 4) quaternions are of unit length."""
     for j in range(len(turns)):
         w, x, y, z = turns[j]
@@ -112,7 +112,7 @@ class SpeedLimit:
 
 
 @njit(cache=True, nogil=True)
-def _leaps(joints, last, allowed):  # type: ignore[no-untyped-def]
+def _leaps(joints, last, allowed):
     """Whether any of (J, 3) joints is farther than ``allowed`` metres from where it was."""
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]

@@ -39,7 +39,7 @@ def mirrored_surfaces(
 
 
 @njit(cache=True, nogil=True)
-def inner_pixels(z, owner, index):  # type: ignore[no-untyped-def]
+def inner_pixels(z, owner, index):
     """Returns the (h, w) pixels of a person that have a measurable normal: all around are theirs, and as far.
 
     At a silhouette a normal is a guess, and guesses pull a surface that follows them ever farther.

@@ -71,7 +71,7 @@ def bounded_when_seated(sure: Float, posture: Posture) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _likely(evidence, weights):  # type: ignore[no-untyped-def]
+def _likely(evidence, weights):
     """(J,) see :func:`confidence`, by (J, F) weights."""
     out = np.empty(len(evidence))
     for j in range(len(evidence)):

@@ -97,7 +97,7 @@ def evidence(
 
 
 @njit(cache=True, nogil=True)
-def _evidence(  # type: ignore[no-untyped-def]
+def _evidence(
     observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
     seen, spread,
 ):  # fmt: skip
@@ -113,9 +113,7 @@ def _evidence(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def gathered(  # type: ignore[no-untyped-def]
-    shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
-):
+def gathered(shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second):
     """(20, 17) see :func:`evidence`.
 
     Args:
@@ -148,7 +146,7 @@ def gathered(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def capsule_shares(ends, radii, view):  # type: ignore[no-untyped-def]
+def capsule_shares(ends, radii, view):
     """(C, 4) of the samples along each capsule: visible, hidden by something, seen through, not in the image.
 
     Args:
@@ -190,7 +188,7 @@ def capsule_confidence(report: FitReport, observation: Observation, posture: Pos
 
 
 @njit(cache=True, nogil=True)
-def _supported(support, violated, ends, radii, count):  # type: ignore[no-untyped-def]
+def _supported(support, violated, ends, radii, count):
     """See :func:`capsule_confidence`.
 
     A capsule is supported by a third of the points that it would get if all of the body were seen: its share
@@ -208,9 +206,7 @@ def _supported(support, violated, ends, radii, count):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def joints_held(  # type: ignore[no-untyped-def]
-    matrix, position, rotations, lengths, parents, offsets, turns, frames, local
-):
+def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, frames, local):
     """(J, 3) joints, world frame, and (J,) how loosely each is held, relative: sqrt(trace(J H^-1 J')).
 
     That is the root of the trace of its covariance. H is the Gauss-Newton matrix of the frame alone, without

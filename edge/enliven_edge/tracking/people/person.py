@@ -243,7 +243,7 @@ def _centre(view: FrameView, pixels: Bool) -> Float | None:
 
 
 @njit(cache=True, nogil=True)
-def mean_point(points, pixels):  # type: ignore[no-untyped-def]
+def mean_point(points, pixels):
     """Returns the (3,) mean of (h, w, 3) points on the (h, w) pixels, one at least."""
     x, y, z, count = 0.0, 0.0, 0.0, 0
     for v in range(pixels.shape[0]):
@@ -255,7 +255,7 @@ def mean_point(points, pixels):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-def]
+def heights_beside(points, pixels, place, radius):
     """Returns (N,) heights of (h, w, 3) points on (h, w) pixels within a radius of a place in plan."""
     heights, count = np.empty(np.count_nonzero(pixels)), 0
     for v in range(pixels.shape[0]):

@@ -43,7 +43,7 @@ def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
+def _samples(ends, radii, depth, owner, mine, camera, pose):
     """Returns (3, S) of samples along the capsules: in the image, behind something, on pixels of ``mine``.
 
     Args:
@@ -71,7 +71,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def _hidden(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
+def _hidden(ends, radii, depth, owner, mine, camera, pose):
     """Returns the shares of the samples that are hidden and outside the image, see :func:`hidden_shares`."""
     seen = _samples(ends, radii, depth, owner, mine, camera, pose)
     count, hidden, inside = seen.shape[1], 0, 0

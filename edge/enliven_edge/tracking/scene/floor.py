@@ -73,7 +73,7 @@ def _triples(count: int, random: np.random.Generator) -> Int:
 
 
 @njit(cache=True, nogil=True)
-def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # type: ignore[no-untyped-def]
+def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
     """(4,) the upward plane n.x + h = 0 with most inliers and next to nothing below it; zeros for none."""
     best, found = 0.04 * len(points), np.zeros(4)
     normal = np.empty(3)
@@ -182,7 +182,7 @@ def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _level_plane(points, ranges):  # type: ignore[no-untyped-def]
+def _level_plane(points, ranges):
     """(3,) a, b, c of the plane y = a x + b z + c through the floor's points, and how far these spread.
 
     A sensor's noise is along its rays, in proportion to about the squared distance; a floor is met at a
@@ -224,7 +224,7 @@ def _level_plane(points, ranges):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _level_fit(plane, points, weights):  # type: ignore[no-untyped-def]
+def _level_fit(plane, points, weights):
     """The weighted least-squares y = a x + b z + c of (3, N) points, into ``plane``; False: in a line."""
     whole = weights.sum()
     x, y, z = (

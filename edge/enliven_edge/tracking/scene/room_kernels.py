@@ -85,7 +85,7 @@ def empty_room(shape: tuple[int, int]) -> RoomState:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def classified(z, points, room, fill, near, far, floor_band):  # type: ignore[no-untyped-def]
+def classified(z, points, room, fill, near, far, floor_band):
     """See :meth:`RoomModel.classify`; without a branch, so that many pixels are compared at once."""
     height, width = z.shape
     out = np.empty((height, width), np.uint8)
@@ -101,7 +101,7 @@ def classified(z, points, room, fill, near, far, floor_band):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def learn_frame(z, person, hold, state, rate):  # type: ignore[no-untyped-def]
+def learn_frame(z, person, hold, state, rate):
     """Learns one frame; returns the numbers of pixels compared, plainly nearer and plainly farther.
 
     Args:
@@ -147,7 +147,7 @@ def learn_frame(z, person, hold, state, rate):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _mark_row(usual, other, room, z, person):  # type: ignore[no-untyped-def]
+def _mark_row(usual, other, room, z, person):
     """Marks the pixels of a row that show the known room, and those that are to be learnt one by one.
 
     Returns the number of the first; a person's pixels are neither.
@@ -163,7 +163,7 @@ def _mark_row(usual, other, room, z, person):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _places_of(chosen, marks, words):  # type: ignore[no-untyped-def]
+def _places_of(chosen, marks, words):
     """Returns the places of the marks that are set, in ``chosen``; ``words`` are eight marks each."""
     count = 0
     for word in range(len(words)):
@@ -176,13 +176,13 @@ def _places_of(chosen, marks, words):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _margin(d):  # type: ignore[no-untyped-def]
+def _margin(d):
     """Metres by which depth at ``d`` metres may differ and still be the same: the sensor's noise."""
     return 0.04 + 0.010 * d * d
 
 
 @njit(cache=True, nogil=True)
-def _follow_room(usual, z, room, flips, waited, away, guarded, step):  # type: ignore[no-untyped-def]
+def _follow_room(usual, z, room, flips, waited, away, guarded, step):
     """Brings the pixels of a row that show the known room up to date, in a loop for each number."""
     follow, keep = min(1.0, _FOLLOWS * step), np.float32(1.0 - _FORGIVES * step)
     passed, none = np.float32(step), np.float32(0.0)
@@ -200,7 +200,7 @@ def _follow_room(usual, z, room, flips, waited, away, guarded, step):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):  # type: ignore[no-untyped-def]
+def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):
     """Learns a pixel that is plainly farther than the known room."""
     waited[v, u] = max(0.0, waited[v, u] - step)
     away[v, u] += step
@@ -211,7 +211,7 @@ def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clea
 
 
 @njit(cache=True, nogil=True)
-def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):  # type: ignore[no-untyped-def]
+def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):
     """Learns a pixel that is plainly nearer than the known room, or where none is known."""
     margin = _margin(d)
     if flips[v, u] <= 0.0 and not hold and abs(d - nearer[v, u]) <= 2.0 * margin:
@@ -231,7 +231,7 @@ def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold
 
 
 @njit(cache=True, nogil=True)
-def _time_still(room, z, still, still_z, step):  # type: ignore[no-untyped-def]
+def _time_still(room, z, still, still_z, step):
     """Updates how long the pixels of a row, a person's or not, have had one depth, where no room is known."""
     none, twice = np.float32(0.0), np.float32(2.0) * step
     for u in range(len(z)):
@@ -246,7 +246,7 @@ def _time_still(room, z, still, still_z, step):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-untyped-def]
+def _not_measured(room, waited, away, v, u, step, dark):
     """Updates a pixel without a measurement: the room is forgotten there after ``dark`` seconds."""
     if room[v, u] == 0.0:
         waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
@@ -257,7 +257,7 @@ def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
+def guard(owner, ids, z, guarded, guard_z):
     """See :meth:`RoomModel.guard`; a followed person guards only the pixels of this frame."""
     height, width = owner.shape
     for v in range(height):
@@ -271,7 +271,7 @@ def guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def widened(mask, pixels):  # type: ignore[no-untyped-def]
+def widened(mask, pixels):
     """The (h, w) mask grown by a square of ``pixels`` to every side.
 
     Unites each row with the rows around it, and then with itself moved by up to so many pixels.

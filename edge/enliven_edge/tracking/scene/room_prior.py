@@ -33,7 +33,7 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _patches(z, ray, pose, floor_band):  # type: ignore[no-untyped-def]
+def _patches(z, ray, pose, floor_band):
     """(h, w) the depth where enough is known around a pixel, less than 0 on the floor; 0 elsewhere."""
     height, width = z.shape
     out, enough = np.empty((height, width)), _PATCHED * _PATCH * _PATCH
@@ -47,7 +47,7 @@ def _patches(z, ray, pose, floor_band):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _known_around(z):  # type: ignore[no-untyped-def]
+def _known_around(z):
     """(h, w) the known pixels of the square around each; beyond its border the image is mirrored."""
     height, width = z.shape
     columns, out = np.zeros(width, np.int32), np.empty((height, width), np.int32)
@@ -68,21 +68,21 @@ def _known_around(z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _mirrored(size):  # type: ignore[no-untyped-def]
+def _mirrored(size):
     """The mirrored place of each, from half a patch before the first of so many to half a patch after."""
     places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
 
 @njit(cache=True, nogil=True)
-def _count(columns, row, sign):  # type: ignore[no-untyped-def]
+def _count(columns, row, sign):
     """Adds the known pixels of a row to the numbers of each column, or takes them away."""
     for u in range(len(row)):
         columns[u] += sign if row[u] > 0.0 else 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _with_floor(z, made, ray, pose):  # type: ignore[no-untyped-def]
+def _with_floor(z, made, ray, pose):
     """(h, w) the known depth, else the filled one, else the floor's where the filled one is less than 0."""
     height, width = z.shape
     out = np.empty((height, width))
@@ -96,7 +96,7 @@ def _with_floor(z, made, ray, pose):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def filled(z):  # type: ignore[no-untyped-def]
+def filled(z):
     """(h, w) the depth, and where it is not known that of the nearest known pixel; all 0 where none is known.
 
     A forward and a backward chamfer pass hand on the value of the nearest known pixel. A border of one
@@ -126,6 +126,6 @@ def filled(z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _nearer(best, away, value):  # type: ignore[no-untyped-def]
+def _nearer(best, away, value):
     """The nearer of two, each a distance and the value there."""
     return (away, value) if away < best[0] else best

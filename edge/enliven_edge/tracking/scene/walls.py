@@ -57,7 +57,7 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
 
 
 @njit(cache=True, nogil=True)
-def _seen_from_above(points, z, pixels):  # type: ignore[no-untyped-def]
+def _seen_from_above(points, z, pixels):
     """(3, N) x and z in the world, and the depth, of (N,) places; the sum of the depths' squares.
 
     Args:
@@ -74,7 +74,7 @@ def _seen_from_above(points, z, pixels):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _lying_on(seen, line):  # type: ignore[no-untyped-def]
+def _lying_on(seen, line):
     """(N,) whether each point lies on the plane over a line; of those that do, metres along it and sum z^2.
 
     Args:
@@ -109,7 +109,7 @@ def _thickness(z: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def]
+def _best_line(points, thickness, weight, pairs):
     """(3,) the line a x + b z + c = 0 through two of the (N, 2) points on which most weight lies."""
     best, found = 0.0, np.zeros(3)
     x, z = points[:, 0].copy(), points[:, 1].copy()

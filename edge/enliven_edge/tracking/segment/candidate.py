@@ -227,7 +227,7 @@ def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, 
 
 
 @njit(cache=True, nogil=True)
-def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
+def _measured(points, z, kind, part):
     """See :func:`measured`; returns the sum of z squared in place of the area."""
     points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
     x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)

@@ -163,13 +163,13 @@ def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None
 
 
 @njit(cache=True, nogil=True)
-def _spread(ordered, low, high):  # type: ignore[no-untyped-def]
+def _spread(ordered, low, high):
     """How far apart two quantiles of (N,) rising values are."""
     return quantile(ordered, high) - quantile(ordered, low)
 
 
 @njit(cache=True, nogil=True)
-def _flattened(points):  # type: ignore[no-untyped-def]
+def _flattened(points):
     """Returns of (3, M) points: metres, the standard deviation from their best plane; (M,) metres along them.
 
     The second is measured from the points' mean along their longest horizontal direction.
@@ -189,7 +189,7 @@ def _flattened(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _longest(xx, zz, xz):  # type: ignore[no-untyped-def]
+def _longest(xx, zz, xz):
     """The eigenvector (x, z) of the larger eigenvalue of a symmetric matrix, as LAPACK directs it."""
     apart = xx - zz
     root = np.sqrt(apart * apart + 4.0 * xz * xz)
@@ -199,7 +199,7 @@ def _longest(xx, zz, xz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
+def _built(points, along, ordered, ordered_along, bands):
     """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`BlobShape`.
 
     Args:
@@ -217,7 +217,7 @@ def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def samples(points, pixels, most):  # type: ignore[no-untyped-def]
+def samples(points, pixels, most):
     """(3, M) every k-th of the (h, w, 3) points at (N,) places, in reading order; M < 2 ``most``."""
     step = max(1, len(pixels) // most)
     out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)

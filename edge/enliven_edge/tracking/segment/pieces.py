@@ -63,7 +63,7 @@ def columns_of(points: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _seen_from_above(points):  # type: ignore[no-untyped-def]
+def _seen_from_above(points):
     """(X, Z) metres, the highest of (3, M) points in each cell, at least 0; (2,) the first cell's corner."""
     left, back = points[0].min(), points[2].min()
     wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
@@ -75,7 +75,7 @@ def _seen_from_above(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
+def _columns(points, height, order, origin):
     """(N, 2) see :func:`columns_of`.
 
     Args:
@@ -101,7 +101,7 @@ def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
+def _summit(points, x, z, top):
     """x and z of the mean of the highest points around a place, such as a head."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
@@ -115,7 +115,7 @@ def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
+def _filled(points, x, z, top):
     """Whether a person is under a peak: it is no shoulder, and most layers from the knees up hold points."""
     if _shoulder(points, x, z, top):
         return False
@@ -131,7 +131,7 @@ def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
+def _shoulder(points, x, z, top):
     """Whether something near a peak is so much higher that the peak is a shoulder."""
     higher = 0
     for i in range(points.shape[1]):
@@ -141,7 +141,7 @@ def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _nearest(points, mask, columns):  # type: ignore[no-untyped-def]
+def _nearest(points, mask, columns):
     """(N, h, w) the masked points that are nearest in plan to each of (N, 2) columns."""
     points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
     for i in pixels_of(mask):

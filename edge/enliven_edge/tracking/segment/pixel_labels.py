@@ -17,7 +17,7 @@ def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int
 
 
 @njit(cache=True, nogil=True)
-def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-def]
+def _boxes(ends, radii, reach, camera, pose, shape):
     """See :func:`image_boxes`; a capsule beside the sensor covers the whole image on that side."""
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
@@ -52,7 +52,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def _span(x, z, radius):  # type: ignore[no-untyped-def]
+def _span(x, z, radius):
     """The least and the greatest x / z of a ball about (x, z): the slopes of its tangents through the sensor.
 
     A ball is wider in the image than its radius over its distance.
@@ -71,7 +71,7 @@ def _span(x, z, radius):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):  # type: ignore[no-untyped-def]
+def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):
     """Labels each candidate pixel within reach with the person of the nearest capsule, into ``owner``.
 
     Boxes around the person, in the image and in the world, rule out most pixels that are out of reach; the
@@ -99,7 +99,7 @@ def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlike
 
 
 @njit(cache=True, nogil=True)
-def _candidates_within(chosen, place, points, kind, box, low, high):  # type: ignore[no-untyped-def]
+def _candidates_within(chosen, place, points, kind, box, low, high):
     """Finds the pixels of a box in the image that are no room and lie in a box of the world; how many.
 
     Their places in reading order go into ``chosen``, and their (3, N) float32 metres into ``place``.
@@ -118,7 +118,7 @@ def _candidates_within(chosen, place, points, kind, box, low, high):  # type: ig
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _distances(away, place, count, ends, radii):  # type: ignore[no-untyped-def]
+def _distances(away, place, count, ends, radii):
     """Metres from the first ``count`` of (3, N) places to the nearest capsule's surface, into ``away``."""
     away[:count] = np.float32(np.inf)
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -136,13 +136,13 @@ def _distances(away, place, count, ends, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _within(x, y, z, low, high):  # type: ignore[no-untyped-def]
+def _within(x, y, z, low, high):
     """Whether a point lies in a box."""
     return low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]
 
 
 @njit(cache=True, nogil=True)
-def _corners(ends, radii, reach):  # type: ignore[no-untyped-def]
+def _corners(ends, radii, reach):
     """The low and high corner of the box that holds all points within any capsule's reach."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for c in range(len(ends)):

@@ -138,7 +138,7 @@ def lying_on(
 
 
 @njit(cache=True, nogil=True)
-def _solid(z, points, above):  # type: ignore[no-untyped-def]
+def _solid(z, points, above):
     """(h, w) UNSEEN where something is measured more than ``above`` metres high, ROOM elsewhere."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
@@ -148,7 +148,7 @@ def _solid(z, points, above):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _candidates(kind, owner):  # type: ignore[no-untyped-def]
+def _candidates(kind, owner):
     """(M,) the flat places, in reading order, of the pixels without an owner that may be a person's."""
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
@@ -158,7 +158,7 @@ def _candidates(kind, owner):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def groups_of(z, pixels, tightness):  # type: ignore[no-untyped-def]
+def groups_of(z, pixels, tightness):
     """(h, w) groups 1..n of pixels that are joined by small steps in depth, and n; 0 for all other pixels.
 
     Args:
@@ -201,7 +201,7 @@ def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16,
 
 
 @njit(cache=True, nogil=True)
-def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type: ignore[no-untyped-def]
+def _measured(z, points, pixels, labels, groups, owner, people, pixel):
     """See :func:`_table`."""
     height, width = z.shape
     out = np.zeros((groups + 1, 15 + people))
@@ -242,7 +242,7 @@ def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
 
 
 @njit(cache=True, nogil=True)
-def _limbs(table):  # type: ignore[no-untyped-def]
+def _limbs(table):
     """(groups + 1,) the person that each limb touches most; -1 for a group that is no limb."""
     joined = np.full(len(table), -1)
     for g in range(len(table)):
@@ -260,7 +260,7 @@ def _loose(g: int, row: Float) -> LooseGroup:
 
 
 @njit(cache=True, nogil=True)
-def _join(owner, labels, pixels, joined, people):  # type: ignore[no-untyped-def]
+def _join(owner, labels, pixels, joined, people):
     """Gives the (M,) pixels of joined groups to their owners, in place; returns each person's number."""
     owner, labels = owner.ravel(), labels.ravel()
     for i in pixels:

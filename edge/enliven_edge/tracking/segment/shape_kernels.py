@@ -19,7 +19,7 @@ _OPEN = 0.4
 
 
 @njit(cache=True, nogil=True)
-def least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
+def least_eigenvalue(xx, yy, zz, xy, xz, yz):
     """The smallest eigenvalue of a symmetric 3 by 3 matrix, by the cosines that solve its cubic equation."""
     mean = (xx + yy + zz) / 3.0
     x, y, z = xx - mean, yy - mean, zz - mean
@@ -32,7 +32,7 @@ def least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def widths_at(along, height, crown, bands):  # type: ignore[no-untyped-def]
+def widths_at(along, height, crown, bands):
     """(B,) metres, in steps, that (M,) points fill ``along`` a line within each of (B, 2) bands of height.
 
     Args:
@@ -52,7 +52,7 @@ def widths_at(along, height, crown, bands):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def filled_cells(along, height):  # type: ignore[no-untyped-def]
+def filled_cells(along, height):
     """The number of cells of an upright grid that (M,) points fill."""
     left, low = np.floor(along.min() / GRID), np.floor(height.min() / GRID)
     wide, tall = int(np.floor(along.max() / GRID) - left), int(np.floor(height.max() / GRID) - low)
@@ -63,7 +63,7 @@ def filled_cells(along, height):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def outline_of_pixels(z, mask, pixels):  # type: ignore[no-untyped-def]
+def outline_of_pixels(z, mask, pixels):
     """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
 
     The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
@@ -98,7 +98,7 @@ def outline_of_pixels(z, mask, pixels):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _edges(mask, pixels):  # type: ignore[no-untyped-def]
+def _edges(mask, pixels):
     """(M,) the (N,) masked places with a neighbour beside or above them that is not masked.
 
     Other places at the image's border may be among them.

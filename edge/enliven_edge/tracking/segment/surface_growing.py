@@ -35,7 +35,7 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _abut(owner, v):  # type: ignore[no-untyped-def]
+def _abut(owner, v):
     """Whether two people's pixels are neighbours in a row, or in the row and the one above, at any depth.
 
     It has no branch, so that many pixels are compared at once: mostly no two do.
@@ -50,7 +50,7 @@ def _abut(owner, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _meet(owner, z, distance, least):  # type: ignore[no-untyped-def]
+def _meet(owner, z, distance, least):
     """Whether two people's pixels are neighbours on one surface, at a ``distance`` (h, w) above the least."""
     height, width = owner.shape
     for v in range(height):
@@ -66,7 +66,7 @@ def _meet(owner, z, distance, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
+def _grow(owner, distance, z):
     """Grows breadth first from all plain pixels at once; pixels that none reaches keep their owner."""
     height, width = owner.shape
     queue, reached = np.empty(height * width, np.int64), np.zeros((height, width), np.bool_)
@@ -122,7 +122,7 @@ def _largest(owner_of: Int, size: Int, person: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _joined(owner, z):  # type: ignore[no-untyped-def]
+def _joined(owner, z):
     """(h w,) union-find parents that join each person's connected pixels, -1 for pixels without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
@@ -139,13 +139,13 @@ def _joined(owner, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _near(one, other):  # type: ignore[no-untyped-def]
+def _near(one, other):
     """Whether the depths of two neighbours are on one surface."""
     return abs(one - other) < 0.035 + 0.012 * one * other
 
 
 @njit(cache=True, nogil=True)
-def _pieces(parent, owner):  # type: ignore[no-untyped-def]
+def _pieces(parent, owner):
     """(h, w) the piece of each pixel, or -1; (P,) the owner of each piece, and (P,) its pixels."""
     height, width = owner.shape
     number = np.full((height, width), -1, np.int64)
@@ -164,7 +164,7 @@ def _pieces(parent, owner):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _contacts(owner, z, number, owner_of, largest):  # type: ignore[no-untyped-def]
+def _contacts(owner, z, number, owner_of, largest):
     """(P, K) the pixels at which each piece touches the largest piece of each other person."""
     height, width = z.shape
     out = np.zeros((len(owner_of), len(largest)), np.int64)

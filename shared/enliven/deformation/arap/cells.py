@@ -70,7 +70,7 @@ def _sums(i: Int, values: Float, count: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _gather(cells, frames, block, at, count):  # type: ignore[no-untyped-def]
+def _gather(cells, frames, block, at, count):
     """Rows S of a block: the transposed covariances of eq. 5, sum of w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
@@ -94,7 +94,7 @@ def _gather(cells, frames, block, at, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def turn_and_scale(cells, frames, hold, low, high, first, last):  # type: ignore[no-untyped-def]
+def turn_and_scale(cells, frames, hold, low, high, first, last):
     """T_i <- s_i R_i of the cells ``first`` to ``last``: eq. 6 and 8.
 
     For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue that the rotation was found by. Within
@@ -119,7 +119,7 @@ def turn_and_scale(cells, frames, hold, low, high, first, last):  # type: ignore
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def turn_and_squash(cells, frames, exaggeration, most, first, last):  # type: ignore[no-untyped-def]
+def turn_and_squash(cells, frames, exaggeration, most, first, last):
     """T_i <- V_i R_i of the cells ``first`` to ``last``: eq. 10 to 12.
 
     V_i = s on the main axis of what the rotation leaves, sqrt(1/s) across. The axis' projector is the matrix
@@ -143,7 +143,7 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _gather_spread(cells, frames, spread, at, count):  # type: ignore[no-untyped-def]
+def _gather_spread(cells, frames, spread, at, count):
     """Rows 18 to 30 of ``spread``: the sum of w e' e'ᵀ of each cell (xx, xy, xz, yy, yz, zz), rest, size."""
     room = np.empty(12)
     for n in range(64):
@@ -171,7 +171,7 @@ def _gather_spread(cells, frames, spread, at, count):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _squash(block, exaggeration, most):  # type: ignore[no-untyped-def]
+def _squash(block, exaggeration, most):
     """Rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and rests.
 
     One array with constant strides and no branch, for the compiler to make vector instructions of.
@@ -243,7 +243,7 @@ def _squash(block, exaggeration, most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def residual(cells, frames, z, first, last):  # type: ignore[no-untyped-def]
+def residual(cells, frames, z, first, last):
     """z (4 V,), in elimination order, <- right side of eq. 9 minus the left one, of ``first`` to ``last``."""
     room = np.empty(4)
     for i in range(first, last):

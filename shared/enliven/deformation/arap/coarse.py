@@ -196,7 +196,7 @@ def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
 
 
 @njit(cache=True, nogil=True)
-def edges_around(points, faces):  # type: ignore[no-untyped-def]
+def edges_around(points, faces):
     """CSR over vertices: offsets (V + 1,), (E,) neighbours, each once, and (E,) metres to them."""
     count = points.shape[0]
     room = np.zeros(count + 1, np.int64)
@@ -235,7 +235,7 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):
     """(M,) the vertices of ``order`` that are ``spacing`` or more along the surface from all before."""
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
@@ -253,7 +253,7 @@ def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):  # type:
 
 
 @njit(cache=True, nogil=True)
-def _nearest(start, near, way):  # type: ignore[no-untyped-def]
+def _nearest(start, near, way):
     """(V,) the sample with the shortest way to each vertex; -1 where none reaches."""
     out = np.full(start.shape[0] - 1, -1, np.int64)
     for v in range(out.shape[0]):

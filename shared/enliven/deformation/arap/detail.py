@@ -17,7 +17,7 @@ _OWN = 0.01
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cell_maps(cells, frames, pose, place_of, rest, out):  # type: ignore[no-untyped-def]
+def cell_maps(cells, frames, pose, place_of, rest, out):
     """``out`` (16 M,) <- the three columns of each vertex's map A and the offset x' - A x, each with a 0.
 
     A minimises sum w |e' - A e|² + own c |A - V R|², with c the cell's size.
@@ -66,7 +66,7 @@ def cell_maps(cells, frames, pose, place_of, rest, out):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def carry(maps, start, near, weights, rest, out, first, last):  # type: ignore[no-untyped-def]
+def carry(maps, start, near, weights, rest, out, first, last):
     """``out`` (V, 3) <- the blend of the maps that each vertex from ``first`` to ``last`` follows, at rest.
 
     Args:

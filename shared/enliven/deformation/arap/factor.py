@@ -87,7 +87,7 @@ def factorise(count: int, edges: Int, weights: Float) -> Factor:
 
 
 @njit(cache=True, nogil=True)
-def _supernodes(start, row):  # type: ignore[no-untyped-def]
+def _supernodes(start, row):
     """(S + 1,) the first column of each supernode, merged with its parent where few zeros come in."""
     count = len(start) - 1
     first = np.empty(count + 1, np.int32)
@@ -138,7 +138,7 @@ def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(start, row, value, first, row_start, value_start, rows, values):  # type: ignore[no-untyped-def]
+def _fill(start, row, value, first, row_start, value_start, rows, values):
     """Scatter the columns into panels, and invert the triangles."""
     count = len(start) - 1
     place = np.zeros(count, np.int64)

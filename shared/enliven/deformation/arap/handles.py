@@ -74,7 +74,7 @@ def hold(
 
 
 @njit(cache=True, nogil=True)
-def _products(start, rows, values, count, matrix):  # type: ignore[no-untyped-def]
+def _products(start, rows, values, count, matrix):
     """The upper left of ``matrix`` <- UᵀU."""
     work = np.zeros(count)
     for i in range(len(start) - 1):
@@ -90,7 +90,7 @@ def _products(start, rows, values, count, matrix):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
+def pull(held, frames, targets, z):
     """z = C⁻¹ r <- C⁻¹ (r + E f); the answer is the shift c of the whole.
 
     Args:
@@ -125,7 +125,7 @@ def pull(held, frames, targets, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
+def follow(held, frames, shown, targets, share):
     """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it (squared).
 
     Without it, a turn of all handles would reach the inner cells only over many frames.

@@ -35,7 +35,7 @@ _UNCLEAR = 0.05
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _polar_fast(block):  # type: ignore[no-untyped-def]
+def _polar_fast(block):
     """Rows R, TRACE and CLEAR from rows S."""
     for n in range(64):
         a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]
@@ -111,7 +111,7 @@ def _polar_fast(block):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def polar(block, count, frames, at):  # type: ignore[no-untyped-def]
+def polar(block, count, frames, at):
     """Rows R and TRACE of the first ``count`` cells of a block from its rows S.
 
     Where several rotations are as good, the one nearest to the last is taken: a push towards it that is too

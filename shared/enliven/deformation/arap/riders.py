@@ -14,7 +14,7 @@ _DUST = 2.0
 
 
 @njit(cache=True, nogil=True)
-def followed(points, samples, start, near, way, reach, detour):  # type: ignore[no-untyped-def]
+def followed(points, samples, start, near, way, reach, detour):
     """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
     count = points.shape[0]
     offsets, kept, weights = (

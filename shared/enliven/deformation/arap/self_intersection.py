@@ -49,7 +49,7 @@ def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
 
 
 @njit(cache=True, nogil=True)
-def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
+def _boxes(vertices, corners):
     """Low and high corners: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over them.
 
     Node 1 is the root, the L leaves come last; a leaf has four faces.
@@ -75,7 +75,7 @@ def _boxes(vertices, corners):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
+def _apart(boxes, a, b):
     """Whether two boxes have nothing in common."""
     return (
         boxes[a, 0] > boxes[b, 3]
@@ -88,7 +88,7 @@ def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def]
+def _crossing(vertices, corners, of_face, boxes):
     """(K,) the rows of ``corners`` (F, 3) with faces that cross others."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
@@ -117,7 +117,7 @@ def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _leaves_cross(vertices, corners, of_face, a, b, hit):  # type: ignore[no-untyped-def]
+def _leaves_cross(vertices, corners, of_face, a, b, hit):
     """Mark the crossing ones among the faces of two leaves, which begin at ``a`` and ``b``."""
     count = corners.shape[0]
     for f in range(a, min(a + 4, count)):
@@ -131,7 +131,7 @@ def _leaves_cross(vertices, corners, of_face, a, b, hit):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(corners, f, g):  # type: ignore[no-untyped-def]
+def _neighbours(corners, f, g):
     """Whether two faces share a position of the mesh."""
     for i in range(3):
         for j in range(3):
@@ -141,7 +141,7 @@ def _neighbours(corners, f, g):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _side(vertices, a, b, c, d):  # type: ignore[no-untyped-def]
+def _side(vertices, a, b, c, d):
     """Six times the volume of a tetrahedron: on which side of the plane a, b, c the point d is."""
     x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
     ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
@@ -151,7 +151,7 @@ def _side(vertices, a, b, c, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _pierces(vertices, corners, f, g):  # type: ignore[no-untyped-def]
+def _pierces(vertices, corners, f, g):
     """Whether an edge of face ``f`` goes through the inside of face ``g``."""
     a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
     p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
@@ -164,7 +164,7 @@ def _pierces(vertices, corners, f, g):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _through(vertices, a, b, c, p, q):  # type: ignore[no-untyped-def]
+def _through(vertices, a, b, c, p, q):
     """Whether the line through p and q meets the inside of the face a, b, c."""
     u, v, w = _side(vertices, p, q, a, b), _side(vertices, p, q, b, c), _side(vertices, p, q, c, a)
     return (u > 0.0 and v > 0.0 and w > 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)

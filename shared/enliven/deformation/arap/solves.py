@@ -9,7 +9,7 @@ from enliven.lanes import fmaq, loadq, splatq, storeq
 
 
 @njit(cache=True, nogil=True)
-def forward(factor, z, room):  # type: ignore[no-untyped-def]
+def forward(factor, z, room):
     """z <- C⁻¹ z, in place.
 
     Args:
@@ -63,7 +63,7 @@ def forward(factor, z, room):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def backward(factor, z, room):  # type: ignore[no-untyped-def]
+def backward(factor, z, room):
     """z <- C⁻ᵀ z, in place; arguments as of :func:`forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):
@@ -121,13 +121,13 @@ def backward(factor, z, room):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _at(factor, s, width, height, r, c):  # type: ignore[no-untyped-def]
+def _at(factor, s, width, height, r, c):
     """Where the value of row r and column c of a panel is."""
     return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
 
 
 @njit(cache=True, nogil=True)
-def unit_column(factor, place):  # type: ignore[no-untyped-def]
+def unit_column(factor, place):
     """C⁻¹ e of the unit vector at ``place``: (K,) its non-zero places, ascending, and (K,) values.
 
     Only the supernodes on the way from the place to the root take part.

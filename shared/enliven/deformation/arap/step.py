@@ -8,7 +8,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def moved(frames, z, shift, eliminated):  # type: ignore[no-untyped-def]
+def moved(frames, z, shift, eliminated):
     """Positions in ``frames`` (16 V,) += the correction ``z`` (4 V,), in elimination order, + ``shift``."""
     for i in range(len(frames) // 16):
         at = 4 * eliminated[i]
@@ -17,14 +17,14 @@ def moved(frames, z, shift, eliminated):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def set_zero(z):  # type: ignore[no-untyped-def]
+def set_zero(z):
     """No correction."""
     for i in range(len(z)):
         z[i] = 0.0
 
 
 @njit(cache=True, nogil=True)
-def write_pose(frames, z, shift, eliminated, place_of, centre, out):  # type: ignore[no-untyped-def]
+def write_pose(frames, z, shift, eliminated, place_of, centre, out):
     """``out`` (V, 3) <- the corrected positions, in the mesh's order."""
     for v in range(len(place_of)):
         i = place_of[v]
@@ -34,7 +34,7 @@ def write_pose(frames, z, shift, eliminated, place_of, centre, out):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def carry_positions(frames, shown, place_of, centre, before, after, turn):  # type: ignore[no-untyped-def]
+def carry_positions(frames, shown, place_of, centre, before, after, turn):
     """Positions in ``frames`` and in ``shown`` (P, 3) <- after + turn (position - before), of each vertex.
 
     Args:

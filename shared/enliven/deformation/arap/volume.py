@@ -75,7 +75,7 @@ def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume |
 
 
 @njit(cache=True, nogil=True)
-def gradient(x, faces, border, out):  # type: ignore[no-untyped-def]
+def gradient(x, faces, border, out):
     """The volume, and ``out`` (P, 3) <- its gradient, of places x (P, 3)."""
     ox = oy = oz = 0.0
     for k in border:
@@ -98,7 +98,7 @@ def gradient(x, faces, border, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def press(volume, frames, eliminated, pose, forces, pressure, kept, z):  # type: ignore[no-untyped-def]
+def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
     """z (4 V,) += the pressure on the cells that are stretched; the answer is the pressure.
 
     Args:

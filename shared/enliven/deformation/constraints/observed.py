@@ -104,7 +104,7 @@ _STEP = 1e-3
 
 
 @njit(cache=True, nogil=True)
-def _compatible(points, normals, surface, facing, farthest, cosine):  # type: ignore[no-untyped-def]
+def _compatible(points, normals, surface, facing, farthest, cosine):
     """(M,) the nearest point of the surface that faces as each point does, -1 for none; (M,) metres to it."""
     nearest = np.full(points.shape[0], -1, np.int64)
     lengths = np.zeros(points.shape[0])

@@ -76,7 +76,7 @@ class SelfContact:
 
 
 @njit(cache=True, nogil=True)
-def _inner_radii(points, normals, surface, largest):  # type: ignore[no-untyped-def]
+def _inner_radii(points, normals, surface, largest):
     """(N,) the radius of the largest ball inside that touches the surface at each point.
 
     J. Ma et al., "3D medial axis point approximation using nearest neighbors and the normal field", 2012:
@@ -98,7 +98,7 @@ def _inner_radii(points, normals, surface, largest):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def _near_pairs(centres, radii, pairs, sides):  # type: ignore[no-untyped-def]
+def _near_pairs(centres, radii, pairs, sides):
     """(P,) whether each pair nearly overlaps; ``sides`` (P, 3) takes the way from the second to the first.
 
     While a pair is near, its side turns but never flips, and deep in each other it does not even turn: balls

@@ -17,7 +17,7 @@ from enliven.lanes import fma8, load8, store8
 
 
 @njit(cache=True, nogil=True)
-def turned(frames, node, v, out):  # type: ignore[no-untyped-def]
+def turned(frames, node, v, out):
     """``out`` (3,) takes v (3,) turned as the node is."""
     at = 9 * node
     for a in range(3):
@@ -25,7 +25,7 @@ def turned(frames, node, v, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_cross(lower, at, v, w):  # type: ignore[no-untyped-def]
+def _add_cross(lower, at, v, w):
     """Add w [v]x to the 3x3 matrix at ``at``."""
     lower[at + 1] -= w * v[2]
     lower[at + 2] += w * v[1]
@@ -36,7 +36,7 @@ def _add_cross(lower, at, v, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_end(lower, at, v, w, sign):  # type: ignore[no-untyped-def]
+def _add_end(lower, at, v, w, sign):
     """The diagonal block's share of one end of an edge: arm ``v``, and the shift for both ways."""
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for r in range(3):
@@ -48,7 +48,7 @@ def _add_end(lower, at, v, w, sign):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
+def assemble(x, t, planes, raw, s, ridge):
     """The matrix at x into ``s.lower``, and what holds the stretches, inverted, into ``s.compliance``."""
     lower, start, frames = s.lower, s.start, s.linear
     lower[:] = np.float32(0.0)
@@ -69,7 +69,7 @@ def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _hold_stretches(s, w):  # type: ignore[no-untyped-def]
+def _hold_stretches(s, w):
     """What holds the nodes' stretches, and how their turns and shifts give way; as much of both as stays
     definite.
     """
@@ -88,7 +88,7 @@ def _hold_stretches(s, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_edges(t, s):  # type: ignore[no-untyped-def]
+def _add_edges(t, s):
     """E_reg: the shifts and turns of an edge's two ends."""
     lower, start, frames, stiff, first = s.lower, s.start, s.linear, s.held, s.first
     a, b = np.empty(3), np.empty(3)
@@ -114,7 +114,7 @@ def _add_edges(t, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_rigid(lower, start, frames, t, edge_block, m):  # type: ignore[no-untyped-def]
+def _add_rigid(lower, start, frames, t, edge_block, m):
     """E_rig: the turns of both ends, 2 |w_j - w_k|^2, and their shifts."""
     e, w = t.rigid[m], t.hanging[m]
     j, k = t.edges[e, 0], t.edges[e, 1]
@@ -129,7 +129,7 @@ def _add_rigid(lower, start, frames, t, edge_block, m):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def _jacobian(frames, nodes, rows, m, arms, out):  # type: ignore[no-untyped-def]
+def _jacobian(frames, nodes, rows, m, arms, out):
     """(4, 3, 8) how point ``m`` moves with the turn and shift of each of its nodes: [-u]x and its weight."""
     for k in range(4):
         share = rows[m, k, 3]
@@ -144,7 +144,7 @@ def _jacobian(frames, nodes, rows, m, arms, out):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _add_points(nodes, rows, pulls, s):  # type: ignore[no-untyped-def]
+def _add_points(nodes, rows, pulls, s):
     """E_con: the nodes of each point, among each other."""
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     flat = jacobian.reshape(-1)
@@ -166,7 +166,7 @@ def _add_points(nodes, rows, pulls, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_stretch(stiff, nodes, rows, m, w):  # type: ignore[no-untyped-def]
+def _add_stretch(stiff, nodes, rows, m, w):
     for k in range(4):
         for r in range(3):
             for c in range(3):
@@ -174,7 +174,7 @@ def _add_stretch(stiff, nodes, rows, m, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_outer(lower, block, j, first, second, w):  # type: ignore[no-untyped-def]
+def _add_outer(lower, block, j, first, second, w):
     """Add w Jaᵀ Jb to a block; J (3, 8) = [[0, z, -y, c, 0, 0], [-z, 0, x, 0, c, 0], [y, -x, 0, 0, 0, c]]."""
     a, b, c = load8(j, second), load8(j, second + 8), load8(j, second + 16)
     x, y, z, share = w * j[first + 10], w * j[first + 16], w * j[first + 1], w * j[first + 3]
@@ -187,7 +187,7 @@ def _add_outer(lower, block, j, first, second, w):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def _add_planes(planes, s):  # type: ignore[no-untyped-def]
+def _add_planes(planes, s):
     """Planes: a row of six numbers a node.
 
     The pattern does not contain the couplings of planes. The product of two nodes that it does not couple is
@@ -214,7 +214,7 @@ def _add_planes(planes, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_lines(s, i, j, u, v, w):  # type: ignore[no-untyped-def]
+def _add_lines(s, i, j, u, v, w):
     """Add w u vᵀ at the nodes i >= j, or what bounds it where the pattern does not couple them."""
     low, high = s.start[j], s.start[j + 1] - 1
     while low < high:

@@ -122,7 +122,7 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
 
 @njit(cache=True, nogil=True)
-def factorise(pattern, lower, column, rows, scales, inverse):  # type: ignore[no-untyped-def]
+def factorise(pattern, lower, column, rows, scales, inverse):
     """Kernel: A = L D Lᵀ; returns whether A was positive definite.
 
     Args:
@@ -153,7 +153,7 @@ def factorise(pattern, lower, column, rows, scales, inverse):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _take_products(lower, column, product, p, first, last):  # type: ignore[no-untyped-def]
+def _take_products(lower, column, product, p, first, last):
     """Take b Lᵀ off the block of each pair of a column's blocks, b of A and L of the factor, which stands
     transposed in ``column``; the rows of Lᵀ stay in registers. Returns the next of ``product``.
     """
@@ -176,7 +176,7 @@ def _take_products(lower, column, product, p, first, last):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def times(left, at, right, there, out, to):  # type: ignore[no-untyped-def]
+def times(left, at, right, there, out, to):
     """``out`` takes at ``to`` the product of the blocks at ``at`` of ``left`` and ``there`` of ``right``."""
     a, b, c = load8(right, there), load8(right, there + 8), load8(right, there + 16)
     d, e, f = load8(right, there + 24), load8(right, there + 32), load8(right, there + 40)
@@ -188,7 +188,7 @@ def times(left, at, right, there, out, to):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def substitute(row_start, column, rows, scales, inverse, y):  # type: ignore[no-untyped-def]
+def substitute(row_start, column, rows, scales, inverse, y):
     """Kernel: solve L D Lᵀ y = b in place, ``y`` (8 N,): six numbers a node, and two 0.
 
     A row of six that is read as eight has the next two numbers in its last lanes: they meet the two 0 of a
@@ -219,7 +219,7 @@ def substitute(row_start, column, rows, scales, inverse, y):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def weighted(blocks, block, y, at):  # type: ignore[no-untyped-def]
+def weighted(blocks, block, y, at):
     """The sum of a block's rows, weighted with y[at : at + 6]; two sums at once keep the processor from
     waiting for either.
     """

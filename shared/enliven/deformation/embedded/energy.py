@@ -75,7 +75,7 @@ class Terms(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def gradient(x, t, planes, out):  # type: ignore[no-untyped-def]
+def gradient(x, t, planes, out):
     """Kernel: ``out`` (16 N,) takes dE/dx; returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
     rot = _rotation(x, t.stretch, out)
     reg = _smoothness(x, t.edges, t.offsets, t.smooth, out)
@@ -86,7 +86,7 @@ def gradient(x, t, planes, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rotation(x, w, out):  # type: ignore[no-untyped-def]
+def _rotation(x, w, out):
     """E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Sets ``out``."""
     energy = 0.0
     zero = splat4(0.0)
@@ -105,7 +105,7 @@ def _rotation(x, w, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _smoothness(x, edges, offsets, w, out):  # type: ignore[no-untyped-def]
+def _smoothness(x, edges, offsets, w, out):
     """E_reg, eq. 4, both ways of every edge: |R_i (g_j - g_i) + p_i - p_j|^2."""
     energy = splat4(0.0)
     for e in range(edges.shape[0]):
@@ -131,7 +131,7 @@ def _smoothness(x, edges, offsets, w, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _moved(x, nodes, rows, m):  # type: ignore[no-untyped-def]
+def _moved(x, nodes, rows, m):
     """phi(p), eq. 2, of point ``m``."""
     even = odd = splat4(0.0)
     for k in range(4):
@@ -145,7 +145,7 @@ def _moved(x, nodes, rows, m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _pull(nodes, rows, m, force, out):  # type: ignore[no-untyped-def]
+def _pull(nodes, rows, m, force, out):
     """Hand the derivative by phi(p) on to the nodes of point ``m``."""
     for k in range(4):
         at = 16 * nodes[m, k]
@@ -155,7 +155,7 @@ def _pull(nodes, rows, m, force, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _constraints(x, t, out):  # type: ignore[no-untyped-def]
+def _constraints(x, t, out):
     """E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
     Each node gathers from the constraints that hold it: the numbers of its gradient are read and written
@@ -187,7 +187,7 @@ def _constraints(x, t, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def constraint_energy(x, t):  # type: ignore[no-untyped-def]
+def constraint_energy(x, t):
     """Kernel: E_con alone, weighted; all that new targets change where the nodes stay."""
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
@@ -199,7 +199,7 @@ def constraint_energy(x, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _planes(x, planes, out):  # type: ignore[no-untyped-def]
+def _planes(x, planes, out):
     """w (n.phi(p) - b)^2, of a one-sided plane only where n.phi(p) < b."""
     energy = 0.0
     flat = planes.normals.reshape(-1)
@@ -214,7 +214,7 @@ def _planes(x, planes, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rigidity(x, t, out):  # type: ignore[no-untyped-def]
+def _rigidity(x, t, out):
     """E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
     energy = 0.0
     for m in range(t.rigid.shape[0]):
@@ -232,7 +232,7 @@ def _rigidity(x, t, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _slip(x, offset, turning, w, j, k, out):  # type: ignore[no-untyped-def]
+def _slip(x, offset, turning, w, j, k, out):
     """How far apart the nodes at ``j`` and ``k`` move their edge's middle (turning 1), or their positions."""
     energy = 0.0
     for a in range(3):

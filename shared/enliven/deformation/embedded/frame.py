@@ -48,7 +48,7 @@ class SolverState(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def next_frame(state, planes, system, targets, weights, linear, positions):  # type: ignore[no-untyped-def]
+def next_frame(state, planes, system, targets, weights, linear, positions):
     """Kernel: minimise the energy for new targets; returns the number of iterations, and whether the matrix
     has aged.
 

@@ -85,7 +85,7 @@ def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, 
 
 
 @njit(cache=True, nogil=True)
-def take_usable(targets, weights, scale, out, pulls):  # type: ignore[no-untyped-def]
+def take_usable(targets, weights, scale, out, pulls):
     """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])

@@ -100,7 +100,7 @@ class SolverBuffers(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _dot(u, v):  # type: ignore[no-untyped-def]
+def _dot(u, v):
     even = odd = splat8(np.float32(0.0))
     for i in range(0, u.shape[0], 16):
         even = fma8(load8(u, i), load8(v, i), even)
@@ -109,7 +109,7 @@ def _dot(u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_then_dot(u, scale, v, w):  # type: ignore[no-untyped-def]
+def _add_then_dot(u, scale, v, w):
     """Add ``scale`` v to u; returns u.w, in one pass over u."""
     even = odd = splat8(np.float32(0.0))
     times = splat8(np.float32(scale))
@@ -122,26 +122,26 @@ def _add_then_dot(u, scale, v, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def record_energies(work, energies):  # type: ignore[no-untyped-def]
+def record_energies(work, energies):
     """Copy the six energies of the state into the workspace."""
     for i in range(6):
         work.energies[i] = energies[i]
 
 
 @njit(cache=True, nogil=True)
-def worth_of(system):  # type: ignore[no-untyped-def]
+def worth_of(system):
     """How many steps take as long as a new matrix: its products of blocks over the blocks of a solve."""
     return _ASSEMBLY + system.product.shape[0] // system.row.shape[0]
 
 
 @njit(cache=True, nogil=True)
-def start_anew(age):  # type: ignore[no-untyped-def]
+def start_anew(age):
     """Set ``age`` to that of a matrix just made."""
     age[0] = age[1] = age[3] = 0
 
 
 @njit(cache=True, nogil=True)
-def note_age(age, done):  # type: ignore[no-untyped-def]
+def note_age(age, done):
     """Count a frame of so many steps into ``age``."""
     age[0] += 1
     age[1] += done
@@ -149,7 +149,7 @@ def note_age(age, done):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def is_aged(age, worth):  # type: ignore[no-untyped-def]
+def is_aged(age, worth):
     """Whether the last frame took more steps than the mean of all of the matrix, what another one costs, of
     ``worth`` steps, among them.
 
@@ -160,7 +160,7 @@ def is_aged(age, worth):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
+def descend(x, t, planes, system, work, most, tolerance, allowance):
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
     ``x``, ``work.energies`` are its energies.
 
@@ -215,7 +215,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
+def _step(x, slope, t, planes, work):
     """Go along ``work.own`` as far as it lowers the energy; returns how many lengths were tried, below 0
     where none lowers it.
 
@@ -244,7 +244,7 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _remember(work, kept):  # type: ignore[no-untyped-def]
+def _remember(work, kept):
     """Keep the last step and its change of the gradient; returns the count of kept pairs, 0 to restart."""
     place = kept % _PAIRS
     step, change = work.steps[place], work.changes[place]
@@ -256,7 +256,7 @@ def _remember(work, kept):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _direction(now, work, kept, system):  # type: ignore[no-untyped-def]
+def _direction(now, work, kept, system):
     """``work.own`` takes where to go; returns the slope there. The two loops of L-BFGS (J. Nocedal 1980)."""
     way, steps, changes = work.own, work.steps, work.changes
     for i in range(way.shape[0]):
@@ -278,7 +278,7 @@ def _direction(now, work, kept, system):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def full_step(x, t, planes, system, work):  # type: ignore[no-untyped-def]
+def full_step(x, t, planes, system, work):
     """Kernel: a step with all pairs kept, and back: what a step costs; ``work`` is empty room."""
     for m in range(_PAIRS):
         work.curvatures[m] = 1.0

@@ -18,7 +18,7 @@ positive, and is 1e-5 of it off."""
 
 
 @njit(cache=True, nogil=True)
-def couple(linear, held, first, out):  # type: ignore[no-untyped-def]
+def couple(linear, held, first, out):
     """``out`` (6 rows of 8 a node) takes how each number of its stretch S pulls at its turn and its shift.
 
     The sum over its arms u of w (R S u).(turn x R u + shift), with the sum of w u uᵀ in ``held`` and that of
@@ -48,7 +48,7 @@ def couple(linear, held, first, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):  # type: ignore[no-untyped-def]
+def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
     """Replace the node's ``coupling`` B by L = -A⁻¹ B, how its turn and shift give way to its own stretch.
 
     A is its own block of the matrix, C is in ``block``; ``coupled`` takes Lᵀ, and ``compliance`` the inverse
@@ -78,7 +78,7 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):  # 
 
 
 @njit(cache=True, nogil=True)
-def leave_coupled(coupling, coupled, compliance, at, block):  # type: ignore[no-untyped-def]
+def leave_coupled(coupling, coupled, compliance, at, block):
     """Give the node's stretch the inverse of ``block`` alone: nothing gives way to it."""
     for i in range(SIZE):
         coupling[at + i] = coupled[at + i] = 0.0
@@ -87,7 +87,7 @@ def leave_coupled(coupling, coupled, compliance, at, block):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def add_geometric(x, raw, stretch, start, lower):  # type: ignore[no-untyped-def]
+def add_geometric(x, raw, stretch, start, lower):
     """The geometric stiffness of every node's turn: a force on a lever arm holds it where it draws outward.
 
     The second derivative along R(1) = exp(w x) R is sym(sum of r gᵀ) - (sum of r.g) I over the columns r of
@@ -127,7 +127,7 @@ def add_geometric(x, raw, stretch, start, lower):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _sum_of_levers(x, raw, w, at, out):  # type: ignore[no-untyped-def]
+def _sum_of_levers(x, raw, w, at, out):
     """``out`` (3 rows of 4) takes the sum of r gᵀ over the columns r of R and g of dE/dR - w R (RᵀR - I)."""
     a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
     aa, bb, cc = w * (1.0 - total4(a * a)), w * (1.0 - total4(b * b)), w * (1.0 - total4(c * c))
@@ -140,7 +140,7 @@ def _sum_of_levers(x, raw, w, at, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _keep_positive(a, v):  # type: ignore[no-untyped-def]
+def _keep_positive(a, v):
     """Replace the symmetric ``a`` (3, 3) by its positive part (Jacobi's rotations, in ``v`` (3, 3))."""
     v[:] = 0.0
     v[0, 0] = v[1, 1] = v[2, 2] = 1.0
@@ -170,7 +170,7 @@ def _keep_positive(a, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def stretch_block(linear, held, at, w, whole, room, out):  # type: ignore[no-untyped-def]
+def stretch_block(linear, held, at, w, whole, room, out):
     """``out`` (6 rows of 8) takes half the second derivative by a node's stretch S.
 
     With G = RᵀR and U the sum of w u uᵀ over the arms u that E_reg and E_con hold, R(1) = R (I + S) adds

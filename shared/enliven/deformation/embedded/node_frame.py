@@ -16,7 +16,7 @@ from enliven.lanes import cross4, fma4, load4, narrowed4, splat4, store4, storeq
 
 
 @njit(cache=True, nogil=True)
-def force_in_node_frame(x, gradient, out):  # type: ignore[no-untyped-def]
+def force_in_node_frame(x, gradient, out):
     """Kernel: ``out`` (16 N,) takes dE/dx (16 N,) as the derivative in the node frames at ``x``."""
     for at in range(0, x.shape[0], 16):
         a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
@@ -28,7 +28,7 @@ def force_in_node_frame(x, gradient, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
+def step_in_node_frame(here, own, length, x):
     """Kernel: ``x`` takes ``here`` gone along ``length`` of the step: R(1) = Q R (I + S + S S / 2).
 
     Q is the rotation of Cayley's formula by the turn w: exp(w x) to second order, and without any stretch.
@@ -57,14 +57,14 @@ def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _turned(h, scale, v):  # type: ignore[no-untyped-def]
+def _turned(h, scale, v):
     """The vector turned by (I - K)^-1 (I + K) = I + s (K + K K), K = h x and s = 2 / (1 + |h|^2)."""
     across = cross4(h, v)
     return fma4(scale, across + cross4(h, across), v)
 
 
 @njit(cache=True, nogil=True)
-def plain_state(x, order, linear, positions):  # type: ignore[no-untyped-def]
+def plain_state(x, order, linear, positions):
     """Kernel: the unknowns (N, 4, 4) as linear parts and positions, in the graph's own order."""
     for n in range(len(order)):
         node = order[n]

@@ -150,7 +150,7 @@ def _unit_of(offsets: Float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _units(unit):  # type: ignore[no-untyped-def]
+def _units(unit):
     """(8,) float32 the units of a node's turn and of its shift, and two 0."""
     out = np.zeros(8, np.float32)
     out[:3], out[3:6] = np.float32(1.0), np.float32(unit)
@@ -158,7 +158,7 @@ def _units(unit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _measure(lower, unit):  # type: ignore[no-untyped-def]
+def _measure(lower, unit):
     """Measure the shifts of the matrix's blocks (48 B,) in units of so many metres."""
     turns = _units(unit)
     row = load8(turns, 0)
@@ -169,7 +169,7 @@ def _measure(lower, unit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]
+def outdated(t, planes, s, repulled):
     """Kernel: whether the matrix was made for other constraints: a weight has changed by the part
     ``repulled`` of the strongest, or there are planes, which are others in every frame.
     """
@@ -182,7 +182,7 @@ def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
+def refactor(x, t, planes, raw, s):
     """Kernel: make and factorise the matrix at ``x``, where ``raw`` (16 N,) is dE/dx."""
     for j in range(s.start.shape[0] - 1):
         for c in range(3):
@@ -206,7 +206,7 @@ def refactor(x, t, planes, raw, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _orthonormal(x, at):  # type: ignore[no-untyped-def]
+def _orthonormal(x, at):
     """Three orthonormal columns, made of the first two of the R at ``at`` in turn (Gram and Schmidt)."""
     a, b = load4(x, at), load4(x, at + 4)
     a = splat4(1.0 / np.sqrt(total4(a * a) + _NO_LENGTH)) * a
@@ -216,7 +216,7 @@ def _orthonormal(x, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def align(x, s):  # type: ignore[no-untyped-def]
+def align(x, s):
     """Kernel: turn the matrix with the nodes: each node's rotation since it was made, into ``s.turns``.
 
     The rotation is N Uᵀ, where N and U are the orthonormal frames now and then; its transpose follows.
@@ -238,7 +238,7 @@ def align(x, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def precondition(s, way):  # type: ignore[no-untyped-def]
+def precondition(s, way):
     """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes of it.
 
     The second derivative is twice the matrix, so everything is halved.

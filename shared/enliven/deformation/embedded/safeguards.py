@@ -16,7 +16,7 @@ _NEWTON = 8
 
 
 @njit(cache=True, nogil=True)
-def set_upright(flat, edges):  # type: ignore[no-untyped-def]
+def set_upright(flat, edges):
     """Kernel: give each node of ``flat`` (16 N,) that is collapsed or inside out the mean rotation of its
     sound neighbours.
 
@@ -61,7 +61,7 @@ def set_upright(flat, edges):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def thicken(flat):  # type: ignore[no-untyped-def]
+def thicken(flat):
     """Kernel: give each node of ``flat`` (16 N,) that is pressed flatter than the least volume that volume.
 
     The cofactors of R have its singular vectors, and most in the direction in which R is flattest: along them
@@ -90,7 +90,7 @@ def thicken(flat):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _copy_turn(target, source):  # type: ignore[no-untyped-def]
+def _copy_turn(target, source):
     """Write the first three rows and columns of ``source`` into those of ``target``."""
     for a in range(3):
         for b in range(3):
@@ -98,7 +98,7 @@ def _copy_turn(target, source):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def volume(node):  # type: ignore[no-untyped-def]
+def volume(node):
     """The determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])

@@ -17,7 +17,7 @@ _SHRUNK = 0.5
 
 
 @njit(cache=True, nogil=True)
-def choose_start(x, rest, t, planes, work):  # type: ignore[no-untyped-def]
+def choose_start(x, rest, t, planes, work):
     """Kernel: start from the best of: the last frame; that, gone on as before; either moved rigidly; the rest
     pose moved rigidly.
 
@@ -53,7 +53,7 @@ def choose_start(x, rest, t, planes, work):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _go_on(x, last, out):  # type: ignore[no-untyped-def]
+def _go_on(x, last, out):
     """``out`` takes where the nodes would be if they moved and turned as they did between two frames.
 
     R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its turn.
@@ -78,7 +78,7 @@ def _go_on(x, last, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _moved(x, turn, middle, goal, out):  # type: ignore[no-untyped-def]
+def _moved(x, turn, middle, goal, out):
     """``out`` takes ``x`` turned about ``middle``, which goes to ``goal``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):
@@ -92,7 +92,7 @@ def _moved(x, turn, middle, goal, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rigid_motion(x, t, turn, middle, goal):  # type: ignore[no-untyped-def]
+def _rigid_motion(x, t, turn, middle, goal):
     """The rotation about ``middle``, which goes to ``goal``; False where nothing pulls."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))

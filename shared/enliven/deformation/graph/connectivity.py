@@ -40,7 +40,7 @@ def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
 
 
 @njit(cache=True, nogil=True)
-def _shortest_ways_out(distances, label):  # type: ignore[no-untyped-def]
+def _shortest_ways_out(distances, label):
     """(C, 2) for each component the nearest pair of one of its nodes and one outside."""
     count = label.max() + 1
     best = np.full(count, np.inf)
@@ -85,7 +85,7 @@ def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
 
 
 @njit(cache=True, nogil=True)
-def _lowlink(offsets, neighbours, edge_of, edge_count):  # type: ignore[no-untyped-def]
+def _lowlink(offsets, neighbours, edge_of, edge_count):
     """Tarjan's bridges and cut vertices by depth-first search, without recursion."""
     count = offsets.shape[0] - 1
     bridges, cuts = np.zeros(edge_count, np.bool_), np.zeros(count, np.bool_)

@@ -9,7 +9,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-def]
+def spread(offsets, neighbours, lengths, sources):
     """Dijkstra from all sources at once: (C,) metres to the nearest (infinite: none), and which (-1)."""
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
@@ -33,7 +33,7 @@ def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[no-untyped-def]
+def ways(offsets, neighbours, lengths, sources, count, limit):
     """Dijkstra from each of ``sources`` (N,) by itself, as far as ``limit`` metres.
 
     Returns:
@@ -69,7 +69,7 @@ def ways(offsets, neighbours, lengths, sources, count, limit):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
+def around(offsets, neighbours, lengths, limit):
     """CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their metres."""
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
@@ -89,7 +89,7 @@ def around(offsets, neighbours, lengths, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def dijkstra_workspace(offsets, neighbours):  # type: ignore[no-untyped-def]
+def dijkstra_workspace(offsets, neighbours):
     """What :func:`settle_within` works in: metres (infinite), the heap, what was reached."""
     total = offsets.shape[0] - 1
     room = neighbours.shape[0] + 2
@@ -97,7 +97,7 @@ def dijkstra_workspace(offsets, neighbours):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
+def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
     """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)
@@ -119,7 +119,7 @@ def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, ite
 
 
 @njit(cache=True, nogil=True)
-def _longer(array, needed):  # type: ignore[no-untyped-def]
+def _longer(array, needed):
     """The array with room for ``needed`` and as many again."""
     out = np.empty(2 * needed, array.dtype)
     for i in range(array.shape[0]):

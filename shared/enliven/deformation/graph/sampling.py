@@ -75,7 +75,7 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 
 
 @njit(cache=True, nogil=True)
-def _nearest(corners, middles, reach, points, faces, weights):  # type: ignore[no-untyped-def]
+def _nearest(corners, middles, reach, points, faces, weights):
     """Kernel: the number (N,) and the clamped barycentric coordinates (N, 3) of the face nearest to a point.
 
     A face is left out where its middle is farther away than another one's by ``reach`` metres: the way from a
@@ -101,7 +101,7 @@ def _nearest(corners, middles, reach, points, faces, weights):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def _clamp(corners, point, shares):  # type: ignore[no-untyped-def]
+def _clamp(corners, point, shares):
     """Kernel: squared metres to the place of a point's clamped barycentric coordinates, which it fills in."""
     uu = uv = vv = along = across = 0.0
     for i in range(3):
@@ -204,7 +204,7 @@ def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tup
 
 
 @njit(cache=True, nogil=True, inline="always")
-def distance(p, n_p, q, n_q):  # type: ignore[no-untyped-def]
+def distance(p, n_p, q, n_q):
     """D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
 
     dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| counts what leaves q's tangent plane three times.
@@ -238,7 +238,7 @@ def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
 
 
 @njit(cache=True, nogil=True)
-def _throw_darts(positions, normals, cell, near, radius):  # type: ignore[no-untyped-def]
+def _throw_darts(positions, normals, cell, near, radius):
     """Kernel of :func:`throw_darts`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each."""
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)
@@ -271,7 +271,7 @@ def distance_matrix(samples: SurfaceSamples) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _distance_matrix(positions, normals):  # type: ignore[no-untyped-def]
+def _distance_matrix(positions, normals):
     count = positions.shape[0]
     out = np.full((count, count), np.inf)
     for i in range(count):

@@ -106,7 +106,7 @@ def _spread_out(ways: csr_matrix, count: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
+def _peaks(offsets, neighbours, height, order):
     """The points that are higher than all around them, and how far each stands over its pass to a higher one.
 
     The surface comes out of the water from the highest point down; where two islands meet, the lower one's

@@ -12,7 +12,7 @@ from enliven.union_find import join, root_of
 
 
 @njit(cache=True, nogil=True)
-def grid_cells(vertices, size):  # type: ignore[no-untyped-def]
+def grid_cells(vertices, size):
     """(V,) int64 the number of the cell of side ``size`` that each vertex is in; at most 2^20 a side."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in range(vertices.shape[0]):
@@ -29,7 +29,7 @@ def grid_cells(vertices, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def clusters(faces, cells):  # type: ignore[no-untyped-def]
+def clusters(faces, cells):
     """(V,) int32 the cluster of each vertex, and their count; a cluster is a connected part within a cell."""
     parent = np.arange(cells.shape[0]).astype(np.int32)
     for f in range(faces.shape[0]):
@@ -54,7 +54,7 @@ def clusters(faces, cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def means(vertices, label, count):  # type: ignore[no-untyped-def]
+def means(vertices, label, count):
     """(C, 3) the mean of each cluster's vertices, and (C,) float32 the distance of the farthest from it."""
     points, members = np.zeros((count, 3)), np.zeros(count)
     for v in range(vertices.shape[0]):
@@ -78,7 +78,7 @@ def means(vertices, label, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def by_label(label, count):  # type: ignore[no-untyped-def]
+def by_label(label, count):
     """(C + 1,) where each label's items start, and (V,) int32 the items, ascending at each label."""
     starts = np.zeros(count + 1, np.int64)
     for v in range(label.shape[0]):
@@ -94,7 +94,7 @@ def by_label(label, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def joined(vertices, faces, label, count):  # type: ignore[no-untyped-def]
+def joined(vertices, faces, label, count):
     """(E, 2) the pairs of clusters that an edge joins, and (C, 3) the sums of the normals on their rims."""
     size = 1024
     while size < 16 * count:
@@ -135,7 +135,7 @@ def joined(vertices, faces, label, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _grown(size, pairs, found, count):  # type: ignore[no-untyped-def]
+def _grown(size, pairs, found, count):
     """The hash table of :func:`joined`, twice as large."""
     size *= 2
     table = np.full(size, -1, np.int64)
@@ -172,7 +172,7 @@ _SHELLS = 3
 
 
 @njit(cache=True, nogil=True)
-def near_pairs(points, normals, shell, order, starts, around, reach):  # type: ignore[no-untyped-def]
+def near_pairs(points, normals, shell, order, starts, around, reach):
     """(L, 2) links between points, i < j, at most one through the part and three to other shells for each.
 
     Args:
@@ -231,7 +231,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
+def insert(near, who, found, length, item):
     """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
 
     The length is a float64, the others are int64: every other type would be compiled by itself.

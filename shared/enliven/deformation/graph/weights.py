@@ -94,7 +94,7 @@ def blending_weights(
 
 
 @njit(cache=True, nogil=True)
-def _at_points(points, offsets, nodes, ways, positions, spacing, k):  # type: ignore[no-untyped-def]
+def _at_points(points, offsets, nodes, ways, positions, spacing, k):
     """(C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
     chosen = np.full((points.shape[0], k), -1, np.int32)
     shares = np.zeros((points.shape[0], k))
@@ -124,7 +124,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _mean(nodes, shares, starts, around, metres, radius, count):  # type: ignore[no-untyped-def]
+def _mean(nodes, shares, starts, around, metres, radius, count):
     """(C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step 3."""
     chosen = np.full((starts.shape[0] - 1, _KEPT), -1, np.int32)
     means = np.zeros(chosen.shape, np.float32)
@@ -157,7 +157,7 @@ def _mean(nodes, shares, starts, around, metres, radius, count):  # type: ignore
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):  # type: ignore[no-untyped-def]
+def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):
     """(V, 4) uint16 nodes and (V, 4) float32 weights, from the points of the net around each vertex."""
     indices = np.zeros((vertices.shape[0], 4), np.uint16)
     weights = np.zeros((vertices.shape[0], 4), np.float32)
@@ -217,7 +217,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 
 @njit(cache=True, nogil=True)
-def _drop_small_columns(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
+def _drop_small_columns(table, rows, union, some, largest, who):
     """Keep the columns that may be among the largest of a mean of the rows; returns how many.
 
     A column is dropped where its largest entry is below the smallest entries of k + 1 others.

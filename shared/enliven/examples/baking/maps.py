@@ -108,7 +108,7 @@ def stretch_axes(linear: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def factor_of(matrix):  # type: ignore[no-untyped-def]
+def factor_of(matrix):
     """The lower Cholesky factor of a positive matrix (N, N).
 
     LAPACK's shares such small work among threads, which wait for one another where cores are taken: there it
@@ -125,7 +125,7 @@ def factor_of(matrix):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def moments_of(rest, pivots, indices, weights, vertices):  # type: ignore[no-untyped-def]
+def moments_of(rest, pivots, indices, weights, vertices):
     """(K, 4, 3 F): sum_v w (v - pivot, 1) x' of the frames of ``vertices`` (V, 3 F)."""
     out = np.zeros((len(pivots), 4, vertices.shape[1]))
     for v in range(len(rest)):
@@ -145,7 +145,7 @@ def moments_of(rest, pivots, indices, weights, vertices):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def first_moments(rest, pivots, indices, weights):  # type: ignore[no-untyped-def]
+def first_moments(rest, pivots, indices, weights):
     """(K, 4): sum_v w (v - pivot, 1)."""
     out = np.zeros((len(pivots), 4))
     for v in range(len(rest)):
@@ -158,7 +158,7 @@ def first_moments(rest, pivots, indices, weights):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def gram_of(rest, pivots, indices, weights):  # type: ignore[no-untyped-def]
+def gram_of(rest, pivots, indices, weights):
     """(K, 4, K, 4): sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l, 1)'."""
     count = len(pivots)
     out = np.zeros((count, 4, count, 4))
@@ -180,7 +180,7 @@ def gram_of(rest, pivots, indices, weights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def separable(gram, right, axes, sweeps, maps):  # type: ignore[no-untyped-def]
+def separable(gram, right, axes, sweeps, maps):
     """Makes ``maps`` (F, K, 4, 3) such that each is R Q diag(s) Q', block by block, in place.
 
     Each block takes its best rotation, scales and place with the others as they are: what is left of the
@@ -206,7 +206,7 @@ def separable(gram, right, axes, sweeps, maps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _block(own, left, axes, fresh, found):  # type: ignore[no-untyped-def]
+def _block(own, left, axes, fresh, found):
     """The best R Q diag(s) Q' and place of one transform, into ``found`` (4, 3)."""
     mass = own[3, 3]
     # N = A H by elimination of the place, in the axes: rows of the world, columns of the axes.
@@ -239,7 +239,7 @@ def _block(own, left, axes, fresh, found):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def skinned(rest, pivots, indices, weights, maps, out):  # type: ignore[no-untyped-def]
+def skinned(rest, pivots, indices, weights, maps, out):
     """Into ``out`` (V, 3) where one frame's ``maps`` (K, 4, 3) take the vertices."""
     for v in range(len(rest)):
         p = q = r = 0.0
@@ -256,7 +256,7 @@ def skinned(rest, pivots, indices, weights, maps, out):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def add_errors(rest, pivots, indices, weights, maps, wanted, squares, worst):  # type: ignore[no-untyped-def]
+def add_errors(rest, pivots, indices, weights, maps, wanted, squares, worst):
     """Adds the square errors of ``wanted`` (V, F, 3) to ``squares`` (V,), and raises ``worst`` (V,) to them.
 
     Returns:

@@ -18,7 +18,7 @@ _MOST = 4
 
 
 @njit(cache=True, nogil=True)
-def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, indices, weights):  # type: ignore[no-untyped-def]
+def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, indices, weights):
     """Improves ``indices`` (V, 4) int32 and ``weights`` (V, 4) in place, vertex by vertex.
 
     Args:
@@ -71,7 +71,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _away(at, own, wanted, out):  # type: ignore[no-untyped-def]
+def _away(at, own, wanted, out):
     """Into ``out`` (3 F) how far a transform (4, 3 F) takes ``at`` (3,) from where it is to be."""
     x, y, z = at
     for j in range(len(out)):
@@ -79,7 +79,7 @@ def _away(at, own, wanted, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dot(a, b):  # type: ignore[no-untyped-def]
+def _dot(a, b):
     total = 0.0
     for j in range(len(a)):
         total += a[j] * b[j]
@@ -87,7 +87,7 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore[no-untyped-def]
+def solve_bounded(gram, pull, smooth, there, free, room, found):
     """Fill ``found`` with the weights, at most four above zero; false where there is no solution.
 
     Weights below zero are dropped, the lowest first; then the smallest, until four are left.
@@ -115,7 +115,7 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _equal(gram, pull, smooth, least, there, free, room, found):  # type: ignore[no-untyped-def]
+def _equal(gram, pull, smooth, least, there, free, room, found):
     """The free weights with the sum one, the others 0, by two solves of the free part."""
     n = 0
     order = np.empty(there, np.int64)
@@ -162,7 +162,7 @@ def _equal(gram, pull, smooth, least, there, free, room, found):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _cost(gram, found, pull, smooth, there):  # type: ignore[no-untyped-def]
+def _cost(gram, found, pull, smooth, there):
     total = 0.0
     for c in range(there):
         total += smooth * (found[c] - pull[c]) ** 2
@@ -172,7 +172,7 @@ def _cost(gram, found, pull, smooth, there):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(v, candidates, there, near, starts, indices, weights, pull):  # type: ignore[no-untyped-def]
+def _neighbours(v, candidates, there, near, starts, indices, weights, pull):
     """Into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
     for c in range(there):
         pull[c] = 0.0

@@ -8,7 +8,7 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def stand(turned, feet, stands, grip, first, last, root, anchors):  # type: ignore[no-untyped-def]
+def stand(turned, feet, stands, grip, first, last, root, anchors):
     """Kernel: contact from frame ``first`` to ``last``, upon the frame before.
 
     Args:
@@ -34,7 +34,7 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _anchor(places, feet, stands, before, highest):  # type: ignore[no-untyped-def]
+def _anchor(places, feet, stands, before, highest):
     """The next anchor after ``before`` (-1: none): a foot that stands, for as long as it does; else the
     lowest foot, or the anchor before while it is not above ``highest``."""
     known = stands.any()

@@ -55,7 +55,7 @@ def pulled(forces: Float, frames: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def factor(give, weight, inverse, one, two):  # type: ignore[no-untyped-def]
+def factor(give, weight, inverse, one, two):
     """Kernel: LDL' of 1 + weight^2 A give A'. ``one`` and ``two`` (F - 2, 3, 3) are L's blocks beside the
     diagonal, ``inverse`` (F - 2, 3, 3) that of D."""
     s = weight * weight
@@ -85,7 +85,7 @@ def factor(give, weight, inverse, one, two):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def substitute(inverse, one, two, out):  # type: ignore[no-untyped-def]
+def substitute(inverse, one, two, out):
     """Kernel: ``out`` (F - 2, 3, R), right-hand sides, becomes the solutions."""
     rows, sides = len(inverse), out.shape[2]
     t = np.empty(3)
@@ -115,7 +115,7 @@ def substitute(inverse, one, two, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _product(a, b, out):  # type: ignore[no-untyped-def]
+def _product(a, b, out):
     """``out`` = a b."""
     for i in range(3):
         for j in range(3):
@@ -123,7 +123,7 @@ def _product(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _take(out, a, b):  # type: ignore[no-untyped-def]
+def _take(out, a, b):
     """``out`` -= a b'."""
     for i in range(3):
         for j in range(3):
@@ -131,7 +131,7 @@ def _take(out, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _inverted(d, out):  # type: ignore[no-untyped-def]
+def _inverted(d, out):
     """``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])
     e, f, g = d[1, 1], 0.5 * (d[1, 2] + d[2, 1]), d[2, 2]

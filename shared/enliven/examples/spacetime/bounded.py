@@ -78,7 +78,7 @@ class Nodes:
 
 
 @njit(cache=True, nogil=True)
-def respond(  # type: ignore[no-untyped-def]
+def respond(
     matrix, right, reach, offset, slack, state, still, swing, base, give, least, pull, low, high, places
 ):
     """Kernel: see :meth:`Nodes.respond`."""
@@ -95,7 +95,7 @@ def respond(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def workspace(most):  # type: ignore[no-untyped-def]
+def workspace(most):
     """The arrays that :func:`answers` works in: weights, their right-hand sides (b - C q), the numbers of the
     free ones, the factor of their part, and the states that are tried."""
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
@@ -103,7 +103,7 @@ def workspace(most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def answers(node, known, pull, a, b, low, high, work, places, marks):  # type: ignore[no-untyped-def]
+def answers(node, known, pull, a, b, low, high, work, places, marks):
     """Kernel: answers of the nodes a..b of a point to a pull (F, 3), into ``places``.
 
     ``node`` and ``known`` are the point's arrays, in the order of :class:`Nodes`. ``marks`` (F,) takes where
@@ -146,7 +146,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def _renew(node, known, f, qx, qy, qz, low, high, work):  # type: ignore[no-untyped-def]
+def _renew(node, known, f, qx, qy, qz, low, high, work):
     """Finds which weights of node f are at bounds, and what follows of it."""
     matrix, right, reach, _, _, state = node
     _, g, _, _, trial = work
@@ -160,7 +160,7 @@ def _renew(node, known, f, qx, qy, qz, low, high, work):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _wrong(matrix, f, g, state, w, low, high):  # type: ignore[no-untyped-def]
+def _wrong(matrix, f, g, state, w, low, high):
     """The first weight that is out of bounds, or at one that it wants to leave; -1 for none."""
     for e in range(len(w)):
         if _is_wrong(matrix, f, g, state, w, low, high, e):
@@ -169,7 +169,7 @@ def _wrong(matrix, f, g, state, w, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-def]
+def _is_wrong(matrix, f, g, state, w, low, high, e):
     if state[e] == 0:
         return w[e] < low - 1e-12 or w[e] > high + 1e-12
     slope = -g[e]
@@ -179,7 +179,7 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
+def _pivot(matrix, f, work, low, high):
     """Finds the states and weights that g = b - C q asks for, starting at the states that are tried."""
     w, g, _, _, state = work
     most = len(w)
@@ -196,7 +196,7 @@ def _pivot(matrix, f, work, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _factor(matrix, f, work):  # type: ignore[no-untyped-def]
+def _factor(matrix, f, work):
     """Cholesky of the free weights' part, its diagonal inverted; returns how many are free."""
     _, _, free, factor, state = work
     count = 0
@@ -214,7 +214,7 @@ def _factor(matrix, f, work):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
+def _fill(matrix, f, work, count, low, high):
     """The weights: those at bounds at their bounds, and the free ones that g asks for."""
     w, g, free, factor, state = work
     for e in range(len(w)):
@@ -237,7 +237,7 @@ def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
+def _linear(node, known, f, qx, qy, qz, work):
     """The known terms of a node; its states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known

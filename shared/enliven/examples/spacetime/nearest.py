@@ -59,7 +59,7 @@ class Nearest:
 
 
 @njit(cache=True, nogil=True)
-def whole_distances(seen, known, out):  # type: ignore[no-untyped-def]
+def whole_distances(seen, known, out):
     """Kernel: ``out`` (F, n) adds up the mean square distance of joints (P, F, 3) from examples (P, n, 3)."""
     pairs, frames, count = seen.shape[0], seen.shape[1], known.shape[1]
     for p in range(pairs):
@@ -71,7 +71,7 @@ def whole_distances(seen, known, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):  # type: ignore[no-untyped-def]
+def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):
     """Kernel: ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point: see :meth:`Nearest.nodes`.
 
     ``seen`` (F, 3) is its joint, ``known`` (n, 3) that of the examples, ``goals`` (n, 3) the control point's
@@ -100,7 +100,7 @@ def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach)
 
 
 @njit(cache=True, nogil=True)
-def _first(distance, order, wanted):  # type: ignore[no-untyped-def]
+def _first(distance, order, wanted):
     """The ``wanted`` smallest of ``distance`` come first in ``order``, ascending."""
     held = 0
     for e in range(len(distance)):

@@ -25,7 +25,7 @@ _HALVINGS = 20
 
 
 @njit(cache=True, nogil=True)
-def solve_point(node, known, weight, low, high, places):  # type: ignore[no-untyped-def]
+def solve_point(node, known, weight, low, high, places):
     """Kernel: ``places`` (F, 3) of one point; returns how many block rows were factored.
 
     ``node`` and ``known`` are the point's arrays (``answers``). The functions below share these: y (F - 2,
@@ -63,12 +63,12 @@ def solve_point(node, known, weight, low, high, places):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _close(value):  # type: ignore[no-untyped-def]
+def _close(value):
     return 1e-13 * (abs(value) + 1.0)
 
 
 @njit(cache=True, nogil=True)
-def _windows(node, known, y, goal, how, work, places, marks, band):  # type: ignore[no-untyped-def]
+def _windows(node, known, y, goal, how, work, places, marks, band):
     """Solves the rows around each marked frame by themselves; returns how many rows were factored."""
     rows, factored = len(y), 0
     wanted = marks.copy()
@@ -92,7 +92,7 @@ def _windows(node, known, y, goal, how, work, places, marks, band):  # type: ign
 
 
 @njit(cache=True, nogil=True)
-def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):  # type: ignore[no-untyped-def]
+def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):
     """Damped Newton on rows a..b, the others held. Returns the dual of its frames, and the steps made."""
     _, value = _value(node, known, y, a, b, how, work, places, marks, band)
     before = np.empty((b - a, 3))
@@ -117,7 +117,7 @@ def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):  #
 
 
 @njit(cache=True, nogil=True)
-def _value(node, known, y, a, b, how, work, places, marks, band):  # type: ignore[no-untyped-def]
+def _value(node, known, y, a, b, how, work, places, marks, band):
     """The nodes' answers at the frames that rows a..b touch: how many changed, and the dual (to fall)."""
     weight, low, high = how
     rows, value, last = len(y), 0.0, min(b + 2, len(places))
@@ -138,7 +138,7 @@ def _value(node, known, y, a, b, how, work, places, marks, band):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
-def _step(node, known, y, goal, a, b, how, band):  # type: ignore[no-untyped-def]
+def _step(node, known, y, goal, a, b, how, band):
     """``goal`` of rows a..b: where the pieces that hold now would have them, the other rows held."""
     weight = how[0]
     base, give = known[2], known[3]

@@ -91,7 +91,7 @@ def solve(
 
 
 @njit(cache=True, nogil=True)
-def _hold(held, values, matrix, right, reach, offset, slack):  # type: ignore[no-untyped-def]
+def _hold(held, values, matrix, right, reach, offset, slack):
     """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
 
     What a held coordinate asks beyond C w is r, at its cost: it becomes part of the weights' energy.

@@ -26,7 +26,7 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
 
 
 @njit(cache=True, nogil=True)
-def _needed(values, times, tolerance, turns):  # type: ignore[no-untyped-def]
+def _needed(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
     begin = kept[0]  # a literal 0 would be a type of its own, and _holds be compiled for it
@@ -48,7 +48,7 @@ def _needed(values, times, tolerance, turns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _holds(values, times, begin, end, tolerance, turns):  # type: ignore[no-untyped-def]
+def _holds(values, times, begin, end, tolerance, turns):
     """Returns whether all frames between two keys are within the tolerance of their interpolation."""
     width = values.shape[1]
     dot = 0.0

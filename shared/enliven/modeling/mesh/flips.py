@@ -24,7 +24,7 @@ def across_edges(triangles: Int, count: int) -> Int:
 
 
 @njit(cache=True, nogil=True)
-def slot(row, value):  # type: ignore[no-untyped-def]
+def slot(row, value):
     """Kernel: where in a row of three a value is, -1 where it is not."""
     for k in range(3):
         if row[k] == value:
@@ -33,7 +33,7 @@ def slot(row, value):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def flip(triangles, beside, t, k):  # type: ignore[no-untyped-def]
+def flip(triangles, beside, t, k):
     """Kernel: the edge opposite to corner k of t becomes the other diagonal of t and its neighbour, in place.
 
     Args:

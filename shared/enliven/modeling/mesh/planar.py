@@ -64,13 +64,13 @@ def refined(
 
 
 @njit(cache=True, nogil=True)
-def _turn(a, b, c):  # type: ignore[no-untyped-def]
+def _turn(a, b, c):
     """Twice the signed area of the triangle a, b, c."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 @njit(cache=True, nogil=True)
-def _in_circle(a, b, c, d):  # type: ignore[no-untyped-def]
+def _in_circle(a, b, c, d):
     """Above zero where d lies in the circle through a, b, c (counter-clockwise), scaled to about one."""
     ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
@@ -81,7 +81,7 @@ def _in_circle(a, b, c, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _legalise(points, cells, beside, t, k):  # type: ignore[no-untyped-def]
+def _legalise(points, cells, beside, t, k):
     """Flip the edge opposite to corner k of cell t where that is legal and better; whether it was done."""
     u = beside[t, k]
     if u < 0:
@@ -97,7 +97,7 @@ def _legalise(points, cells, beside, t, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _legalise_all(points, cells, beside):  # type: ignore[no-untyped-def]
+def _legalise_all(points, cells, beside):
     """Flip until every inner edge is locally Delaunay; bounded, since rounding may undo a flip."""
     for _ in range(200):
         flipped = 0
@@ -110,7 +110,7 @@ def _legalise_all(points, cells, beside):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _refine(points, sizes, cells, beside, count, some, growth):  # type: ignore[no-untyped-def]
+def _refine(points, sizes, cells, beside, count, some, growth):
     """Add the centre of each triangle that is too large, flip, and again; how many points and triangles."""
     for _ in range(60):
         before, first = count, some
@@ -138,7 +138,7 @@ def _refine(points, sizes, cells, beside, count, some, growth):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
-def _split(cells, beside, t, p, some):  # type: ignore[no-untyped-def]
+def _split(cells, beside, t, p, some):
     """Cell t becomes three around point p; the new ones are ``some`` and ``some + 1``."""
     a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
     over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
@@ -156,7 +156,7 @@ def _split(cells, beside, t, p, some):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _relax(points, cells, fixed):  # type: ignore[no-untyped-def]
+def _relax(points, cells, fixed):
     """Each point from ``fixed`` on goes to the middle of its neighbours, where no triangle turns over."""
     total, many = np.zeros(points.shape), np.zeros(points.shape[0])
     for t in range(cells.shape[0]):

@@ -42,7 +42,7 @@ def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _to_middle(vertices, faces, count):  # type: ignore[no-untyped-def]
+def _to_middle(vertices, faces, count):
     """(V, 3) from each vertex to the mean of its neighbours."""
     total, many = np.zeros((count, 3)), np.zeros(count)
     for f in range(faces.shape[0]):
@@ -58,14 +58,14 @@ def _to_middle(vertices, faces, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _normal(p, q, r):  # type: ignore[no-untyped-def]
+def _normal(p, q, r):
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     return np.array([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
 
 
 @njit(cache=True, nogil=True)
-def _cotangent(tip, p, q):  # type: ignore[no-untyped-def]
+def _cotangent(tip, p, q):
     ux, uy, uz = p[0] - tip[0], p[1] - tip[1], p[2] - tip[2]
     vx, vy, vz = q[0] - tip[0], q[1] - tip[1], q[2] - tip[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -73,7 +73,7 @@ def _cotangent(tip, p, q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _linked(faces, beside, t, a, d):  # type: ignore[no-untyped-def]
+def _linked(faces, beside, t, a, d):
     """Whether vertices a (of face t) and d share an edge: a walk around a."""
     f = t
     for _ in range(64):
@@ -87,7 +87,7 @@ def _linked(faces, beside, t, a, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _flip_all(vertices, faces, beside):  # type: ignore[no-untyped-def]
+def _flip_all(vertices, faces, beside):
     """Flip until nothing is better; an edge is not flipped where the surface would fold or an edge double."""
     for _ in range(20):
         done = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,7 @@ def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[lis
     return out
 
 
-def _outward(degree: Int):  # type: ignore[no-untyped-def]
+def _outward(degree: Int) -> Callable[[list[int]], list[int]]:
     """Of a chain from a fork to an end, the chain in that direction; of another, nothing."""
 
     def turned(chain: list[int]) -> list[int]:

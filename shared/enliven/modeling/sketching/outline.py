@@ -87,7 +87,7 @@ def _crossings(points: Float, closed: bool) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _crossed(starts, ends, closed):  # type: ignore[no-untyped-def]
+def _crossed(starts, ends, closed):
     """See :func:`_crossings`; segments that share an end do not cross."""
     found = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]

@@ -17,7 +17,7 @@ MOST = 6
 
 
 @njit(cache=True, nogil=True)
-def grid_of(vertices, faces, low, cell, size):  # type: ignore[no-untyped-def]
+def grid_of(vertices, faces, low, cell, size):
     """CSR of the faces with bounding boxes that touch each cell: offsets (X Y Z + 1,) and faces."""
     total = size[0] * size[1] * size[2]
     offsets = np.zeros(total + 1, np.int64)
@@ -46,7 +46,7 @@ def grid_of(vertices, faces, low, cell, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _hit(p, d, a, b, c):  # type: ignore[no-untyped-def]
+def _hit(p, d, a, b, c):
     """Where the line p + t d meets the triangle a, b, c, or -1 (T. Moeller and B. Trumbore, 1997)."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -66,7 +66,7 @@ def _hit(p, d, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):  # type: ignore[no-untyped-def]
+def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
     """Whether a point lies outside of vertex v's own surface, or a face that does not touch v hides it."""
     p = vertices[v]
     d = target - p
@@ -103,7 +103,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
 
 
 @njit(cache=True, nogil=True)
-def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):  # type: ignore[no-untyped-def]
+def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
     """See :func:`nearest_seen`."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)

@@ -90,7 +90,7 @@ def runs_of(down: Bool) -> list[tuple[int, int]]:
 
 
 @njit(cache=True, nogil=True)
-def touching(height, speed, low, slow, release, down):  # type: ignore[no-untyped-def]
+def touching(height, speed, low, slow, release, down):
     """Kernel: ``down`` (F,) takes whether a foot of ``height`` (F,) and ``speed`` (F,) touches the floor."""
     now = False
     for f in range(len(height)):
@@ -100,7 +100,7 @@ def touching(height, speed, low, slow, release, down):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def hold(times, starts, ends, places, blend, weights, goals):  # type: ignore[no-untyped-def]
+def hold(times, starts, ends, places, blend, weights, goals):
     """Kernel: how much a joint is held, ``weights`` (T,) in [0, 1], and where, ``goals`` (T, 3), at times.
 
     Within a contact it is held wholly; beside one, as much as smoothstep leaves of ``blend`` seconds. Between

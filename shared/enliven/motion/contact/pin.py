@@ -160,7 +160,7 @@ def _two_up(skeleton: Skeleton, joint: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, goals, drops, turns, joints):  # type: ignore[no-untyped-def]
+def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, goals, drops, turns, joints):
     """Kernel: brings the end of a limb to its goal, as much as ``weights`` (T,) says, and rebuilds what hangs
     on it.
 
@@ -200,7 +200,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
 
 
 @njit(cache=True, nogil=True)
-def local_turns(parents, turns, local):  # type: ignore[no-untyped-def]
+def local_turns(parents, turns, local):
     """Kernel: ``local`` (N, 4) takes each bone's turn relative to its parent's."""
     for j in range(len(parents)):
         q = load(turns, j)
@@ -208,7 +208,7 @@ def local_turns(parents, turns, local):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def rebuild(parents, vectors, fixed, local, first, turns, joints):  # type: ignore[no-untyped-def]
+def rebuild(parents, vectors, fixed, local, first, turns, joints):
     """Kernel: bones that are not ``fixed`` (N,) ride on their parents again, and all joints after ``first``
     are put where their bones lead."""
     for j in range(first + 1, len(parents)):

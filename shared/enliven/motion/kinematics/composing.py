@@ -9,7 +9,7 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 
 
 @njit(cache=True, nogil=True)
-def own_turns(knots, knot, part, fixed, first, terms, inverse, out):  # type: ignore[no-untyped-def]
+def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
     """Kernel: ``out`` (T, N, 4) takes the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
 
     Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0
@@ -30,7 +30,7 @@ def own_turns(knots, knot, part, fixed, first, terms, inverse, out):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def compose(parents, vectors, modeling, own, root, turns, joints):  # type: ignore[no-untyped-def]
+def compose(parents, vectors, modeling, own, root, turns, joints):
     """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3).
 
     ``vectors`` (T or 1, N, 3) lead from each parent to its joint before the bone turns.
@@ -52,7 +52,7 @@ def compose(parents, vectors, modeling, own, root, turns, joints):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def upright(turns):  # type: ignore[no-untyped-def]
+def upright(turns):
     """Kernel: (N, 4) the same rotations with w >= 0."""
     out = np.empty(turns.shape)
     for j in range(len(turns)):

@@ -17,7 +17,7 @@ _STRAIGHT = 0.15
 
 
 @njit(cache=True, nogil=True)
-def two_bone(start, middle, end, goal, side):  # type: ignore[no-untyped-def]
+def two_bone(start, middle, end, goal, side):
     """Kernel: turns of the upper part (about ``start``) and of the lower (about ``middle``) that bring the
     end to ``goal``: first the bend at the middle by the law of cosines, then the swing of the whole.
 
@@ -52,7 +52,7 @@ def two_bone(start, middle, end, goal, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bend_axis(u, plane, sine, more, side):  # type: ignore[no-untyped-def]
+def bend_axis(u, plane, sine, more, side):
     """Kernel: the unit axis, at right angles to ``u`` (middle to start), about which a limb is bent.
 
     Args:

@@ -8,25 +8,25 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def load(rows, i):  # type: ignore[no-untyped-def]
+def load(rows, i):
     """Kernel: row ``i`` of a (N, 4) array."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
 @njit(cache=True, nogil=True)
-def store(rows, i, q):  # type: ignore[no-untyped-def]
+def store(rows, i, q):
     """Kernel: writes row ``i`` of a (N, 4) array."""
     rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
 
 
 @njit(cache=True, nogil=True)
-def conj(q):  # type: ignore[no-untyped-def]
+def conj(q):
     """Kernel: the inverse of a unit quaternion."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 @njit(cache=True, nogil=True)
-def mul(a, b):  # type: ignore[no-untyped-def]
+def mul(a, b):
     """Kernel: ``a`` after ``b``."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -37,7 +37,7 @@ def mul(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def turn(q, x, y, z):  # type: ignore[no-untyped-def]
+def turn(q, x, y, z):
     """Kernel: the vector (x, y, z) turned by ``q``."""
     a, b, c = 2 * (q[2] * z - q[3] * y), 2 * (q[3] * x - q[1] * z), 2 * (q[1] * y - q[2] * x)
     return (
@@ -48,7 +48,7 @@ def turn(q, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def between(a, b, t):  # type: ignore[no-untyped-def]
+def between(a, b, t):
     """Kernel: slerp at ``t`` of the shorter arc from ``a`` to ``b`` (Shoemake 1985), exact at both ends."""
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     if cosine < 0.0:

@@ -20,7 +20,7 @@ _TRIES = 4
 
 
 @njit(cache=True, nogil=True)
-def reach(points, goal, side, turns):  # type: ignore[no-untyped-def]
+def reach(points, goal, side, turns):
     """Kernel: moves the end of a chain of points (K, 3) to ``goal``; bones keep their length, the first
     point stays.
 
@@ -55,7 +55,7 @@ def reach(points, goal, side, turns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def straighten(points, goal, sizes):  # type: ignore[no-untyped-def]
+def straighten(points, goal, sizes):
     """Kernel: lays a chain (K, 3) of ``sizes`` (K - 1,) straight towards the goal."""
     way = minus(goal, row(points, 0))
     far = length(way)
@@ -67,7 +67,7 @@ def straighten(points, goal, sizes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def spread(points, goal, sizes):  # type: ignore[no-untyped-def]
+def spread(points, goal, sizes):
     """Kernel: FABRIK rounds, backwards from the goal and forwards from the first point (K, 3)."""
     count = len(points)
     first = row(points, 0)
@@ -81,7 +81,7 @@ def spread(points, goal, sizes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def unbend(points, goal, far, sizes):  # type: ignore[no-untyped-def]
+def unbend(points, goal, far, sizes):
     """Kernel: takes so much off every bend of a chain (K, 3) that its end is ``far`` from its start, and
     points it at the goal: what is left to do where the halves are too bent to reach."""
     count = len(points)
@@ -116,7 +116,7 @@ def unbend(points, goal, far, sizes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def pulled(points, fixed, moved, size):  # type: ignore[no-untyped-def]
+def pulled(points, fixed, moved, size):
     """Kernel: puts point ``moved`` at ``size`` from point ``fixed``, in the direction that it has."""
     way = minus(row(points, moved), row(points, fixed))
     far = length(way)
@@ -127,7 +127,7 @@ def pulled(points, fixed, moved, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def settle(points, goal, side):  # type: ignore[no-untyped-def]
+def settle(points, goal, side):
     """Kernel: makes the end of (K, 3) meet the goal: the two halves, each rigid, as two bones."""
     count = len(points)
     middle = count // 2

@@ -127,7 +127,7 @@ def lead_at(
 
 
 @njit(cache=True, nogil=True)
-def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints):  # type: ignore[no-untyped-def]
+def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints):
     """Kernel: brings the end of a chain to where the take's is, and rebuilds what hangs on it.
 
     Args:
@@ -170,7 +170,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
 
 
 @njit(cache=True, nogil=True)
-def curve(links, knots, knot, part):  # type: ignore[no-untyped-def]
+def curve(links, knots, knot, part):
     """Kernel: where the take's posed polyline is, from its start, ``part`` of the way along bone ``knot``."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(knot + 1):

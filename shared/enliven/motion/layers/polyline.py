@@ -112,7 +112,7 @@ def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
 
 
 @njit(cache=True, nogil=True)
-def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):  # type: ignore[no-untyped-def]
+def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):
     """Kernel: basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
     ``begin`` on: for each polyline the identity and then a turn for each of its bones.
 
@@ -143,7 +143,7 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
 
 
 @njit(cache=True, nogil=True)
-def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):  # type: ignore[no-untyped-def]
+def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
     """Kernel: the knots (K, 4) of one polyline, ``part`` of the way from ``frame`` to the next."""
     one = (1.0, 0.0, 0.0, 0.0)
     turned = (basis[0], basis[1], basis[2], basis[3])
@@ -170,7 +170,7 @@ def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):  #
 
 
 @njit(cache=True, nogil=True)
-def blend_knots(others, share, weight, first, begin, out):  # type: ignore[no-untyped-def]
+def blend_knots(others, share, weight, first, begin, out):
     """Kernel: the knots ``out`` (T, K, 4) of L polylines, ``share`` (T, L) of the way to ``others``, and of
     that ``weight`` (T, L); ``first`` and ``begin`` as :func:`knot_turns` has them.
     """
@@ -185,7 +185,7 @@ def blend_knots(others, share, weight, first, begin, out):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def turn_at(turns, frame, part, entry):  # type: ignore[no-untyped-def]
+def turn_at(turns, frame, part, entry):
     """Kernel: the turn of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
     if part == 0.0:
         return load(turns[frame], entry)

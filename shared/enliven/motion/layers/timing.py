@@ -100,7 +100,7 @@ def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
 
 
 @njit(cache=True, nogil=True)
-def _played(seconds, rows, lanes, first, out):  # type: ignore[no-untyped-def]
+def _played(seconds, rows, lanes, first, out):
     """Kernel: ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) as :class:`Times` has it."""
     for t in range(len(seconds)):
         for i in range(len(rows)):
@@ -129,7 +129,7 @@ def _played(seconds, rows, lanes, first, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _weight(at, rounds, row, now, end_of_lane):  # type: ignore[no-untyped-def]
+def _weight(at, rounds, row, now, end_of_lane):
     """Kernel: how far a layer that does not hold is heard, as ``TimeMap`` has it."""
     speed, looped, ease = row[1], row[2], row[7]
     begin, end = now[4], now[5]

@@ -96,7 +96,7 @@ def _root_at(clip: Clip, second: float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
+def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
     """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1).
 
     ``rounds`` (T, 1) is how often the lane was gone through before: ``each`` (3,) adds its way over the

@@ -72,7 +72,7 @@ def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel
 
 
 @njit(cache=True, nogil=True)
-def _look_through(points, pose, camera, depth, limits, seen, through):  # type: ignore[no-untyped-def]
+def _look_through(points, pose, camera, depth, limits, seen, through):
     """Counts for each point whether an image saw it, a surface at it or something behind it.
 
     Args:

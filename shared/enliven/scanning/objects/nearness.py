@@ -27,7 +27,7 @@ def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Flo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _distances(points, pose, field, found, first, last):  # type: ignore[no-untyped-def]
+def _distances(points, pose, field, found, first, last):
     """Fills some rows of (h, w) distances; those of points without worth stay as they are."""
     here, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40

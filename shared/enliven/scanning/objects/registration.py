@@ -155,7 +155,7 @@ def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last):  # type: ignore[no-untyped-def]
+def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last):
     """Lays a part from each of some poses; point to plane, robust after Geman and McClure."""
     matrix, right, j = np.empty((6, 6)), np.empty(6), np.empty(6)
     for k in range(first, last):
@@ -209,7 +209,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _apply(pose, step):  # type: ignore[no-untyped-def]
+def _apply(pose, step):
     """Moves a pose (4, 4) in place and turns it about its own place (Rodrigues), (6,), world axes."""
     angle = np.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
     if angle > 1e-12:

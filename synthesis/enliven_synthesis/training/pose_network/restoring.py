@@ -8,6 +8,7 @@ input has there, and the scale and the shift that undo them.
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,7 @@ def _convolution_before(normalisation: str) -> str:
     return f"{sequence}.{int(place) - 1}"
 
 
-def _normalising(bias: Tensor):  # type: ignore[no-untyped-def]
+def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None]:
     """Returns a hook that sets a normalisation by its first input to add a bias and change nothing else."""
 
     def hook(layer: nn.BatchNorm2d, given: tuple[Tensor]) -> None:

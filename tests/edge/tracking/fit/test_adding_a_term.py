@@ -12,7 +12,7 @@ from enliven_edge.tracking.fit import terms
 
 KERNEL = '''
 @njit(cache=True, nogil=True)
-def below_ceiling(sums, surface, weight, height):  # type: ignore[no-untyped-def]
+def below_ceiling(sums, surface, weight, height):
     """Adds the term that keeps the balls at both ends of every capsule below ``height`` metres."""
     up, stretch, energy = np.array([0.0, 1.0, 0.0]), np.zeros(len(sums.tug)), 0.0
     for c in range(len(surface.ends)):

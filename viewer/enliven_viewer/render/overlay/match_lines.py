@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Float32
+from enliven.arrays import Float, Float32
 from enliven.matching import Board, MatchRow, joints_of_limb
 from enliven_viewer.render.overlay.tubes import tube_rows
 from enliven_viewer.theme import LIMBS
@@ -27,7 +27,7 @@ def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
             radius = share * _THICK * max(lengths, default=0.0)
             deepest = max(deepest, share * _DEEP * max(lengths, default=0.0))
             for line, tint in zip(row.lines, tints_of(row), strict=True):
-                rows += _tubes(line, radius, np.array(tint, np.float32) ** 2.2)
+                rows += _tubes(line, radius, np.power(tint, 2.2, dtype=np.float32))
     return np.concatenate(rows), deepest
 
 
@@ -57,7 +57,7 @@ def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
     return tints
 
 
-def _tubes(line, radius, tint):  # type: ignore[no-untyped-def]
+def _tubes(line: Float, radius: float, tint: Float32) -> list[Float32]:
     """A tube a bone, and a ball a joint."""
     if len(line) < 2:
         return []

@@ -197,7 +197,7 @@ def _told(dot: Dot, group: CurveGroup) -> str:
     return f"{said}\n{more}"
 
 
-def _diamond(draw, at: ImVec2, tint: Colour, *, chosen: bool) -> None:  # type: ignore[no-untyped-def]
+def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) -> None:
     reach = _DIAMOND + 1.5 * chosen
     corners = (
         ImVec2(at.x, at.y - reach),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import spoken
@@ -11,7 +11,7 @@ from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
 from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.toasts import Toast
-from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
+from enliven_viewer.studio.viewport import Disc, Fill, Label, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
@@ -45,7 +45,7 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: A
     draw.pop_clip_rect()
 
 
-def _tool(workspace: Workspace, draw, area: Area, *, over: bool) -> None:  # type: ignore[no-untyped-def]
+def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: bool) -> None:
     """Draw the marks of the tool, the axes of a puppet, and the hint."""
     _brackets(workspace, draw, area)
     for mark in workspace.input.tool.overlay().marks:
@@ -59,7 +59,7 @@ def _tool(workspace: Workspace, draw, area: Area, *, over: bool) -> None:  # typ
         _warning(workspace.input.tool.warning, draw, area.x + 14, area.y + 14)
 
 
-def _brackets(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw corners around each of several chosen characters; the one that leads has brighter ones."""
     editor = workspace.editor
     if not editor.selection.several:
@@ -73,14 +73,19 @@ def _brackets(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[n
         for x, inward in ((left, _CORNER), (right, -_CORNER)):
             for y, down in ((top, _CORNER), (bottom, -_CORNER)):
                 at = ImVec2(area.x + x, area.y + y)
-                ends = [ImVec2(at.x + inward, at.y), at, ImVec2(at.x, at.y + down)]
+                ends: list[ImVec2Like] = [ImVec2(at.x + inward, at.y), at, ImVec2(at.x, at.y + down)]
                 draw.add_polyline(ends, colour, 2.0, 0)
 
 
-def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
+def _points(mark: Line | Fill, area: Area) -> list[ImVec2Like]:
+    """Returns a mark's points in pixels of the window."""
+    return [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+
+
+def draw_mark(draw: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Label) -> None:
     """One mark, its pixels counted from the area's top left."""
     if isinstance(mark, Line):
-        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        points = _points(mark, area)
         closed = imgui.ImDrawFlags_.closed if mark.closed else 0
         draw.add_polyline(points, packed(mark.colour), mark.width, closed)
     elif isinstance(mark, Disc):
@@ -90,7 +95,7 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         else:
             draw.add_circle_filled(at, mark.radius, packed(mark.colour))
     elif isinstance(mark, Fill):
-        points = [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
+        points = _points(mark, area)
         draw.add_convex_poly_filled(points, packed(mark.colour))
     else:
         at = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
@@ -100,7 +105,7 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         draw.add_text(at, packed(mark.colour), mark.text)
 
 
-def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw the tool's name and hint, and its warning beneath."""
     tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tr(tool.label)}   ").x
@@ -116,7 +121,7 @@ def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-un
         _warning(tool.warning, draw, x, y + high + 6)
 
 
-def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw the tool's name and hint in a strip under the picture, in small letters."""
     tool, font, room = workspace.input.tool, imgui.get_font(), area.width - 28
     draw.add_rect_filled(
@@ -136,14 +141,14 @@ def _hint_strip(workspace: Workspace, draw, area: Area) -> None:  # type: ignore
     workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 
-def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-untyped-def]
+def _warning(said: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
     text = f"\uf071  {said}"
     wide = imgui.calc_text_size(text).x + 26
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed((*GLASS[:3], 0.92)), 9.0)
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
-def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw the caption of a session in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
@@ -162,7 +167,7 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
         draw.add_text(ImVec2(left + 11, y + 3), packed((*GLASS[:3], 1.0)), key)
 
 
-def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _toasts(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     perform = workspace.perform
     live = perform.room == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
@@ -173,7 +178,7 @@ def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-
         bottom = _toast(draw, area, toast, bottom) - 8
 
 
-def _toast(draw, area: Area, toast: Toast, bottom: float) -> float:  # type: ignore[no-untyped-def]
+def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> float:
     """One message above ``bottom``; its top."""
 
     texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
@@ -193,6 +198,6 @@ def _toast(draw, area: Area, toast: Toast, bottom: float) -> float:  # type: ign
     return top
 
 
-def _wrapped(draw, at: ImVec2, colour: int, text: str, width: float) -> None:  # type: ignore[no-untyped-def]
+def _wrapped(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
     """Draw text in lines of a width at most."""
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ def read_sound(path: Path) -> Sound:
     return Sound(path.stem, np.concatenate(parts))
 
 
-def _samples(file: Any, resampler: Any):  # type: ignore[no-untyped-def]
+def _samples(file: Any, resampler: Any) -> Iterator[Int16]:
     """Yields (N,) int16 samples until the file ends, or is damaged."""
     for frame in file.decode(file.streams.audio[0]):
         for made in resampler.resample(frame):

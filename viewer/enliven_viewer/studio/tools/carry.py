@@ -8,6 +8,7 @@ import scipy
 from enliven.arrays import Float, Int32
 from enliven.document import Project
 from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
@@ -25,7 +26,7 @@ class CarryTool(Tool):
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
     plays_on = True
 
-    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
         self._held: CharacterDrag | None = None
         self._host: Hit | None = None

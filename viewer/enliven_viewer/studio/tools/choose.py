@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.document import Shape
 from enliven_viewer.language import tr
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
@@ -22,7 +23,7 @@ class ChooseTool(Tool):
 
     name, label, key, icon = "choose", "Choose", "q", "\uf245"
 
-    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
         self._box: tuple[Point, Point] | None = None
 

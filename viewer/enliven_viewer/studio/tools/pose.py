@@ -8,6 +8,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.modeling.edits import drag_handle, key_handle, keys_of
 from enliven_viewer.language import later
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Overlay
@@ -24,7 +25,7 @@ class PoseTool(Tool):
 
     name, label, key, icon = "pose", "Pose", "r", "\uf183"
 
-    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
         self._held: tuple[CharacterDrag, int] | None = None
         self._node: tuple[str, int, Float] | None = None

@@ -7,6 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_viewer.language import tr
 from enliven_viewer.render import DRAG_TURN
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     Manipulator,
     PointSuggestions,
@@ -35,7 +36,7 @@ class PuppetTool(Tool):
 
     name, label, key, icon = "puppet", "Pose puppet", "k", "\uf25a"
 
-    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
         self.puppets = editor.puppets
         self.suggested = PointSuggestions()

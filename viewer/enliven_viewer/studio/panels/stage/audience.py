@@ -34,7 +34,7 @@ def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
         draw_size(workspace.perform, draw, area)
 
 
-def _sentence(draw, area: Area, text: str) -> None:  # type: ignore[no-untyped-def]
+def _sentence(draw: imgui.ImDrawList, area: Area, text: str) -> None:
     """Draw one sentence in the middle of the lower border."""
     wide = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))

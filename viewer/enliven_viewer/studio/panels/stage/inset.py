@@ -101,7 +101,7 @@ def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     return [one for one in found if one is not None]
 
 
-def _view(draw, area: Area, one: CameraViewOf, texture: int | None) -> None:  # type: ignore[no-untyped-def]
+def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | None) -> None:
     """One camera's view."""
     name, bodies = one.name, seen(one.bodies, one.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)

@@ -112,7 +112,7 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     return free if free.width > _LEAST else area
 
 
-def draw_holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw what a press of Possess waits for, and who holds what, a line each."""
     bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     if perform.stepping_in.words:
@@ -131,14 +131,14 @@ def heard_below(*, is_scanned: bool) -> float:
     return ADVICE + _GAP + _LARGE + _AROUND if is_scanned else _HEARD
 
 
-def draw_heard(perform: PerformSession, draw, area: Area, below: float = _HEARD) -> None:  # type: ignore[no-untyped-def]
+def draw_heard(perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _HEARD) -> None:
     """Draw what the microphone heard in large words below the top; nothing else moves for them."""
     words = perform.voice.words
     if words:
         _line(draw, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
 
 
-def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]
+def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Colour) -> None:
     """One line of large words above ``bottom``, in the middle."""
     room = area.width - 90.0
     size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
@@ -150,7 +150,7 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # 
     draw.add_text(imgui.get_font(), size, ImVec2(left, top + 7), packed(INK), text)
 
 
-def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
     if perform.recording.counted:
         text = str(perform.recording.counted)
@@ -169,7 +169,7 @@ def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: igno
         draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
 
 
-def draw_size(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def draw_size(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
     """Draw at the left how large hands make a character, and what they do, beside the character."""
     if perform.sizes.words is None:
         return

@@ -197,7 +197,7 @@ def draw_scan_over(workspace: Workspace, area: Area) -> None:
     draw.pop_clip_rect()
 
 
-def _words(draw, area: Area, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]
+def _words(draw: imgui.ImDrawList, area: Area, text: str, tint: Colour) -> None:
     """One line of large words at the top, in the middle."""
     grown = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_LARGE, (area.width - 120.0) / max(grown, 1e-3))
