@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import platform
 import socket
 import sys
@@ -10,7 +9,8 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from pathlib import Path
+
+from enliven.kernel_cache import shipped_folders, user_folder
 
 DEFAULT_PORTS = (5580, 5581)
 """TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, not imported since
@@ -57,17 +57,23 @@ def _python() -> Check:
 
 
 def _compiler_cache() -> Check:
-    """Checks that Numba can keep compiled kernels, beside the sources or in the user's cache folder."""
-    spec = importlib.util.find_spec("enliven")
-    folder = Path(spec.origin).parent if spec and spec.origin else Path.cwd()
+    """Checks that compiled kernels can be kept between starts, and names where those of a release are."""
+    mend = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
+    folder = user_folder()
+    if folder is None:
+        return Check("compiled kernels", False, "are not kept: the user has no home folder", mend)
     try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder):
-            return Check("compiled kernels", True, "are kept between starts")
-    except OSError:
-        mend = (
-            "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for half a minute."
-        )
-        return Check("compiled kernels", False, f"{folder} cannot be written", mend)
+            return Check("compiled kernels", True, f"are kept between starts; {_shipped_kernels()}")
+    except OSError as error:
+        return Check("compiled kernels", False, f"{folder} cannot be written ({error.strerror})", mend)
+
+
+def _shipped_kernels() -> str:
+    """Returns how many compiled kernels the installed release brings, in words."""
+    count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
+    return f"{count} came with the release" if count else "none came with the installation"
 
 
 def _port(port: int) -> Check:

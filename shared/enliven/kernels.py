@@ -10,7 +10,9 @@ from numba.core import types
 from numba.experimental import structref
 from numba.extending import overload
 
-from enliven.kernel_cache import keep
+from enliven.kernel_cache import choose_target, keep
+
+choose_target()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Any:
@@ -19,7 +21,7 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
     The entry is compiled with every kernel, and took a tenth of the time.
 
     Args:
-        cache: keep the machine code on disk, as :mod:`enliven.kernel_cache` does.
+        cache: keep the machine code on disk, see :mod:`enliven.kernel_cache`.
         options: of ``numba.njit``.
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)

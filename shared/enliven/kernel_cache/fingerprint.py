@@ -1,0 +1,148 @@
+"""A hash of everything that the machine code of a kernel depends on, apart from the types of its arguments.
+
+The kernel and all functions that it reaches (kernels, intrinsics, inner functions) count with their byte
+code, constants, defaults, closures and compiler options, and with the module constants that they read.
+Docstrings, comments, line numbers and other functions of the file do not count.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba.core import types
+from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
+
+_CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
+"""Types with a ``repr`` that is the whole value."""
+_LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
+"""Packages with functions that count by name: versions of these packages are part of every file name."""
+_FUNCTION = 0x3
+"""Flags of the code of a function, ``CO_OPTIMIZED | CO_NEWLOCALS``: modules and classes lack them."""
+_HAS_DOCSTRING = 0x4000000
+"""Packages with functions that count by name: their versions are part of every file name."""
+_GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
+"""Files next to this package that generate code: they define overloads and intrinsics for all kernels."""
+
+
+def fingerprint(kernel: FunctionType) -> str:
+    """Returns the hash, 64 hexadecimal digits, of a kernel's Python function and of all that it reaches."""
+    hashes, waiting = {}, [kernel]
+    while waiting:
+        function = waiting.pop()
+        if function not in hashes:
+            hashes[function], reached = _hash_function(function)
+            waiting.extend(reached)
+    return _hash("\n".join([_hash_generators(), hashes[kernel], *sorted(hashes.values())]))
+
+
+@functools.cache
+def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...]]:
+    """Returns the hash of one function without those that it calls, and the functions that it may call."""
+    reached: list[FunctionType] = []
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    given = [function.__defaults__, function.__kwdefaults__, *cells]
+    parts = [
+        f"{function.__module__}.{function.__qualname__}",
+        describe_code(function.__code__),
+        *(_describe_value(value, reached) for value in given),
+        *(f"{name}={_describe_value(value, reached)}" for name, value in sorted(_globals_of(function))),
+    ]
+    return _hash("\n".join(parts)), tuple(reached)
+
+
+def describe_code(code: CodeType) -> str:
+    """Returns byte code, names and constants of a code object, without docstrings and line numbers."""
+    constants = code.co_consts[1:] if _starts_with_docstring(code) else code.co_consts
+    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
+    return f"({code.co_code.hex()} {names} {counts} {', '.join(map(_describe_constant, constants))})"
+
+
+def _starts_with_docstring(code: CodeType) -> bool:
+    """Returns True if the first constant is a docstring, or None in the place of one."""
+    if sys.version_info >= (3, 13):
+        return bool(code.co_flags & _HAS_DOCSTRING)
+    is_named = not code.co_name.startswith("<") or code.co_name == "<lambda>"
+    return code.co_flags & _FUNCTION == _FUNCTION and is_named
+
+
+def _describe_constant(value: object) -> str:
+    """Returns the text of a code object's constant; sets are sorted, since their order differs by process."""
+    if isinstance(value, CodeType):
+        return describe_code(value)
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_describe_constant, value))},)"
+    if isinstance(value, frozenset):
+        return f"{{{', '.join(sorted(map(_describe_constant, value)))}}}"
+    return repr(value)
+
+
+def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
+    """Yields names and values of the globals that a function may read, also through modules."""
+    names = set(_names_of(function.__code__))
+    for name in names & function.__globals__.keys():
+        value = function.__globals__[name]
+        yield name, value
+        if isinstance(value, ModuleType) and not _is_library(value.__name__):
+            yield from ((f"{name}.{inner}", vars(value)[inner]) for inner in names & vars(value).keys())
+
+
+def _names_of(code: CodeType) -> Iterator[str]:
+    """Yields the names of globals and attributes in a code object and in the functions inside it."""
+    yield from code.co_names
+    for value in code.co_consts:
+        if isinstance(value, CodeType):
+            yield from _names_of(value)
+
+
+def _describe_value(value: Any, reached: list[FunctionType]) -> str:
+    """Returns the text of a value that a kernel reads; adds functions that it may call to ``reached``."""
+    if isinstance(value, Dispatcher):
+        reached.append(value.py_func)
+        return f"kernel {value.py_func.__qualname__} {sorted(value.targetoptions.items())}"
+    if isinstance(value, _Intrinsic):
+        value = value._defn
+    if isinstance(value, FunctionType):
+        if not _is_library(value.__module__):
+            reached.append(value)
+        return f"function {value.__module__}.{value.__qualname__}"
+    if isinstance(value, tuple):
+        return f"{type(value).__name__}({', '.join(_describe_value(item, reached) for item in value)})"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_describe_value(item, reached)}' for key, item in value.items())}}}"
+    if isinstance(value, np.ndarray):
+        return f"array {value.dtype} {value.shape} {_hash(np.ascontiguousarray(value).tobytes())}"
+    if isinstance(value, type):
+        return f"class {value.__module__}.{value.__qualname__} {getattr(value, '_fields', '')}"
+    if isinstance(value, (*_CONSTANTS, types.Type, np.dtype)):
+        return repr(value)
+    return f"{type(value).__name__} {getattr(value, '__name__', '')}"
+
+
+def _is_library(module: str | None) -> bool:
+    """Returns True if a module belongs to a library that counts by its version."""
+    return (module or "").partition(".")[0] in _LIBRARIES
+
+
+@functools.cache
+def _hash_generators() -> str:
+    """Returns the hash of the modules that generate code for all kernels, and of their compiler options."""
+    folder = Path(__file__).parents[1]
+    texts = []
+    for name in _GENERATORS:
+        path = folder / name
+        texts.append(describe_code(compile(path.read_bytes(), name, "exec", dont_inherit=True)))
+    return _hash("\n".join(texts))
+
+
+def _hash(text: str | bytes) -> str:
+    """Returns SHA-256 of a text as 64 hexadecimal digits."""
+    return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()

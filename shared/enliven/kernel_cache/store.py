@@ -1,0 +1,84 @@
+"""Folders of compiled kernels: the user's own, and the one that a wheel brings."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib.util
+import os
+import pickle
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+_MAX_UNUSED_S = 60 * 86400.0
+"""Seconds after which a file of the user's folder that no start asked for is deleted: two months."""
+_SHIPPED = "enliven_kernels"
+"""Package with the compiled kernels of a release, in a folder ``kernels`` like that of the user."""
+
+
+@functools.cache
+def shipped_folders() -> tuple[Path, ...]:
+    """Returns the folder of the installed ``enliven-kernels``, or nothing if it is not installed."""
+    spec = importlib.util.find_spec(_SHIPPED)
+    return (
+        tuple(Path(folder) / "kernels" for folder in (spec.submodule_search_locations or ())) if spec else ()
+    )
+
+
+@functools.cache
+def user_folder() -> Path | None:
+    """Returns the folder to write to: ``NUMBA_CACHE_DIR``, or one in the user's cache; None without a home.
+
+    It belongs to the user alone, since machine code from it is run unchecked.
+    """
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(given)
+    with contextlib.suppress(RuntimeError):  # There is no home.
+        caches = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+        return (Path(caches) if caches else Path.home() / ".cache") / "enliven" / "kernels"
+    return None
+
+
+def load_kernel(name: str) -> Any:
+    """Returns what was saved under a name, or None if no folder has a readable file of that name."""
+    own = user_folder()
+    for folder in (*shipped_folders(), *(() if own is None else (own,))):
+        path = folder / name
+        # Unpickling a damaged file may raise anything: it counts as missing, and is written again.
+        with contextlib.suppress(Exception):
+            data = path.read_bytes()
+            with contextlib.suppress(OSError):
+                os.utime(path)
+            return pickle.loads(data)
+    return None
+
+
+def save_kernel(name: str, data: Any) -> None:
+    """Writes machine code into the user's folder, completely or not at all; ignores a full disk."""
+    folder = user_folder()
+    if folder is None:
+        return
+    from numba.core.serialize import dumps  # Not above: doctor asks for the folders where Numba is missing.
+
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _delete_unused(folder)
+        handle, part = tempfile.mkstemp(dir=folder, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(dumps(data))
+            os.replace(part, folder / name)
+        except OSError:
+            Path(part).unlink(missing_ok=True)
+            raise
+
+
+@functools.cache
+def _delete_unused(folder: Path) -> None:
+    """Deletes files that no start asked for in two months, once per process; also those of older versions."""
+    for path in folder.iterdir():
+        with contextlib.suppress(OSError):
+            if path.is_file() and time.time() - path.stat().st_mtime > _MAX_UNUSED_S:
+                path.unlink()
