@@ -26,7 +26,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {
-    "shared": "enliven", "edge": "enliven_edge", "viewer": "enliven_viewer", "synthesis": "enliven_synthesis"
+    "kernels": "enliven_kernels", "shared": "enliven", "edge": "enliven_edge", "viewer": "enliven_viewer",
+    "synthesis": "enliven_synthesis",
 }  # fmt: skip
 """The importable package in each folder that is a distribution; those that others need come first."""
 BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
@@ -48,6 +49,14 @@ EDGE = (
 """The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
 FILM = ("run", "--film", "--size", "320x180", "--out", "film")
 """A small version of the main job: an edge, and a viewer that films its picture."""
+
+EXAMPLES = (
+    *("possess_chair", "legs_only", "made_mesh", "scan_and_possess", "canon", "cut_and_merge"),
+    "key_poses",
+)
+"""Scripts of ``examples/`` that need no files of the user: they compile what the main job does not reach."""
+MOST_COMPILED = 0
+"""Kernels that an installed edge may compile in the main job: a release that ships them needs none."""
 
 OWN_FILES = """
 import runpy, sys
@@ -131,6 +140,12 @@ def build(folder: str, into: Path) -> None:
     )
 
 
+def build_wheel(folder: str, into: Path, **environment: str) -> None:
+    """Builds a package's wheel from the checkout, with variables for its build hook."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(into)]
+    _must(command, f"{folder}: the wheel cannot be built", ROOT / folder, **environment)
+
+
 def check_sdist_wheel(folder: str, built: Path) -> None:
     """Compares the files of the wheel, which comes from the sdist, with those of a wheel from the checkout.
 
@@ -138,8 +153,7 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
         ReleaseError: naming the files that only one of them has.
     """
     with tempfile.TemporaryDirectory() as place:
-        command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", place]
-        _must(command, f"{folder}: the wheel cannot be built", ROOT / folder)
+        build_wheel(folder, Path(place))
         direct = wheel_files(_one(folder, Path(place), "*.whl"))
     wheel = _one(folder, built, "*.whl")
     different = sorted(direct ^ wheel_files(wheel))
@@ -220,6 +234,25 @@ def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
             shutil.rmtree(place)
 
 
+def build_kernels(built: Path, of: str) -> Iterator[str]:
+    """Compiles the kernels of all jobs for each processor level, and builds the wheel that brings them.
+
+    It runs the jobs of the trial and the examples in an environment with the release's wheels. The levels are
+    those of this processor; a lower level's code runs on it too.
+    """
+    with tempfile.TemporaryDirectory() as empty:
+        environment = Environment(Path(empty, "kernels"), built, INSTALLS["studio"], of)
+        folder = Path(empty, "compiled")
+        for level in environment.processor_levels():
+            began = time.monotonic()
+            environment.compile_for(level, folder)
+            count = len(list(folder.glob("*.kernel")))
+            yield f"kernels for {level}: {count} files so far, {time.monotonic() - began:.0f} s"
+        build_wheel("kernels", built, ENLIVEN_KERNELS=str(folder))
+        (wheel,) = (path for path in built.glob("enliven_kernels-*.whl") if "-none-any" not in path.name)
+        yield f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB"
+
+
 class Environment:
     """A virtual environment with the wheels of a release, in a folder without a checkout.
 
@@ -248,6 +281,21 @@ class Environment:
         pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
         choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{asked}=={of}"]
         subprocess.run([*pip, *choice], check=True)
+
+    def processor_levels(self) -> list[str]:
+        """Returns the processor levels that this machine can compile for and run, best first."""
+        ask = "from enliven.kernel_cache import processor_levels; print(*processor_levels())"
+        return self._run(str(self._bin / "python"), "-c", ask).split()
+
+    def compile_for(self, level: str, folder: Path) -> None:
+        """Runs all jobs with kernels for a processor level, which are then in a folder."""
+        self._around |= {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder)}
+        self._enliven(*EDGE, "--overwrite")
+        for _ in self.library_page():
+            pass
+        for name in EXAMPLES:
+            self._run(str(self._bin / "python"), str(ROOT / "examples" / f"{name}.py"))
+        self._enliven(*FILM)
 
     def _bytes(self, pattern: str = "*") -> int:
         return sum(path.lstat().st_size for path in self.place.rglob(pattern) if path.is_file())
@@ -291,8 +339,12 @@ class Environment:
 
     def edge(self) -> Iterator[str]:
         """Possesses the chair with the shipped recording, and records the performance."""
+        began = time.monotonic()
         self._enliven(*EDGE)
-        yield self._done("enliven edge")
+        compiled = len(list((self.place / "home" / "numba").glob("*.kernel")))
+        yield self._done(f"enliven edge, {time.monotonic() - began:.0f} s, {compiled} kernels compiled")
+        if compiled > MOST_COMPILED:
+            raise ReleaseError(f"an installed edge compiled {compiled} kernels that the release should bring")
 
     def library_page(self) -> Iterator[str]:
         """Runs the code of docs/library.md."""
@@ -349,12 +401,22 @@ def _known_to_git(folder: str) -> list[str]:
     return [path for path in listed if (ROOT / path).exists()]
 
 
-def _must(command: list[str], what: str, folder: Path) -> str:
+def _must(command: list[str], what: str, folder: Path, **environment: str) -> str:
     """Runs a command in a folder and returns what it prints; raises ReleaseError where it fails."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    words = {**os.environ, **environment}
+    done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
     if done.returncode:
         raise ReleaseError(f"{what}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout
+
+
+def _shown(steps: Iterator[str]) -> list[str]:
+    """Prints each step's line when the step is done, and returns all lines."""
+    lines = []
+    for line in steps:
+        print(line, flush=True)
+        lines.append(line)
+    return lines
 
 
 def main() -> int:
@@ -365,7 +427,7 @@ def main() -> int:
         "--out", type=Path, default=ROOT / "out" / "release", help="the folder for the archives"
     )
     parser.add_argument("--only", choices=INSTALLS, help="try one environment only")
-    asked, of = parser.parse_args(), version()
+    asked, of, lines = parser.parse_args(), version(), []
     try:
         check_commit(of)
         notes = section((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), of)
@@ -376,15 +438,14 @@ def main() -> int:
             build(folder, archives)
             check_files(folder, archives)
             check_sdist_wheel(folder, archives)
+        if not asked.no_trial:
+            lines += _shown(build_kernels(archives, of))
         check_metadata(archives)
         (asked.out / "notes.md").write_text(notes, encoding="utf-8")
         count = len(list(archives.iterdir()))
         print(f"enliven {of}: {count} archives in {archives}; files and metadata checked", flush=True)
         if not asked.no_trial:
-            lines = []
-            for line in try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)):
-                print(line, flush=True)
-                lines.append(line)
+            lines += _shown(try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)))
             (asked.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     except ReleaseError as error:
         print(f"release: {error}", file=sys.stderr)

@@ -1,8 +1,10 @@
 """What `make release` builds and refuses. It also tries the wheels, which takes minutes and a network."""
 
 import importlib.util
+import platform
 import shutil
 import subprocess
+import sys
 import zipfile
 from email.parser import Parser
 from pathlib import Path
@@ -77,6 +79,23 @@ def test_an_sdist_builds_the_wheel_of_the_checkout(archives, tmp_path):
         release.check_sdist_wheel("edge", tmp_path)
 
 
+def test_compiled_kernels_go_into_a_wheel_of_their_platform(tmp_path):
+    kernels = tmp_path / "compiled"
+    kernels.mkdir()
+    (kernels / "step-0123.kernel").write_bytes(b"machine code")
+    (kernels / "step-4567.part").write_bytes(b"unfinished")
+    for name, words in (("filled", {"ENLIVEN_KERNELS": str(kernels)}), ("empty", {})):
+        release.build_wheel("kernels", tmp_path / name, **words)
+    (filled,), (empty,) = (tmp_path / "filled").iterdir(), (tmp_path / "empty").iterdir()
+    files = {"enliven_kernels/__init__.py", "enliven_kernels/kernels/step-0123.kernel"}
+    assert release.wheel_files(filled) == files
+    assert release.wheel_files(empty) == {"enliven_kernels/__init__.py"}
+    version = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert f"-{version}-{version}-" in filled.name, "byte code differs between versions of Python"
+    assert platform.machine() in filled.name
+    assert empty.name.endswith("-py3-none-any.whl"), "pip takes it where no other wheel fits"
+
+
 def test_the_extra_oak_is_in_the_wheel(archives):
     told = metadata(archives, "enliven_edge")
     assert "oak" in told.get_all("Provides-Extra")
@@ -104,7 +123,7 @@ def test_each_folder_has_its_own_copy_of_what_an_sdist_needs():
     hooks = []
     for folder in release.PACKAGES:
         assert (ROOT / folder / "LICENSE").read_text() == licence
-        if folder != "shared":
+        if folder not in ("shared", "kernels"):
             text = (ROOT / folder / "hatch_build.py").read_text()
             hooks.append(text[text.index("class SiblingVersions") :])
     assert len(set(hooks)) == 1

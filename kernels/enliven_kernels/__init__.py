@@ -1,0 +1,1 @@
+"""Compiled kernels of an enliven release, in the folder ``kernels``; empty if no wheel fits a machine."""
