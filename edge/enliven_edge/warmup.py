@@ -71,3 +71,8 @@ def _with_duplicate(depth: UInt16) -> UInt16:
     """Returns (H, W) the same person twice: the nearer of the picture and the picture moved aside."""
     moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
+
+
+if __name__ == "__main__":
+    # A process of its own that fills the folder of kernels: enliven_edge.commands.preparing starts it.
+    warm_up_tracking()

@@ -10,9 +10,10 @@ from numba.core import types
 from numba.experimental import structref
 from numba.extending import overload
 
-from enliven.kernel_cache import choose_target, keep
+from enliven.kernel_cache import choose_target, keep, listen_to_compiler
 
 choose_target()
+listen_to_compiler()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Any:

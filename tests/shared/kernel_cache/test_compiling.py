@@ -1,0 +1,49 @@
+"""Compilations of the process are reported, and garbage collection waits for their end."""
+
+import gc
+
+import numba
+import pytest
+
+from enliven.kernel_cache import on_compilation
+
+
+def test_compilations_are_counted_from_start_to_end():
+    @numba.njit
+    def inner(x):
+        return x + 1
+
+    @numba.njit
+    def outer(x):
+        return inner(x)
+
+    counts = []
+    with on_compilation(counts.append):
+        outer(1)
+        outer(2)
+    outer(2.5)
+    assert [count - counts[0] for count in counts] == [0, 0], "outer began, then inner, and neither had ended"
+    with on_compilation(counts.append):
+        outer(2j)
+    assert counts[2] - counts[0] == 4, "the complex outer began when both had ended twice"
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_garbage_is_collected_after_compiling_as_before(enabled):
+    during = []
+    try:
+        gc.enable() if enabled else gc.disable()
+        with on_compilation(lambda count: during.append(gc.isenabled())):
+            numba.njit(lambda x: x * 2)(1)
+        assert during and not any(during)
+        assert gc.isenabled() is enabled
+    finally:
+        gc.enable()
+
+
+def test_a_kernel_that_cannot_be_compiled_leaves_garbage_collection_on():
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda x: x.no_such_attribute)(1)
+    assert gc.isenabled()
+    numba.njit(lambda x: x * 3)(1)
+    assert gc.isenabled()
