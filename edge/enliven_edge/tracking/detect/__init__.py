@@ -1,4 +1,4 @@
-"""Detection of a posture without the frame before: hypotheses from extremities and the network, judged by
+"""Detection of a posture without a previous frame: hypotheses from extremities and the network, ranked by
 fits.
 """
 

@@ -203,9 +203,9 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):
 def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):
     """Adds the terms of a capsule's points in the lengths.
 
-    A length moves the axis by g + t h and makes the surface thicker by b + t e. It changes the residual by n
-    . (g + t h) + b + t e. The kernel keeps, for each length, the sum of w n times this change, and the same
-    with t.
+    A length moves the axis by g + t h and makes the surface thicker by b + t e. The residual changes by the
+    product of n with (g + t h), plus b + t e. For each length the kernel keeps the sum of w n times this
+    change, and the same with t.
 
     Args:
         cross, own, tug: the sums to extend, see :class:`~enliven_edge.tracking.fit.structures.FrameSums`.
