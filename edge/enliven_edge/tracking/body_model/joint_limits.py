@@ -95,11 +95,11 @@ def standing(
 
     Args:
         yaw: radians about +Y.
-        arm_raise: radians by which both upper arms are lifted sideways from hanging.
-        arm_forward: radians by which both upper arms are lifted forward.
-        elbow: radians by which both elbows are bent.
-        hip: radians by which both thighs are lifted forward.
-        knee: radians by which both knees are bent.
+        arm_raise: sideways elevation of both upper arms from hanging, radians.
+        arm_forward: forward elevation of both upper arms, radians.
+        elbow: flexion of both elbows, radians.
+        hip: forward elevation of both thighs, radians.
+        knee: flexion of both knees, radians.
     """
     rotations = np.tile(np.eye(3), (13, 1, 1))
     rotations[model.PELVIS] = rotation(y=yaw)

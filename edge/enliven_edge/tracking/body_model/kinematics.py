@@ -8,7 +8,7 @@ from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
 
 SHRUG = 0.3
-"""Radians by which an arm that points straight up lifts its shoulder about the base of the neck."""
+"""Rotation of a shoulder about the base of the neck when its arm points straight up, in radians."""
 _LEVEL = 0.0
 """Height of the upper arm's unit vector in the chest's frame above which the shoulder begins to rise."""
 _SMALL = 1e-4
@@ -91,7 +91,7 @@ def _shrugged(offset, rotation, frame):
 
 @njit(cache=True, nogil=True)
 def shrug(rotation):
-    """Returns sine and cosine of the angle by which a shoulder has risen with its arm.
+    """Returns sine and cosine of a shoulder's elevation angle, which follows its arm.
 
     The collar bone has no degree of freedom of its own. It moves with the arm, as it does in people (the
     scapulohumeral rhythm). The fit treats it as fixed within a step, because it moves a tenth as much as the

@@ -30,7 +30,7 @@ _SAME = 0.12
 """Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
 the same fit."""
 _LIKELIEST = 3
-"""Number of likeliest facings on which the network is conditioned, in addition to none and the opposite. Each
+"""Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
 costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights of the lengths in a refinement. They are low, because the person is not measured yet."""

@@ -36,7 +36,7 @@ last."""
 _FIRST_VERDICT = 12
 """Minimum number of frames of evidence before the first decision. With fewer the mean is unreliable."""
 _SETTLED = 1.0
-"""Log probability by which a facing must beat its opposite to be settled."""
+"""Minimum lead of a facing over its opposite to be settled, as a log probability."""
 _WRONG = -2.6
 """Log probability relative to its opposite below which a facing is wrong. It is far below 0, because a person
 must not be flipped without strong evidence."""

@@ -253,8 +253,8 @@ _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: zero."""
 _FARTHEST = 0.45
-"""Maximum distance in metres by which a limb is moved to an extremity: a forearm and a hand. A farther one
-belongs to another limb."""
+"""Maximum distance in metres between a limb and its extremity: a forearm and a hand. A farther one belongs to
+another limb."""
 
 
 def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:

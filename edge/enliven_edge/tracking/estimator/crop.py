@@ -124,8 +124,8 @@ def crop_person(
         mask: (h, w) the person's pixels, at least one.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4), the floor at y = 0.
-        shift: (4,) for training: metres by which the crop is displaced (3), and the logarithm of its
-            additional scale.
+        shift: (4,) for training: displacement of the crop in metres (3), and the logarithm of its additional
+            scale.
         raised: for training: metres added to the height above the floor.
     """
     axes = _upright(world_from_camera)

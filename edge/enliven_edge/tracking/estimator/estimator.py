@@ -56,7 +56,7 @@ class Estimate:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
         spread: (20,) metres: the mean error of each joint that the network expects.
         facing: (8,) log probabilities of the facing directions, see :func:`labels.facing_in_plan`. They do
-            not depend on the facing on which the estimate was conditioned.
+            not depend on the conditioning facing of the estimate.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
         crop: the network's input.
         person_probability: in [0, 1], that the crop shows a person and not an object.

@@ -139,7 +139,7 @@ def solve_damped(step, factor, matrix, gradient, damping):
 
 @njit(cache=True, nogil=True)
 def stepped(position, rotations, lengths, step, dof_frame, dof_axis):
-    """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
+    """Returns (position, rotations, lengths) after a step, which is limited to half a radian per joint."""
     largest = 1e-9
     for k in range(3, model.DOFS):
         largest = max(largest, abs(step[k]))

@@ -1,9 +1,9 @@
 """The terms of the fit, compiled: each adds its squared residuals to the Gauss-Newton normal equations.
 
-The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
-derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy.
-Residuals of points that are fixed to a frame are added through the sums of :mod:`normal_equations`, the
-others directly.
+The unknowns are ordered translation (3), rotations (27), lengths (12). Consider a residual r with the row J
+of its derivatives and the weight w. It adds w J'J to the matrix, w J'r to the gradient and w r^2 to the
+energy. Residuals of points that are fixed to a frame are added through the sums of :mod:`normal_equations`,
+the others directly.
 
 The structures are named in :mod:`structures`: body, surface, sums, prior and weights. :func:`assemble` adds
 up all terms: **a new term is a kernel and a line here, and a weight in** ``FitSettings``, which every term
@@ -54,7 +54,7 @@ _APART = 0.02
 _SCALE = 0.1
 """Weight of a person's size relative to that of the proportions. People differ more in size."""
 _FLOOR_SLACK = 0.02
-"""Metres by which the floor may be higher than its estimate."""
+"""Maximum error of the floor's height in metres: the floor may be this much higher than its estimate."""
 
 
 @njit(cache=True, nogil=True)

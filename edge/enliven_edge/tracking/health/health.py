@@ -20,7 +20,7 @@ from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
 _FROZEN_FRAMES = 4
 """Consecutive equal images above which a sensor may be frozen. Fewer may be chance."""
 _REPEATED = 8
-"""Consecutive frames with the same time from which a sensor counts as frozen: it sends one frame
+"""Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
 repeatedly."""
 _NORMAL_FALLS = 60.0
 """Time constant in seconds for less depth to become the usual amount. A changed scene must not be a permanent
@@ -102,7 +102,7 @@ class HealthMonitor:
         name: name of the sensor, for edges with several sensors.
 
     Attributes:
-        late: number of late frames so far, which were not admitted.
+        late: number of late frames up to now, which were not admitted.
         fault: why the last frame or read was unusable, one sentence; empty if it was usable or late.
     """
 
@@ -136,7 +136,7 @@ class HealthMonitor:
 
     @property
     def late(self) -> int:
-        """Returns the number of frames that came out of order so far."""
+        """Returns the number of frames that have come out of order."""
         return self._rhythm.late
 
     @property

@@ -62,7 +62,7 @@ class Output:
 
     @property
     def ahead(self) -> float:
-        """Returns the seconds by which the joints are predicted."""
+        """Returns the prediction time of the joints in seconds."""
         wanted = self.settings.output.predict
         return min(max(self.latency, 0.0), _LONGEST_LATENCY) if wanted == "measured" else float(wanted)
 
@@ -145,6 +145,6 @@ def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])
     forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])
     length = float(np.linalg.norm(forward))
-    if length < 0.1:  # it looks straight down: the world's own x
+    if length < 0.1:  # it looks straight down: take the world's x
         return world_from_camera[:3, 3], np.array([1.0, 0.0, 0.0])
     return world_from_camera[:3, 3], np.array([-forward[2], 0.0, forward[0]]) / length

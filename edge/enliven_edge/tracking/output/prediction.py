@@ -53,7 +53,7 @@ class Predictor:
             turns: (20, 4) unit quaternions, or None.
             time_ns: the sensor's clock.
             seconds: the prediction time.
-            delay: (20,) seconds by which the joints already lag. It is compensated for moving joints.
+            delay: (20,) present lag of the joints in seconds. It is compensated for moving joints.
             turn_delay: (20,) seconds, the same for the orientations.
         """
         passed = (time_ns - self._time_ns) * 1e-9

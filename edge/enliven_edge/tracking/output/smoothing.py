@@ -14,8 +14,8 @@ class _Filter:
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
-        delay: (J,) seconds by which the last result lags behind its input: the group delay of the low-pass
-            with each joint's cut-off.
+        delay: (J,) lag of the last result behind its input, in seconds: the group delay of the low-pass with
+            each joint's cut-off.
     """
 
     def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:

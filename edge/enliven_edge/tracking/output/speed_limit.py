@@ -115,7 +115,7 @@ class SpeedLimit:
 
 @njit(cache=True, nogil=True)
 def _leaps(joints, last, allowed):
-    """Whether any of (J, 3) joints is farther than ``allowed`` metres from where it was."""
+    """Returns True if any of (J, 3) joints is farther than ``allowed`` metres from its last position."""
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]
         if np.sqrt(x * x + y * y + z * z) > allowed:

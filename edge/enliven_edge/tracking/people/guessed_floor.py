@@ -17,7 +17,7 @@ from enliven_edge.tracking.settings import TrackerSettings
 _SMALLEST_STEP_M = 0.1
 """Minimum correction of the guess while no person is tracked. Smaller ones would only follow noise."""
 _MIN_PERSON_AREA_M2 = 0.14
-"""Minimum visible area of a blob from which the guess is made: a head and a chest."""
+"""Minimum visible area of a blob for a guess from it: a head and a chest."""
 _MAX_TRIED = 3
 """Maximum number of blobs tried as a person per frame, the likeliest first. Each costs a network run."""
 _MIN_PROBABILITY = 0.8
@@ -50,8 +50,8 @@ class GuessedFloor:
         self._frames = 0
 
     def before_search(self, view: FrameView, room: RoomModel) -> float:
-        """Returns metres by which to raise the world, from the first likely person in a frame without
-        people.
+        """Returns the correction of the world's height in metres, from the first likely person in a frame
+        without people.
         """
         self._frames = 0
         scene = self._settings.scene
@@ -73,7 +73,7 @@ class GuessedFloor:
         return likelihood(view, group.pixels) > _MIN_PROBABILITY
 
     def _step_for(self, person: Candidate, view: FrameView) -> float:
-        """Returns metres by which to raise a blob so that it stands on the floor as a person does."""
+        """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _LOWEST_SHARE))
         whole = not shape.cut and shape.behind < _WHOLE_BELOW
@@ -82,7 +82,7 @@ class GuessedFloor:
         return self._settings.body_height - shape.crown
 
     def after_fit(self, people: Iterable[Person]) -> float:
-        """Returns metres by which to raise the world, from the soles of the tracked people."""
+        """Returns the correction of the world's height in metres, from the soles of the tracked people."""
         soles = [person.follower.posture.lowest for person in people if not person.hidden]
         if not soles or self._frames > _SETTLING_FRAMES:
             return 0.0

@@ -29,8 +29,8 @@ place."""
 _THERE = 0.5
 """Horizontal distance in metres that counts as the same place for that: a step."""
 _PLAINLY_OTHER = 0.15
-"""Difference of stature in metres by which two people clearly differ, whatever the place: five standard
-deviations."""
+"""Minimum difference in stature, in metres, of two clearly different people, whatever the place: five
+standard deviations."""
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
 """The lengths that distinguish people: those of the limbs, which the fit measures best."""
 _COMPATIBLE = 9.0
@@ -38,7 +38,7 @@ _COMPATIBLE = 9.0
 _KNOWN_FRAMES = 6
 """Minimum number of frames with the whole body in view before proportions can distinguish a person."""
 _LEAD = 3.0
-"""Squared standard deviations by which the best match must beat the next one to be certain."""
+"""Minimum lead of the best match over the next one to be certain, in squared standard deviations."""
 _MOST_FRAMES = 90.0
 """Maximum number of frames in the running mean of the lengths. They may still drift after that."""
 _CROWNS = 240

@@ -35,8 +35,8 @@ _SPEED_MEMORY = 0.15
 _LONGEST_GAP = 0.5
 """Maximum seconds between two good frames for a velocity to be computed from them."""
 _COASTED = 0.15
-"""Maximum metres per frame by which the pixels' mean may move an unfitted person. An arm that appears moves
-it too."""
+"""Maximum movement per frame, in metres, of an unfitted person with the mean of its pixels. An arm that
+appears moves the mean too."""
 _UNSURE = 0.35
 """Radius in metres in which a person must be directly after disappearing: about a body's width."""
 _SPREADING = 0.7
@@ -116,9 +116,7 @@ class Person:
 
     @property
     def vague(self) -> bool:
-        """Returns True if hardly any joint has been visible so far, or the network classifies this as an
-        object.
-        """
+        """Returns True if hardly any joint was ever visible, or the network classifies this as an object."""
         known = (self.shapely or self.travelled) and self._turn < _TRIAL
         odd = self._person_probability < _THING and not (self.plain or known)
         return odd or (self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN)

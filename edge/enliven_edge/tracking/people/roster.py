@@ -23,7 +23,7 @@ _DECIDE_NS = 1_500_000_000
 _ABOUT = 1.5
 """Horizontal radius in metres in which a lost person is awaited: two steps from the place of leaving."""
 _TALLER = 0.12
-"""Metres by which a crown may exceed a hidden person's stature: a hat, and noise."""
+"""Maximum height of a crown above a hidden person's stature in metres: a hat, and noise."""
 _WELL_KNOWN = 10
 """Frames after which a person's proportions are known well enough to use in a search."""
 _SHORTEST = 0.5

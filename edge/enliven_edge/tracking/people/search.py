@@ -38,7 +38,7 @@ def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -
 TRIES = 3
 """Blobs per search while no person is tracked. Otherwise it is one, because the fits need the time."""
 _CLEARLY = 0.05
-"""Fraction of explained points by which a less likely blob must beat a likelier one."""
+"""Minimum lead of a less likely blob over a likelier one, as a fraction of explained points."""
 _SHOWN = 0.6
 """Minimum fraction of a guessed body's trunk on the blob's pixels. Most people behind objects exceed it."""
 _FAINT = 0.36

@@ -13,8 +13,8 @@ TILTED_BY = np.deg2rad(40.0)
 """Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
 for a level sensor, and still 50 degrees off for one that is tilted by 40."""
 _LOWEST = 0.2
-"""Minimum height of the sensor above the floor in metres. A nearer plane is the surface on which the sensor
-stands."""
+"""Minimum height of the sensor above the floor in metres. A nearer plane is the sensor's support, such as a
+table."""
 _HIGHEST = 4.0
 """Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400

@@ -13,7 +13,7 @@ _TRIALS = 150
 """RANSAC trials: lines through two random points. If a fifth of the points is on a wall, at least one line
 lies along it with a probability of 99.8 %."""
 _SAMPLES = 1500
-"""Approximate number of points on which each line is evaluated. The cost of a trial grows with them."""
+"""Approximate number of points for evaluating a line. The cost of a trial grows with them."""
 _MOST_WALLS = 4
 """Maximum number of walls removed from one blob. A room has four."""
 _AREA = 0.9

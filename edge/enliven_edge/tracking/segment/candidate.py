@@ -66,7 +66,7 @@ class Candidate:
         bystander: whether it is outside the zone, or locked out.
         awaited: whether a person was lost near here; the candidate may then be in any posture.
         recognised: whether the network classifies it as a person.
-        parts: [(h, w)] itself and the parts from which it was separated; [] if it was not split.
+        parts: [(h, w)] itself and the other parts of its split group; [] if the group was not split.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -125,7 +125,7 @@ class Candidate:
 
     @property
     def unions(self) -> list[Bool]:
-        """Returns [(h, w)] unions of it with the parts from which it was separated, the largest first.
+        """Returns [(h, w)] unions of it with the other parts of its split group, the largest first.
 
         Seen from above, raised arms look like separate people.
         """

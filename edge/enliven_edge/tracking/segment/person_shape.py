@@ -70,8 +70,8 @@ _CUT = 0.08
 _SAMPLES = 1500
 """Approximate number of points with which a blob's shape is measured. The cost grows with them."""
 _WALL_BEHIND = 1.0
-"""Distance in metres by which the pixels of a wall behind a blob are moved back, so that any blob stands free
-in front of it."""
+"""Distance in metres added to the depth of a wall behind a blob, so that any blob stands free in front of
+it."""
 
 
 @dataclass(frozen=True)
