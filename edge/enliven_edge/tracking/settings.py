@@ -182,7 +182,8 @@ class TrackerSettings:
 
 
 def without_deadline(settings: TrackerSettings) -> TrackerSettings:
-    """Returns the settings for a recording. Its first search has no work limit, because no frame can be
-    late.
+    """Returns the settings for a recording.
+
+    Its first search has no work limit, because no frame can be late.
     """
     return replace(settings, search=replace(settings.search, first_fits=0))

@@ -70,8 +70,9 @@ class Tracker:
 
     @property
     def world_from_camera(self) -> Float | None:
-        """Returns the (4, 4) pose of the sensor. None before the first frame, and if the sensor tracks people
-        itself.
+        """Returns the (4, 4) pose of the sensor.
+
+        None before the first frame, and if the sensor tracks people itself.
         """
         return self._mounting.world_from_camera if self._by_depth else None
 
@@ -96,8 +97,9 @@ class Tracker:
 
     @property
     def state(self) -> TrackerState | None:
-        """Returns the state after the last frame, for the health reports. None if the sensor tracks people
-        itself.
+        """Returns the state after the last frame, for the health reports.
+
+        None if the sensor tracks people itself.
         """
         if not self._by_depth:
             return None
@@ -107,22 +109,22 @@ class Tracker:
 
     @property
     def owner(self) -> Int16 | None:
-        """Returns (h, w) the person index of each pixel of the last reduced image: 0, 1, ...; -1 without a
-        person.
-        """
+        """Returns (h, w) the person index at each pixel of the last reduced image, -1 without a person."""
         return self._owner
 
     @property
     def posture(self) -> Posture | None:
-        """Returns the first performer's posture in the last frame, before smoothing. None without a
-        performer.
+        """Returns the first performer's posture in the last frame, before smoothing.
+
+        None without a performer.
         """
         performers = self.performers
         return performers[0].follower.posture if performers else None
 
     def surfaces(self) -> dict[int, ObservedPoints]:
-        """Returns the surface points of each performer in the last frame, by id. They are mirrored if the
-        bodies are.
+        """Returns the surface points of each performer in the last frame, by id.
+
+        They are mirrored if the bodies are.
         """
         if self._view is None or self._owner is None or not self._by_depth:
             return {}
@@ -165,8 +167,9 @@ class Tracker:
         self.output.forget()
 
     def track(self, frame: Frame) -> list[Body]:
-        """Returns the bodies in a frame, world frame, found in its depth or by the sensor. Empty without
-        people.
+        """Returns the bodies in a frame, world frame, found in its depth or by the sensor.
+
+        The list is empty without people.
         """
         if isinstance(frame, BodyFrame):
             self._by_depth = False
@@ -201,8 +204,9 @@ class Tracker:
         return self._bodies(frame)
 
     def _raise_world(self, view: FrameView) -> FrameView:
-        """Corrects the guessed floor by the people's soles. The people stay at the same place in the
-        image.
+        """Corrects the guessed floor by the people's soles.
+
+        The people stay at the same place in the image.
         """
         step = self._guessed_floor.after_fit(self._people.people)
         for person in self._people.people:
@@ -239,8 +243,9 @@ class Tracker:
         return self._room
 
     def _bounded(self, sure: Float, age_ns: int) -> Float:
-        """Returns (20,) the confidence of a person's joints, limited while the person is new or the floor
-        unknown.
+        """Returns (20,) the confidence of a person's joints, with limits.
+
+        It is limited while the person is new, and for legs while the floor is unknown.
 
         Args:
             sure: (20,) the confidence from the fit.

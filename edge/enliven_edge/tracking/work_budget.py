@@ -31,8 +31,9 @@ class Budget:
 
 
 def frame_budget(fits: int, elapsed: float | None) -> Budget:
-    """Returns the budget of a frame. It is larger at a low frame rate, so that a search takes equally long at
-    every frame rate.
+    """Returns the budget of a frame.
+
+    It is larger at a low frame rate, so that a search takes equally long at every frame rate.
 
     Args:
         fits: coarse fits per frame at 30 frames per second; 0: no limit.
@@ -62,8 +63,9 @@ class BudgetedTask(Generic[T]):
         return self._result  # type: ignore[return-value]
 
     def go_on(self, budget: Budget) -> bool:
-        """Works until the budget is spent, and returns whether the task is done. The last step may overdraw
-        the budget.
+        """Works until the budget is spent, and returns whether the task is done.
+
+        The last step may overdraw the budget.
         """
         while not self.done and budget.left > 0.0:
             try:

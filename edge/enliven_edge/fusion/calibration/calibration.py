@@ -33,7 +33,7 @@ _AS_GOOD = 1.25
 
 @dataclass(frozen=True)
 class SensorPair:
-    """The result for two sensors; ``fit`` is None if they never saw the same person."""
+    """The result for two sensors. ``fit`` is None if they never saw the same person."""
 
     a: str
     b: str
@@ -95,8 +95,9 @@ class Calibration:
 
     @property
     def advice(self) -> list[str]:
-        """Returns advice: one sentence for each pair that an unconnected sensor needs; empty if all is
-        good.
+        """Returns advice: one sentence for each pair that an unconnected sensor needs.
+
+        The list is empty if all is good.
         """
         loose = self.loose(lambda pair: pair.good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]

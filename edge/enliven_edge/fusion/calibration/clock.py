@@ -81,9 +81,7 @@ def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Fl
 
 
 def _correlation(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
-    """Returns (L,) the normalised correlation at every lag, and (L,) the number of common samples at that
-    lag.
-    """
+    """Returns (L,) the normalised correlation and (L,) the number of common samples at every lag."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))

@@ -52,9 +52,7 @@ class Guess:
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[Guess]:
-    """Yields every plausible start: pairs of people, lags of their clocks, and both assignments of the
-    sides.
-    """
+    """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
     upright = settings.floor_known
     for track_a in a.tracks[:_TRACKS]:
         for track_b in b.tracks[:_TRACKS]:
@@ -74,9 +72,7 @@ def guesses(
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
-    """Returns transforms from (N, 20, 3) to (N, 20, 3) joints: by the midline, and by both assignments of the
-    sides.
-    """
+    """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
     free = _consensus(middles(p), middles(q), middle_weights(w), upright)
     flat = w.reshape(-1)
     named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
@@ -85,9 +81,7 @@ def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
 
 
 def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
-    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: RANSAC on pairs, then robust
-    refinement.
-    """
+    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: RANSAC, then refinement."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_DRAWS):

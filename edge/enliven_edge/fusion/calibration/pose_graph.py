@@ -102,9 +102,7 @@ def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[E
 
 
 def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
-    """Returns (6,) rotation about the pair's centre and shift there: the difference of the placements from
-    the fit.
-    """
+    """Returns (6,) the difference of the placements from the fit: rotation about its centre, and shift."""
     placed = inverse(world_from_a) @ world_from_b
     turned = rotation_vector(placed[:3, :3] @ fit.a_from_b[:3, :3].T)
     shift = moved(placed, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre

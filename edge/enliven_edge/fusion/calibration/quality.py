@@ -178,9 +178,7 @@ def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
 
 
 def _walked(feet: Float) -> tuple[float, float, Float]:
-    """Returns length and breadth of the walked floor, metres, and the unit vector (3,) of its narrow
-    direction.
-    """
+    """Returns length and breadth of the walked floor in metres, and (3,) the unit vector of its breadth."""
     flat = feet[:, [0, 2]]
     _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
     low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)

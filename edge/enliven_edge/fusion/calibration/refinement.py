@@ -78,7 +78,7 @@ def refine(
     steps: int = 15,
     frames: int = _FRAMES,
 ) -> Fit | None:
-    """Refines a first guess; returns None if both never see the same body simultaneously."""
+    """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
     held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
@@ -114,8 +114,9 @@ def _looked(
     lag: float,
     settings: CalibrationSettings,
 ) -> _Look | None:
-    """Returns the joints of both sensors at the matches' moments; ``held`` are the first sensor's, by
-    match.
+    """Returns the joints of both sensors at the matches' moments.
+
+    ``held`` are the first sensor's, by match.
     """
     looks = []
     for match, (p, _, seen_a) in zip(matches, held, strict=True):

@@ -42,8 +42,8 @@ class BodyTrack:
         """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
         It interpolates linearly between neighbouring frames. The confidence is 0 if they are farther apart
-        than ``longest_gap`` seconds (or the usual interval of a slow sensor), or if there is none on one
-        side.
+        than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 if there is no
+        frame on one side.
         """
         longest_gap = max(longest_gap, min(1.6 * self.step, _SLOWEST))
         if len(self.times) < 2:
@@ -98,9 +98,7 @@ class BodyStream:
 
 
 def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
-    """Returns the tracks of a sensor's body frames, without frames that are out of order or have equal
-    times.
-    """
+    """Returns the tracks of a sensor's body frames, without frames out of order or with equal times."""
     kept: list[BodyFrame] = []
     for frame in frames:
         if not kept or frame.time_ns > kept[-1].time_ns:
@@ -142,8 +140,9 @@ class Collector(SensorThread):
 
     @property
     def level_from_camera(self) -> Float | None:
-        """Returns (4, 4) the pose of a depth sensor's camera in its own level frame; None for a sensor of
-        bodies.
+        """Returns (4, 4) the pose of a depth sensor's camera in its own level frame.
+
+        It is None for a sensor that tracks bodies itself.
         """
         return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
 

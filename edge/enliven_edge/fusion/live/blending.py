@@ -1,8 +1,9 @@
-"""Compiled blending of one joint from several sensors, without a jump when a sensor appears, disappears or
-errs.
+"""Compiled blending of one joint from several sensors, without jumps when sensors appear or disappear.
+
+A sensor that errs does not cause a jump either.
 
 Every sensor s reports x_s for a joint with the weight w_s. The weighted mean m jumps when weights change. So
-every sensor has an offset d_s, a low-pass of x_s - m, and the joint is
+every sensor has an offset d_s, a low-pass of x_s - m. The joint is
 
     f = sum_s w_s (x_s - d_s) / sum_s w_s.
 
@@ -80,9 +81,7 @@ def blend(x, w, predicted, known, before, d, share, out):
 
 @njit(cache=True, nogil=True)
 def doubt_outliers(x, w, predicted):
-    """Lowers the weights (S, 20) of sensors that are farther from the prediction (20, 3) than another
-    sensor.
-    """
+    """Lowers the weights (S, 20) of sensors that are farther from the prediction (20, 3) than others."""
     count, joints, _ = x.shape
     for j in range(joints):
         least, speakers = np.inf, 0
@@ -100,8 +99,7 @@ def doubt_outliers(x, w, predicted):
 
 @njit(cache=True, nogil=True)
 def fuse_confidence(x, w, told, joints, out):
-    """Computes (20,) the confidence of fused joints (20, 3) from their positions ``x`` (S, 20, 3) by S
-    sensors.
+    """Computes (20,) the confidence of fused joints from their positions by S sensors.
 
     Args:
         x: (S, 20, 3) metres.
@@ -166,8 +164,9 @@ def trunk_distances(a, a_sure, b, b_sure, pairs, out):
 
 @njit(cache=True, nogil=True)
 def side_costs(x, sure, expected, other):
-    """Returns mean distances in metres of the limb joints from their expectation, with present and exchanged
-    sides.
+    """Returns mean distances of the limb joints from their expectation, with present and exchanged sides.
+
+    They are in metres.
     """
     plain, crossed, weight = 0.0, 0.0, 0.0
     for j in range(len(other)):

@@ -1,4 +1,4 @@
-"""Several sensors in one space that are read like one sensor; its frames are bodies."""
+"""Several sensors in one space that are read like one sensor. Its frames are bodies."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ class FusedSensors(Sensor):
                     )
 
     def _fused(self, seen: SensorBodies) -> BodyFrame | None:
-        """Passes a sensor's bodies to the fuser; returns the fused bodies when they are due."""
+        """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)

@@ -50,7 +50,7 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock; returns False if they came too late."""
+        """Takes in a sensor's bodies at a time of the common clock. Returns False if they came too late."""
         view = self.views[self._numbers[sensor]]
         before = view.state
         heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
@@ -116,9 +116,7 @@ class Fuser:
         return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) metres between groups and people, less for groups that were the person in the last
-        update.
-        """
+        """Returns (G, P) metres between groups and people, less for groups with the same person before."""
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),

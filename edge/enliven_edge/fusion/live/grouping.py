@@ -60,9 +60,7 @@ def plausible(body: Body) -> bool:
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
-    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3), independent of the names of the
-    sides.
-    """
+    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3). The side names do not matter."""
     out = np.empty((len(a), len(b)))
     trunk_distances(a, a_sure, b, b_sure, MIDDLES, out)
     return out
@@ -123,8 +121,9 @@ def _partners(
 
 
 def assigned(cost: Float) -> list[tuple[int, int]]:
-    """Returns the cheapest assignment of rows to columns (Hungarian algorithm); entries of NEVER stay
-    unassigned.
+    """Returns the cheapest assignment of rows to columns (Hungarian algorithm).
+
+    Entries of NEVER stay unassigned.
     """
     if not cost.size:
         return []

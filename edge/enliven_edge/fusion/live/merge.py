@@ -39,8 +39,9 @@ class _Ages:
 
 
 class ArrivalClocks:
-    """Offsets of every live sensor's time in addition to the calibration's. The first sensor is the
-    reference.
+    """Offsets of every live sensor's time in addition to the calibration's.
+
+    The first sensor is the reference.
     """
 
     def __init__(self) -> None:
@@ -122,7 +123,7 @@ class OutputSchedule:
 
 
 _FIXED_HEIGHT_M = 1.0
-"""Height of a sensor that sees no floor and has no height in the settings, in metres; the same in every
+"""Height in metres of a sensor that sees no floor and has no height in the settings. It is the same in every
 session."""
 
 

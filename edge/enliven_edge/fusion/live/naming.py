@@ -13,7 +13,7 @@ from enliven.rotation import multiply
 from enliven_edge.fusion.live.blending import side_costs
 
 OTHER_SIDE = np.array(MIRROR)
-"""(20,) the joint of the other side; the trunk's joints are mapped to themselves."""
+"""(20,) the joint of the other side. The trunk's joints are mapped to themselves."""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
 """(12, 2) pairs of joints with a midpoint that does not depend on the names of the sides."""
 _ABOUT_FACE = np.array([0.0, 0.0, 1.0, 0.0])
@@ -96,8 +96,7 @@ class SideKeeper:
                 self._crossed[least] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
-        """Returns True if the sides are exchanged for all sensors, because a majority has voted so for long
-        enough.
+        """Returns True if the sides are exchanged for all sensors, after a long enough majority vote.
 
         If sensors disagree, the walking direction decides, because people mostly walk forward. A new person
         is not decided yet, because a first observation is wrong more often than a long one.

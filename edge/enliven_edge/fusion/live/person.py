@@ -48,7 +48,7 @@ class FusedPerson:
         self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
     def unseen(self, time_ns: int) -> float:
-        """Returns seconds since any sensor saw this person; infinite before the first time."""
+        """Returns seconds since any sensor saw this person. Infinite before the first time."""
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:

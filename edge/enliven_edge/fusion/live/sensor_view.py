@@ -12,7 +12,7 @@ from enliven.person import Body
 
 
 class SensorState(StrEnum):
-    """The state of one of several sensors; every state except LIVE gives a warning."""
+    """The state of one of several sensors. Every state except LIVE gives a warning."""
 
     WAITING = "waiting"
     """It has not sent any frame yet."""
@@ -92,7 +92,7 @@ class BodySighting:
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """Returns (20, 3) the predicted joints; the prediction is limited to ``longest`` seconds."""
+        """Returns (20, 3) the predicted joints. The prediction is limited to ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 
@@ -116,7 +116,7 @@ class SensorView:
         self._bound: dict[int, tuple[int, int]] = {}
 
     def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies; returns False if they are late and contain nothing new.
+        """Takes in a sensor's bodies. Returns False if they are late and contain nothing new.
 
         Args:
             bodies: in the world.

@@ -27,8 +27,9 @@ PATIENCE = 0.1
 
 
 class SensorThread(ABC):
-    """A worker thread that runs :meth:`_read` for one sensor. A failure is kept for the user, and the other
-    sensors continue.
+    """A worker thread that runs :meth:`_read` for one sensor.
+
+    A failure is kept for the user, and the other sensors continue.
 
     Attributes:
         ended: whether no more frames will come.

@@ -40,7 +40,7 @@ class Place:
 
     @property
     def eye(self) -> Float:
-        """Returns (3,) the position of its lens in world metres; above its origin if no camera is known."""
+        """Returns (3,) the position of its lens in world metres. Without a camera: 1 m above its origin."""
         camera = self.camera
         return self.level[:3, 3] + [0.0, 1.0, 0.0] if camera is None else camera[:3, 3]
 
@@ -119,8 +119,9 @@ def _matrix(key: str, matrix: _Rows) -> list[str]:
 
 
 def _checked(transform: Float, where: str) -> None:
-    """Raises InputError for a matrix that is not a rigid transform. A typing error would distort every
-    body.
+    """Raises InputError for a matrix that is not a rigid transform.
+
+    A typing error would distort every body.
     """
     rotation = transform[:3, :3]
     crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0

@@ -60,8 +60,9 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):
-    """Returns (N,) metres: mean distance from points to the nearest surface plus mean distance from capsules
-    to points.
+    """Returns (N,) metres: the sum of two mean distances.
+
+    They are the distance from points to the nearest surface, and that from capsules to the nearest point.
 
     Args:
         points: (3, M) float32.
@@ -100,8 +101,9 @@ def misfits(points, ends, radii, far):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def standing_out(points, ends, radii):
-    """Returns (M,) float32 signed distances in metres of (M, 3) float32 points from some capsules; negative
-    inside.
+    """Returns (M,) float32 signed distances in metres of (M, 3) float32 points from some capsules.
+
+    Points inside have negative distances.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
     seen, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
@@ -123,8 +125,9 @@ def standing_out(points, ends, radii):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def clear_of_rays(points, eye, near, far, ends, radii):
-    """Returns (M,) float32 metres between some capsules and a segment of the ray through each point; negative
-    inside.
+    """Returns (M,) float32 signed metres between some capsules and a segment of the ray through each point.
+
+    The distance is negative if the segment enters a capsule.
 
     It is the smallest distance between the segment and a capsule's axis, minus the radius there.
 

@@ -52,7 +52,7 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
 
 @njit(cache=True, nogil=True)
 def pivots_by_length(out, world, rotations, parents, offsets):
-    """Writes (13, 3, L) the derivatives of the frames' origins by the lengths into ``out``; L is 0 or 12."""
+    """Writes (13, 3, L) the derivatives of the frames' origins by the lengths into ``out``. L is 0 or 12."""
     out[:] = 0.0
     for f in range(1, len(parents) if out.shape[2] > 0 else 0):
         p = parents[f]
@@ -69,8 +69,9 @@ def pivots_by_length(out, world, rotations, parents, offsets):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _along(row, lengths):
-    """Returns the dot product of (L,) and (L,). It may sum in any order, so that the compiler can vectorise
-    it.
+    """Returns the dot product of (L,) and (L,).
+
+    It may sum in any order, so that the compiler can vectorise it.
     """
     total = 0.0
     for term in range(len(lengths)):
@@ -80,9 +81,7 @@ def _along(row, lengths):
 
 @njit(cache=True, nogil=True)
 def _shrugged(offset, rotation, frame):
-    """Returns the shift of a shoulder by its raised arm, sideways and up, in metres per metre of shoulder
-    width.
-    """
+    """Returns the shift of a shoulder by its raised arm, sideways and up, per metre of shoulder width."""
     sine, cosine = shrug(rotation)
     side = 1.0 if frame == UPPER_ARM_L else -1.0
     x, y = offset[0, SHOULDER], offset[1, SHOULDER]
@@ -163,8 +162,9 @@ def product(a, b):
 
 @njit(cache=True, nogil=True)
 def deviation(reference, rotation):
-    """Returns (3,) log(reference' rotation): the rotation vector between two rotations, in the axes of
-    ``reference``.
+    """Returns (3,) log(reference' rotation): the rotation vector between two rotations.
+
+    Its axes are those of ``reference``.
     """
     out = np.empty(3)
     deviation_into(out, reference, rotation)

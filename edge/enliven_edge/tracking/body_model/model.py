@@ -15,13 +15,13 @@ from enliven.arrays import Float, Int
 from enliven.person import Joint
 
 PELVIS, CHEST, HEAD, *_LIMBS = range(13)
-"""The indices of the trunk's frames; parents come first."""
+"""The indices of the trunk's frames. Parents come first."""
 UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R, *_LEGS = _LIMBS
-"""The indices of the arms' frames; left is the person's left."""
+"""The indices of the arms' frames. Left is the person's left."""
 THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = _LEGS
 """The indices of the legs' frames."""
 FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
-"""(13,) the parent of each frame; parents come first."""
+"""(13,) the parent of each frame. Parents come first."""
 HINGES = frozenset({FOREARM_L, FOREARM_R, SHIN_L, FOOT_L, SHIN_R, FOOT_R})
 """Frames that rotate about their own x axis only."""
 MIRROR = np.array([0, 1, 2, 5, 6, 3, 4, 10, 11, 12, 7, 8, 9])
@@ -42,11 +42,11 @@ LENGTHS = (
 )
 """(12,) the names of the lengths."""
 SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GIRTH = range(12)
-"""The indices of the lengths; the girth comes last."""
+"""The indices of the lengths. The girth comes last."""
 REFERENCE_HEIGHT = 1.75
 """Metres from sole to crown of an adult with the reference lengths."""
 REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])
-"""(12,) metres of an adult of the reference height; the girth is a factor on every radius."""
+"""(12,) metres of an adult of the reference height. The girth is a factor on every radius."""
 
 
 def by_frame(usual: float, others: dict[int, float]) -> Float:
@@ -72,7 +72,7 @@ def height_of(lengths: Float) -> float:
 def _offset(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
-    """Returns (3, 12) an offset in a frame; each coordinate is a linear combination of the lengths."""
+    """Returns (3, 12) an offset in a frame. Each coordinate is a linear combination of the lengths."""
     made = np.zeros((3, len(LENGTHS)))
     for row, terms in enumerate((x, y, z)):
         for length, factor in (terms or {}).items():
@@ -227,8 +227,9 @@ BONE_FRAMES = _bone_frames()
 
 
 def _frame_lengths() -> Int:
-    """Returns (13, 1 + 12) by frame: the number of lengths that move its points, then their indices, the
-    girth last.
+    """Returns (13, 1 + 12) by frame: the number of lengths that move its points, then their indices.
+
+    The girth is the last one.
     """
     table = np.zeros((13, 1 + len(LENGTHS)), np.int64)
     of_pivot = np.zeros((13, len(LENGTHS)), bool)

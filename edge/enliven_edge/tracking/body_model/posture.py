@@ -69,9 +69,7 @@ class Posture:
 
     @property
     def lowest(self) -> float:
-        """Returns the height of the surface's lowest point above y = 0 in metres: the sole of a standing
-        person.
-        """
+        """Returns metres above y = 0 of the surface's lowest point: the sole of a standing person."""
         ends, radii = self.capsules()
         return float((ends[..., 1] - radii).min())
 
@@ -84,8 +82,9 @@ def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, F
 
 @njit(cache=True, nogil=True)
 def frames_of(position, rotations, lengths, parents, offsets):
-    """Computes :func:`forward` in kernels; parents and offsets are those of
-    :func:`kinematics.forward_into`.
+    """Computes :func:`forward` in kernels.
+
+    Parents and offsets are those of :func:`kinematics.forward_into`.
     """
     count = len(parents)
     world, pivots = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -127,7 +126,7 @@ def _joints(position, rotations, lengths, parents, offsets, frames, local):
 
 @njit(cache=True, nogil=True)
 def _turns(position, rotations, lengths, parents, offsets, bones):
-    """Computes (20, 4) for :meth:`Posture.orientations`, w >= 0; ``bones`` are the frames of the bones."""
+    """Computes (20, 4) for :meth:`Posture.orientations`, w >= 0. ``bones`` are the frames of the bones."""
     world, _ = frames_of(position, rotations, lengths, parents, offsets)
     turns, out = np.empty((len(world), 4)), np.empty((len(bones), 4))
     for f in range(len(world)):
@@ -175,8 +174,9 @@ _FASTEST_TURN = 0.25
 
 
 def continued(before: Posture, now: Posture) -> Posture:
-    """Returns the posture predicted for the next frame: the motion continues, slightly slower and with
-    limited speed.
+    """Returns the posture predicted for the next frame.
+
+    The motion continues, slightly slower and with limited speed.
     """
     made = now.copy()
     step = _CARRY_ON * (now.position - before.position)
@@ -204,11 +204,10 @@ def chest_axes(rotations):
 
 @njit(cache=True, nogil=True)
 def chest_axes_about(rotations):
-    """Returns the chest axes of the posture turned about (:func:`appearance.turned_about`), without creating
-    it.
+    """Returns the chest axes of the flipped posture (:func:`appearance.turned_about`) without creating it.
 
-    Mirrored left for right and turned by half a turn about the pelvis' upright axis, the chest is mirrored
-    front to back in the pelvis' frame.
+    The flip mirrors left and right and adds half a turn about the pelvis' upright axis. So the chest is
+    mirrored front to back in the pelvis' frame.
     """
     mirrored = rotations[CHEST].copy()
     for a in range(3):
@@ -219,8 +218,9 @@ def chest_axes_about(rotations):
 
 @njit(cache=True, nogil=True)
 def ahead_in_plan(left):
-    """Returns the unit (x, z) direction that a chest faces, from the line of its shoulders, whether bent over
-    or not.
+    """Returns the unit (x, z) direction that a chest faces, from the line of its shoulders.
+
+    This works for a person that bends over, too.
     """
     length = np.sqrt(left[0] * left[0] + left[2] * left[2]) + 1e-9
     return -left[2] / length, left[0] / length
@@ -228,8 +228,9 @@ def ahead_in_plan(left):
 
 @njit(cache=True, nogil=True)
 def leaning_back(left, up):
-    """Returns how far a chest leans backward, as the sine beyond the usual lean. People bend forward
-    instead.
+    """Returns how far a chest leans backward, as the sine beyond the usual lean.
+
+    People bend forward instead.
     """
     if up[1] < _LIES:
         return 0.0

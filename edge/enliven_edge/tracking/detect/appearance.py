@@ -49,7 +49,7 @@ def _capsule_parts() -> Float:
 CARRIES = _capsule_parts()
 """(20, 17): 1 if a capsule of the model belongs to a part, else 0."""
 _CARRIED = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CARRIES])
-"""(20, 2) the one or two parts of each capsule; -1 instead of a missing second one."""
+"""(20, 2) the one or two parts of each capsule. -1 instead of a missing second one."""
 _EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
 """(20, 17) the same with left and right parts treated as one."""
 _TO_THE_SENSOR = 0.5
@@ -151,8 +151,9 @@ def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _agreement(surface, shown, carries, ends, radii):
-    """Computes :func:`agreement`; arguments are those of :class:`EstimateAtPoints` and
-    :meth:`Posture.capsules`.
+    """Computes :func:`agreement`.
+
+    Arguments are those of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
 
     Args:
         surface, shown: the points and the probabilities of their parts.
@@ -193,9 +194,7 @@ def likely_to_face(ways, angle):
 
 
 def facing(posture: Posture, eye: Float) -> float:
-    """Returns the chest's horizontal facing in radians relative to facing the sensor, anticlockwise from
-    above.
-    """
+    """Returns the chest's horizontal facing in radians: 0 towards the sensor, anticlockwise from above."""
     return float(_facing(posture.rotations, posture.position, eye))
 
 
@@ -206,9 +205,7 @@ def _facing(rotations, place, eye):
 
 
 def turned_about(posture: Posture) -> Posture:
-    """Returns the posture flipped: rotated by 180 degrees about its trunk's axis, left and right limbs
-    exchanged.
-    """
+    """Returns the posture flipped: rotated by 180 degrees about its trunk's axis, with exchanged limbs."""
     made = posture.copy()
     made.rotations = joint_limits.mirrored(posture.rotations)
     made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)

@@ -61,7 +61,7 @@ class ArmRecovery:
         *,
         steps: int,
     ) -> tuple[Posture, FitReport] | None:
-        """Returns a fit with an arm elsewhere that may be better; None if no place is promising.
+        """Returns a fit with an arm elsewhere that may be better. None if no place is promising.
 
         Args:
             observation: the observed person.
@@ -93,8 +93,9 @@ class ArmRecovery:
         return self._fitter.fit(observation, best[0], iterations=steps)
 
     def _costs_more_than_usual(self, energy: float) -> bool:
-        """Records a frame's energy; returns whether it is well above the usual energy of this person's
-        frames.
+        """Records a frame's energy.
+
+        Returns whether it is well above the usual energy of this person's frames.
         """
         if np.isinf(self._usual):
             self._usual = energy

@@ -1,6 +1,4 @@
-"""Start poses for an arm: where the network sees it, at the surface, as the mirrored other arm, at protruding
-points.
-"""
+"""Start poses for an arm: from the network, at the surface, mirrored from the other arm, at bulges."""
 
 from __future__ import annotations
 
@@ -56,9 +54,7 @@ _LONG = 0.14
 def arm_starts(
     observation: Observation, posture: Posture, seen: EstimateAtPoints | None, arms: list[Arm]
 ) -> list[Start]:
-    """Returns functions that create the posture with one of the given arms elsewhere, for each arm and each
-    place.
-    """
+    """Returns functions that create the posture with one arm elsewhere, for each arm and each place."""
     joints, view = posture.joints(), observation.view
     eye = view.world_from_camera[:3, 3]
     starts: list[Start] = []
@@ -79,8 +75,9 @@ def arm_starts(
 
 
 def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Posture:
-    """Returns the posture with an arm's elbow, wrist and hand moved to (3, 3) places; NaN to ignore a
-    joint.
+    """Returns the posture with an arm's elbow, wrist and hand moved to (3, 3) places.
+
+    A joint with NaN is ignored.
     """
     targets, weights = joints.copy(), np.full(len(joints), _HELD)
     for joint, place in zip(ARM_JOINTS[arm], places, strict=True):
@@ -131,8 +128,9 @@ def _at_surface(view, joints):
 def _where_it_stands_out(
     observation: Observation, posture: Posture, joints: Float, arms: list[Arm]
 ) -> list[Start]:
-    """Returns functions that create the posture with a forearm along the protruding points, in either
-    direction.
+    """Returns functions that create the posture with a forearm along the protruding points.
+
+    Both directions of the forearm are tried.
     """
     out = _before_trunk(observation, posture)
     if len(out) < _FEWEST:

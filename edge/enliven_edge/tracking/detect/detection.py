@@ -93,8 +93,9 @@ def detect(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
-    """Finds the posture that explains an observation best, without another frame. A generator that yields its
-    costs.
+    """Finds the posture that explains an observation best, without another frame.
+
+    It is a generator that yields its costs.
 
     A short coarse fit of every hypothesis ranks them, and the best three are refined with all points.
 
@@ -128,7 +129,7 @@ def detect_another(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Finds a posture that may explain an observation better than ``now``; None if there is none.
+    """Finds a posture that may explain an observation better than ``now``. None if there is none.
 
     It is a generator that yields its costs. The present posture is fitted as coarsely as all others. A
     hypothesis that is no better at that stage is hardly ever better in the end, so it is not refined.
@@ -169,8 +170,9 @@ class _Coarse:
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
     def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
-        """Returns the costs and postures of the better half of some hypotheses. A generator that yields its
-        costs.
+        """Returns the costs and postures of the better half of some hypotheses.
+
+        It is a generator that yields its costs.
 
         A hypothesis that is in the worse half after a few steps hardly ever wins.
         """
@@ -219,8 +221,9 @@ def estimates_by_facing(
 def _starts(
     observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
 ) -> Steps[list[Posture]]:
-    """Returns the initial hypotheses: from the network, standing, and from the bank. A generator that yields
-    its costs.
+    """Returns the initial hypotheses: from the network, standing, and from the bank.
+
+    It is a generator that yields its costs.
 
     Args:
         observation: the observed person.
@@ -248,7 +251,7 @@ def _refined(
     height: float,
     points: int | None = None,
 ) -> Steps[tuple[float, Posture, FitReport]]:
-    """Fits some hypotheses completely, including lengths; returns the best with its cost.
+    """Fits some hypotheses completely, including lengths. Returns the best with its cost.
 
     It is a generator that yields its costs.
 

@@ -1,5 +1,4 @@
-"""Geodesic extremities of a person's surface: hands, feet and head are farthest from the trunk along the
-surface.
+"""Geodesic extremities of a person's surface: hands, feet and head are farthest along it from the trunk.
 
 After Plagemann et al. 2010: the first extremity has the longest shortest path over the surface from its
 middle. The next one is farthest from both, and so on. A depth edge may be crossed at a price. So a forearm
@@ -94,8 +93,9 @@ def _jumps(here, there, step):
 
 @njit(cache=True, nogil=True)
 def _solid(z, mask, step):
-    """Returns (h, w) the masked pixels with three neighbours on the same surface. It removes stray depth at
-    edges.
+    """Returns (h, w) the masked pixels with three neighbours on the same surface.
+
+    It removes stray depth at edges.
     """
     height, width = mask.shape
     out = np.zeros((height, width), np.bool_)
@@ -112,8 +112,7 @@ def _solid(z, mask, step):
 
 @njit(cache=True, nogil=True)
 def spread(points, z, mask, step, source, distance):
-    """Runs Dijkstra's algorithm from one more source: lowers ``distance`` (h, w), metres, where the new path
-    is shorter.
+    """Runs Dijkstra's algorithm from one more source: lowers ``distance`` where the new path is shorter.
 
     Args:
         points: (h, w, 3) metres.

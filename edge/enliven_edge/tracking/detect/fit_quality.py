@@ -1,5 +1,4 @@
-"""The quality of a fitted posture: how well it explains its frame, how implausible it is, and whether it
-faces the wrong way.
+"""The quality of a fitted posture: its explanation of the frame, its plausibility, and its facing.
 
 Front and back look alike. So evidence of the facing is averaged over many frames: the network's estimate, the
 direction of walking, and that people bend forward.
@@ -111,7 +110,7 @@ def _advantage(rotations, place, eye, velocity, ways):
 
 @njit(cache=True, nogil=True)
 def _walking(velocity, ahead):
-    """Returns how clearly a person walks ahead, in [-1, 1]; -1: clearly backward.
+    """Returns how clearly a person walks ahead, in [-1, 1]. -1: clearly backward.
 
     Args:
         velocity: (3,) metres per second.
@@ -146,8 +145,9 @@ compensate."""
 def cost(
     report: FitReport, posture: Posture, seen: EstimateAtPoints | None, eye: Float, height: float
 ) -> float:
-    """Returns the total cost of a fitted posture, square centimetres per point; comparable within one
-    frame.
+    """Returns the total cost of a fitted posture, square centimetres per point.
+
+    Costs are comparable within one frame.
     """
     return report.energy + oddness(seen, posture, eye, height)
 
@@ -167,9 +167,7 @@ def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height:
 
 
 def quality(report: FitReport) -> float:
-    """Returns the fraction of points explained minus the fraction of the model that was seen through, up to
-    1.
-    """
+    """Returns the fraction of points explained minus the fraction of the model seen through, up to 1."""
     return report.explained - report.seen_through
 
 

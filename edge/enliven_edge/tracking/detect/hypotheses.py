@@ -31,16 +31,14 @@ _STEPS_FROM_STANDING = 20
 
 
 def posed(estimate: Estimate, lengths: Float) -> Posture:
-    """Returns a posture of (12,) lengths aligned with the estimate's joints, starting from standing
-    relaxed.
-    """
+    """Returns a posture of (12,) lengths, aligned with the estimate's joints from a relaxed start."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
     return aligned_to(start, estimate, _STEPS_FROM_STANDING)
 
 
 def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
-    """Aligns a posture with the estimate's joints, weighted by their confidence; keeps its lengths."""
+    """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     made, _ = align(
         posture,

@@ -161,7 +161,7 @@ class PoseRecovery:
         return after < share * before and same.explained - tried[1].explained <= _LOSES
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
-        """Returns the limbs that explain little of the frame; remembers the poses of confident limbs."""
+        """Returns the limbs that explain little of the frame. Remembers the poses of confident limbs."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():

@@ -1,5 +1,6 @@
-"""The pose network, with its input and output. It finds joints, body parts and facing in a person's depth
-image.
+"""The pose network, with its input and output.
+
+It finds joints, body parts and facing in a person's depth image.
 """
 
 import lazy_loader

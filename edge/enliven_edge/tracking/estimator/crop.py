@@ -2,7 +2,7 @@
 
 It has four channels: the person, the depth, the height above the floor, and unknown pixels. Pixels are
 unknown if a nearer object hides the person, nothing was measured, or the image ends. The crop is upright and
-in metres, so that people look alike near and far, with a sensor that hangs upside down, and with any lens.
+in metres. So people look alike near and far, with a sensor that hangs upside down, and with any lens.
 """
 
 from __future__ import annotations
@@ -72,9 +72,7 @@ class Crop:
 
     @property
     def place(self) -> tuple[Float, Float, float]:
-        """Returns the axes, the middle and the cells per unit at unit depth, in the form of
-        :func:`cells_at`.
-        """
+        """Returns the axes, the middle and the cells per unit at unit depth, for :func:`cells_at`."""
         return self.axes, self.centre, self.depth / self.cell
 
     def cells(self, rays: Float) -> Float:
@@ -151,9 +149,7 @@ def _upright(world_from_camera: Float) -> Float:
 
 
 def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
-    """Returns the person's (2,) minimum and (2,) maximum along the axes at unit depth, and the median
-    depth.
-    """
+    """Returns the person's (2,) minimum and maximum along the axes at unit depth, and its median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]
     first = int(_OUTLIERS * count)
@@ -205,8 +201,7 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _aim(rays, pixels, down, size, camera, axes, centre, shape):
-    """Computes the rays, x/z and y/z, of a row of quarter cells ``down`` from the middle, and the pixels that
-    they hit.
+    """Computes the rays, x/z and y/z, of a row of quarter cells ``down`` from the middle, and their pixels.
 
     The results go into (2, J) and (J,): a pixel's flat index, -1 outside the image. The loop does not depend
     on the image's contents, so that the compiler can vectorise it.

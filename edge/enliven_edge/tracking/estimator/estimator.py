@@ -1,6 +1,4 @@
-"""Runs the shipped network: returns the joints in a frame, the uncertainty of each, the facing and the body
-parts.
-"""
+"""Runs the shipped network: it estimates joints, their uncertainty, the facing and the body parts."""
 
 from __future__ import annotations
 
@@ -71,16 +69,12 @@ class Estimate:
 
     @property
     def landmarks(self) -> Float:
-        """Returns (20, 5) places, weights and robust widths of the joints, in the form of
-        ``terms.near_landmarks``.
-        """
+        """Returns (20, 5) places, weights and robust widths of the joints, for ``terms.near_landmarks``."""
         return self._landmarks(_SUREST)
 
     @property
     def guides(self) -> Float:
-        """Returns (20, 5) the same with lower weights, for a fit to depth, which locates joints more
-        accurately.
-        """
+        """Returns (20, 5) the same with lower weights, for a fit to depth, which is more accurate."""
         return self._landmarks(_SUREST_BESIDE_DEPTH)
 
     def _landmarks(self, surest: float) -> Float:
@@ -122,7 +116,7 @@ def _apart(joints, seen, spread, which):
 
 
 class PoseEstimator:
-    """Runs a network with ONNX Runtime on one core; safe to call from several threads."""
+    """Runs a network with ONNX Runtime on one core. Safe to call from several threads."""
 
     def __init__(self, path: Path) -> None:
         """Reads a network.
@@ -168,8 +162,9 @@ class PoseEstimator:
     def estimate(
         self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
     ) -> Estimate:
-        """Runs the network on the masked person. Arguments are those of :func:`crop_person`, and the facing
-        in radians.
+        """Runs the network on the masked person.
+
+        Arguments are those of :func:`crop_person`, and the facing in radians.
         """
         crop = crop_person(z, mask, camera, world_from_camera)
         return self.estimates(crop, world_from_camera, [facing])[0]

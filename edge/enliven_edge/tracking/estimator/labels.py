@@ -10,7 +10,7 @@ from enliven.kernels import njit
 
 
 class BodyPart(IntEnum):
-    """Regions of the body's surface; left and right are the person's own."""
+    """Regions of the body's surface. Left and right are the person's own."""
 
     HEAD = 0
     CHEST_LEFT = 1
@@ -42,8 +42,7 @@ MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 
 @njit(cache=True, nogil=True)
 def facing_in_plan(left, place, eye):
-    """Returns the person's horizontal facing in radians relative to facing the sensor, anticlockwise from
-    above.
+    """Returns the person's horizontal facing in radians: 0 towards the sensor, anticlockwise from above.
 
     Args:
         left: (3,) towards the person's left, world frame. Unlike the front direction it stays level in a

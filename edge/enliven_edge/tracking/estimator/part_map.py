@@ -26,8 +26,9 @@ _BIAS, _MANTISSA = np.int32(127), np.int32(23)
 
 @njit(cache=True, nogil=True)
 def parts_at_rays(logits, rays, axes, centre, scale):
-    """Returns (P, M) float32 probabilities of P parts at M rays: a softmax over bilinearly interpolated
-    logits.
+    """Returns (P, M) float32 probabilities of P parts at M rays.
+
+    They are a softmax over bilinearly interpolated logits.
 
     Args:
         logits: (P, h, w) float32.
@@ -53,9 +54,7 @@ def parts_at_rays(logits, rays, axes, centre, scale):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _read(out, row, places, right, down, columns):
-    """Interpolates a map bilinearly at (M,) cells plus fractions of a cell to the right and down, into
-    ``out``.
-    """
+    """Interpolates a map bilinearly at (M,) cells plus fractions to the right and down, into ``out``."""
     for i in range(len(out)):
         at = np.uintp(places[i])
         a, b = row[at], row[at + np.uintp(1)]
@@ -87,7 +86,9 @@ def _softmax(logits):
 
 @njit(cache=True, nogil=True, inline="always")
 def exponential(x):
-    """Returns e^x of a float32 from -87 to 87 by its series, with a relative error of 3e-7; e^-87 below.
+    """Returns e^x of a float32 from -87 to 87 by its series, with a relative error of 3e-7.
+
+    Below -87 it returns e^-87.
 
     It makes no call, so that the compiler can vectorise it.
     """

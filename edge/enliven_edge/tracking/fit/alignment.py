@@ -54,8 +54,7 @@ def align(
     width: float = 0.2,
     iterations: int = 20,
 ) -> tuple[Posture, float]:
-    """Returns the posture near ``start`` with its anchors at the targets and unchanged lengths, and its
-    energy.
+    """Returns the posture near ``start`` with its anchors at the targets and its old lengths, and its energy.
 
     Args:
         start: the initial posture.
@@ -79,7 +78,7 @@ def align(
 def _align(
     position, rotations, lengths, frames, local, targets, weights, width, skeleton, limits, iterations
 ):
-    """Minimises the energy with Levenberg-Marquardt, updating the posture in place; returns the energy."""
+    """Minimises the energy with Levenberg-Marquardt, updating the posture in place. Returns the energy."""
     matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
     trial_matrix, trial_gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
     step, factor = np.empty(model.DOFS), np.empty((model.DOFS, model.DOFS))
@@ -113,8 +112,9 @@ def _align(
 
 @njit(cache=True, nogil=True)
 def _normal_equations(matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits):
-    """Writes the normal equations of targets, joint ranges and relaxation; returns the energy in square
-    centimetres.
+    """Writes the normal equations of targets, joint ranges and relaxation.
+
+    Returns the energy in square centimetres.
     """
     frames, local, targets, weights = wanted
     parents, offsets, moves, dof_frame, dof_axis, lengths_of = skeleton

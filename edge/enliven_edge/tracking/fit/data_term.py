@@ -6,8 +6,8 @@ points of a capsule enter the normal equations only by the weighted moments
 
     sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
 
-the wrench (n, (s + t d) cross n) is linear in n and t n, and the motion by a bone's length is linear along
-the axis. So a point costs a few products, and the rest is done once per capsule.
+The reason is that the wrench (n, (s + t d) cross n) is linear in n and t n. The motion by a bone's length is
+linear along the axis. So a point costs a few products, and the rest is done once per capsule.
 """
 
 from __future__ import annotations
@@ -67,9 +67,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
 
 @njit(cache=True, nogil=True)
 def _by_capsule(which, seen, count):
-    """Returns (3, M) the points sorted by capsule, and (C + 1,) the first point of each capsule: a counting
-    sort.
-    """
+    """Returns (3, M) the points sorted by capsule, and (C + 1,) the first point of each (counting sort)."""
     first = np.zeros(count + 1, np.int64)
     for c in which:
         first[c + 1] += 1
@@ -86,8 +84,9 @@ def _by_capsule(which, seen, count):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def _moments(squares, firsts, powers, points, here, axis, width):
-    """Computes the moments of a capsule's points with robust weights; returns (energy, points within
-    ``width``).
+    """Computes the moments of a capsule's points with robust weights.
+
+    Returns (energy, points within ``width``).
 
     It is written out in single precision so that the compiler vectorises the sums. Most of a fit is spent
     here.
@@ -162,8 +161,9 @@ def _fill_square(out, xx, xy, xz, yy, yz, zz):
 
 @njit(cache=True, nogil=True, inline="always")
 def _cross(a, x, y, z):
-    """Returns (3,) a cross (x, y, z) as a tuple. A view of an array's row would be reference-counted, which
-    is slower.
+    """Returns (3,) a cross (x, y, z) as a tuple.
+
+    A view of an array's row would be reference-counted, which is slower.
     """
     return a[1] * z - a[2] * y, a[2] * x - a[0] * z, a[0] * y - a[1] * x
 

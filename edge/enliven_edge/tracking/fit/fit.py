@@ -28,8 +28,9 @@ heading is free."""
 
 
 def _touching_pairs() -> Int:
-    """Returns (K, 2) pairs of capsules that must stay apart: an arm and the torso, the other arm or a thigh;
-    leg and leg.
+    """Returns (K, 2) pairs of capsules that must stay apart.
+
+    An arm stays apart from the torso, the other arm and the thigh; the legs stay apart from each other.
     """
     frame = model.CAPSULES.frame
     groups = {
@@ -153,15 +154,14 @@ class Fitter:
         return predicted.rotations, self._stiffness, start.lengths, firmness
 
     def _bends_far(self, posture: Posture) -> bool:
-        """Returns True if hips have the wider range: a tracked person crouches, kneels or sits on the
-        floor.
-        """
+        """Returns True if hips have the wider range: a tracked person crouches, kneels or sits."""
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
         return self._strict is not None and float(posture.position[1]) < _LOW * leg
 
     def _constants_of(self, width: float | None, bends_far: bool) -> Held:
-        """Returns the constant data, with weights and body, for a width in metres; None: the width of the
-        settings.
+        """Returns the constant data, with weights and body, for a width in metres.
+
+        The default is the width in the settings.
         """
         width = float(self.settings.width if width is None else width)
         has_floor = self.has_floor if self._strict is None else self._strict.has_floor

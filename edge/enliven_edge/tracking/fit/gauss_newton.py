@@ -33,7 +33,7 @@ def minimise(
     position, rotations, lengths, observed, constants, predicted, stiffness, reference, firmness, iterations,
     support, violated, information,
 ):  # fmt: skip
-    """Moves the posture (in place) to lower energy; returns (energy, explained).
+    """Moves the posture (in place) to lower energy. Returns (energy, explained).
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
@@ -90,8 +90,9 @@ def minimise(
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def cholesky(factor, matrix, damping):
-    """Computes the upper Cholesky factor U of M + damping diag(M) + 0.001 = U'U. It uses only upper
-    triangles.
+    """Computes the upper Cholesky factor U of M + damping diag(M) + 0.001 = U'U.
+
+    It uses only upper triangles.
 
     It subtracts four earlier rows at once, so that each row is read and written a quarter as often.
     """
@@ -119,7 +120,7 @@ def cholesky(factor, matrix, damping):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def solve_damped(step, factor, matrix, gradient, damping):
-    """Computes step = -(M + damping diag(M) + 0.001)^-1 gradient; reads only M's upper triangle."""
+    """Computes step = -(M + damping diag(M) + 0.001)^-1 gradient. Reads only M's upper triangle."""
     count = len(gradient)
     cholesky(factor, matrix, damping)
     for i in range(count):

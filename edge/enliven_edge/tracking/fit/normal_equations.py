@@ -7,9 +7,9 @@ the twist (v, w) about the world's origin, this change is phi . (v, w), with the
 
 and if a bone's length p moves the point by dx/dp, the change is l_p = n . dx/dp. So the terms of the fit add
 only phi phi', r phi and the corresponding products with l to the sums of the frame. As phi is in the world's
-frame, an unknown has the sums of its frame and of all its descendants (composite rigid bodies, Walker and
-Orin 1982). Two unknowns share the points of the frame farther from the root. So the normal equations are
-gathered from the sums once, independent of the number of residuals.
+frame, an unknown has the sums of its frame and of all descendants. This is the method of composite rigid
+bodies (Walker and Orin 1982). Two unknowns share the points of the frame farther from the root. So the normal
+equations are gathered from the sums once, independent of the number of residuals.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ _MOVES = 3
 
 @njit(cache=True, nogil=True)
 def empty_sums(frames, lengths):
-    """Returns zero sums for the given numbers of frames and lengths; 0 lengths if they are frozen.
+    """Returns zero sums for the given numbers of frames and lengths.
+
+    The number of lengths is 0 if they are frozen.
 
     Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums
     of phi phi', r phi and phi l', and over all frames those of l l' and r l.
@@ -108,7 +110,7 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
 
 @njit(cache=True, nogil=True)
 def of_frame(lengths_of, frame, lengths):
-    """Returns the lengths that move the points of a frame; empty if all are frozen."""
+    """Returns the lengths that move the points of a frame. Empty if all are frozen."""
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
@@ -164,8 +166,9 @@ def _turns(world, pivots, dof_frame, dof_axis):
 
 @njit(cache=True, nogil=True)
 def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
-    """Adds the part of translation and rotations. ``total`` and ``pull`` include all descendants of a
-    frame.
+    """Adds the part of translation and rotations.
+
+    ``total`` and ``pull`` include all descendants of a frame.
     """
     product = np.empty(6)
     for a in range(_MOVES):
@@ -229,9 +232,7 @@ def point_row(row, scale, frame, point, normal, local, body):
 
 @njit(cache=True, nogil=True)
 def robust(residual, width):
-    """Returns the Geman-McClure energy r^2 / (1 + (r / width)^2), and its weight in iterated least
-    squares.
-    """
+    """Returns the Geman-McClure energy r^2 / (1 + (r / width)^2), and its weight for least squares."""
     ratio = residual / width
     w = 1.0 / (1.0 + ratio * ratio)
     return residual * residual * w, w * w
@@ -273,8 +274,9 @@ def by_length(out, frame, local, body):
 
 @njit(cache=True, nogil=True)
 def stretch_into(out, normal, by_ends, t, frame, lengths_of):
-    """Writes (L,) normal . d(point)/d(length) at a fraction t of a capsule into ``out``, except by the
-    girth.
+    """Writes (L,) normal . d(point)/d(length) at a fraction t of a capsule into ``out``.
+
+    The girth is left out.
     """
     out[:] = 0.0
     for p in of_frame(lengths_of, frame, len(out)):

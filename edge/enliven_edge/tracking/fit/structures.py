@@ -14,7 +14,7 @@ from enliven_edge.tracking.settings import FitSettings
 
 
 class FitModel(NamedTuple):
-    """The body model, the same in every fit; see :mod:`enliven_edge.tracking.body_model.model`."""
+    """The body model, the same in every fit. See :mod:`enliven_edge.tracking.body_model.model`."""
 
     parents: Int
     pivots: Float
@@ -39,8 +39,9 @@ class BodyState(NamedTuple):
 
 
 class PlacedFrames(NamedTuple):
-    """The frames of a posture: (F, 3, 3) rotations, (F, 3) pivots in metres, and their (F, 3, L) derivatives
-    by the lengths.
+    """The frames of a posture: (F, 3, 3) rotations and (F, 3) pivots in metres.
+
+    ``by_length`` (F, 3, L) are the derivatives of the pivots by the lengths.
     """
 
     world: Float
@@ -78,8 +79,9 @@ class FrameSums(NamedTuple):
 
 
 class FitPrior(NamedTuple):
-    """The prior: the expectations besides the frame. ``stiffness`` and ``relaxedness`` (F,) are weights of
-    rotations.
+    """The prior: the expectations besides the frame.
+
+    ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
 
     ``firmness`` (12,) are the weights of the ``reference`` lengths, or (0,) if the lengths are frozen.
     """
@@ -95,9 +97,7 @@ class FitPrior(NamedTuple):
 
 
 class FitConstants(NamedTuple):
-    """The common data of all fits with one width: the body, the weights, and the constant part of the
-    prior.
-    """
+    """The common data of all fits with one width: body, weights, and the constant part of the prior."""
 
     shape: FitModel
     weights: Any

@@ -59,8 +59,9 @@ _FLOOR_SLACK = 0.02
 
 @njit(cache=True, nogil=True)
 def free_space(sums, surface, view, weight, width, samples, violated):
-    """Adds the free-space term: against limbs in space through which the camera saw, or in front of the
-    observed surface.
+    """Adds the free-space term against limbs in space through which the camera saw.
+
+    It also acts against limbs in front of the observed surface.
 
     Points along every capsule's axis are projected into the image. Outside the person's silhouette they are
     pulled to its nearest pixel, unless a nearer object hides them or the depth is unknown. Inside it, a
@@ -189,8 +190,9 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
 
 @njit(cache=True, nogil=True)
 def hold_build(matrix, gradient, lengths, reference, firmness, scale):
-    """Adds the term that keeps proportions near the reference's, and the size with ``scale`` times the
-    weight.
+    """Adds the term that keeps proportions near the reference's, and the size with a lower weight.
+
+    The weight of the size is ``scale`` times that of the proportions.
 
     With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2.
     The girth, which comes last, has its own term f c^2.
@@ -259,8 +261,9 @@ def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, 
 
 @njit(cache=True, nogil=True)
 def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):
-    """Computes the normal equations (upper triangle) and the energy at a posture; returns (energy,
-    explained).
+    """Computes the normal equations (upper triangle) and the energy at a posture.
+
+    Returns (energy, explained).
 
     A term is one line here, one kernel above, and one weight in :class:`FitSettings`.
 
@@ -301,8 +304,9 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
 
 @njit(cache=True, nogil=True)
 def placed(state, shape, free):
-    """Returns the frames and the surface of a posture. ``free`` is the number of lengths that are not
-    frozen.
+    """Returns the frames and the surface of a posture.
+
+    ``free`` is the number of lengths that are not frozen.
     """
     rotations, lengths, frames = state.rotations, state.lengths, shape.capsule_frame
     world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))

@@ -63,8 +63,9 @@ class FrameTiming:
 
     @property
     def rate(self) -> float | None:
-        """Returns frames per second by the sensor's own clock over the last 1.5 s. None before there are
-        enough.
+        """Returns frames per second by the sensor's own clock over the last 1.5 s.
+
+        None before there are enough frames.
         """
         return self._rate
 

@@ -16,7 +16,7 @@ from enliven_edge.tracking.frame.reduction import reduce_depth
 
 
 class WorkingCamera:
-    """The camera of the reduced image with its rays; created once per sensor.
+    """The camera of the reduced image with its rays. Created once per sensor.
 
     Attributes:
         stride: full-resolution pixels per working pixel along each axis.
@@ -34,7 +34,7 @@ class WorkingCamera:
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
-        """Returns (h, w) metres along the optical axis; 0 where the depth is unknown."""
+        """Returns (h, w) metres along the optical axis. 0 where the depth is unknown."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
 
@@ -58,7 +58,7 @@ class ImageView(NamedTuple):
 
 
 class SeenPerson(NamedTuple):
-    """An observation in the form that the compiled fit takes; ``points`` are (6, M), with their normals."""
+    """An observation in the form that the compiled fit takes. ``points`` are (6, M), with their normals."""
 
     points: Float32
     affinity: Float32
@@ -119,8 +119,9 @@ class Observation:
 
 @njit(cache=True, nogil=True)
 def side_by_side(points, normals):
-    """Returns (6, M) float32 from (M, 3) points and (M, 3) normals: one row per coordinate, for vector
-    instructions.
+    """Returns (6, M) float32 from (M, 3) points and (M, 3) normals: one row per coordinate.
+
+    This layout lets the compiler vectorise loops over the points.
     """
     out = np.empty((6, len(points)), np.float32)
     for i in range(len(points)):
@@ -149,7 +150,7 @@ def _world_points(z, ray, pose):
 
 @njit(cache=True, nogil=True)
 def nearest_columns(mask):
-    """Returns (h, w) int16: for every pixel, the nearest masked column in its row; -1 if the row has none.
+    """Returns (h, w) int16: for every pixel, the nearest masked column in its row. -1 if the row has none.
 
     Of two equally near columns it is the left one.
     """
@@ -184,8 +185,9 @@ def nearest_columns(mask):
 
 @njit(cache=True, nogil=True)
 def nearest_pixel(v, u, nearest):
-    """Returns (row, column) of the nearest masked pixel, from :func:`nearest_columns`; -1 if there is
-    none.
+    """Returns (row, column) of the nearest masked pixel, from :func:`nearest_columns`.
+
+    Both are -1 if there is none.
     """
     height = nearest.shape[0]
     best, row, column = 1 << 60, -1, -1

@@ -68,7 +68,7 @@ class Alarm:
         self._right_ns: int | None = None
 
     def update(self, wrong: bool | None, time_ns: int) -> bool:
-        """Takes in the state at one moment; returns whether the alarm is active now.
+        """Takes in the state at one moment. Returns whether the alarm is active now.
 
         Args:
             wrong: whether there is trouble; None: unknown, and nothing changes.
@@ -115,7 +115,7 @@ class Alarms:
     def note(
         self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
     ) -> None:
-        """Updates the alarm of one kind; ``wrong`` is None if its state is unknown.
+        """Updates the alarm of one kind. ``wrong`` is None if its state is unknown.
 
         Args:
             kind: the kind of problem.
@@ -138,7 +138,7 @@ class Alarms:
     def between(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
-        """Returns True if a value is too low, with hysteresis; None if the value is unknown.
+        """Returns True if a value is too low, with hysteresis. None if the value is unknown.
 
         It becomes too low below ``bad``, and stays so until it is above ``good``.
         """

@@ -32,7 +32,7 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
 
 
 def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """Returns a watched joint outside the image and the border; two empty strings if all are inside.
+    """Returns a watched joint outside the image and the border. Two empty strings if all are inside.
 
     Args:
         local: (4, 3) metres, the watched joints in the camera frame.

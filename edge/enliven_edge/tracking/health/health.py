@@ -129,8 +129,9 @@ class HealthMonitor:
         self._moved_ns: int | None = None
 
     def follow_device(self, is_device: bool) -> None:
-        """Sets whether the sensor is a device. Messages about cable, power and lens make sense only for a
-        device.
+        """Sets whether the sensor is a device.
+
+        Messages about cable, power and lens make sense only for a device.
         """
         self._alarms.is_device = is_device
 
@@ -223,14 +224,14 @@ class HealthMonitor:
         self._alarms.tell()
 
     def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Checks the device's own report, see :func:`judge_condition`; None: there is no report."""
+        """Checks the device's own report, see :func:`judge_condition`. None: there is no report."""
         if condition is not None:
             judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
     def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
-        """Updates the alarms of unusable frames and reads; ``kind`` None: the last one was usable."""
+        """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
         self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind proves that the sensor is connected. A lost sensor leaves the state of its

@@ -1,5 +1,6 @@
-"""Post-processing: joints are smoothed, limited in speed, mirrored, and predicted by the delay. Foot contacts
-are detected.
+"""Post-processing: joints are smoothed, limited in speed, mirrored, and predicted by the delay.
+
+Foot contacts are detected.
 """
 
 import lazy_loader

@@ -48,7 +48,7 @@ class FootContacts:
         self._time_ns = 0
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
-        """Returns (2,) left and right, in [0, 1]; 0 for a foot that is not visible.
+        """Returns (2,) left and right, in [0, 1]. 0 for a foot that is not visible.
 
         Args:
             joints: (20, 3) metres, world frame, the floor at y = 0.
@@ -65,7 +65,7 @@ class FootContacts:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis):
-    """Returns (2,), see :meth:`FootContacts.__call__`; updates the state of the feet by a frame, in place.
+    """Returns (2,), see :meth:`FootContacts.__call__`. Updates the state of the feet by a frame, in place.
 
     Args:
         joints: (20, 3) metres, world frame.

@@ -19,8 +19,8 @@ from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, 
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGOTTEN_NS = 10_000_000_000
-"""Nanoseconds after which the state of a person out of view is deleted. It frees memory; the filters are
-reset earlier."""
+"""Nanoseconds after which the state of a person out of view is deleted, to free memory. The filters are reset
+earlier."""
 _LONGEST_LATENCY = 0.3
 """Maximum measured latency in seconds that is predicted: the bound of the setting ``predict``."""
 _MOST_AMOUNTS = 64
@@ -45,7 +45,7 @@ class Output:
         self._time_ns: int | None = None
 
     def smooth(self, person: int, amount: float | None) -> None:
-        """Sets the amount of smoothing of one performer from now on; None: the settings' amount."""
+        """Sets the amount of smoothing of one performer from now on. None: the settings' amount."""
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
@@ -56,7 +56,7 @@ class Output:
             self._people[person].set_amount(self.amount(person))
 
     def amount(self, person: int) -> float:
-        """Returns the amount of smoothing of a performer; 0 is off."""
+        """Returns the amount of smoothing of a performer. 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
         return amount if amount >= _LEAST else 0.0
 

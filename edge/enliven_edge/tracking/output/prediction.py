@@ -105,7 +105,7 @@ def foreseen_turns(turns, before, spin, delay, passed, seconds):
 
 @njit(cache=True, nogil=True)
 def _share(passed):
-    """Returns the weight of a new speed in the low-pass after ``passed`` seconds; 1 for the first one."""
+    """Returns the weight of a new speed in the low-pass after ``passed`` seconds. 1 for the first one."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF * passed)) if passed > 0.0 else 1.0
 
 
@@ -124,8 +124,9 @@ def ahead_of(velocity, delay, seconds, half):
 
 @njit(cache=True, nogil=True)
 def learn_spin(spin, before, turns, passed, share):
-    """Updates the low-pass on (J, 3) angular velocities, radians per second about each bone's own axes, in
-    place.
+    """Updates the low-pass on (J, 3) angular velocities, in place.
+
+    They are in radians per second about each bone's own axes.
 
     Args:
         spin: (J, 3) the state.

@@ -50,7 +50,7 @@ class _Filter:
         return self._value.copy()
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        """Filters one more value and updates the velocity; may return the same array, modified."""
+        """Filters one more value and updates the velocity. May return the same array, modified."""
         raise NotImplementedError
 
 
@@ -69,8 +69,9 @@ class OneEuro(_Filter):
 
 
 class OneEuroTurns(_Filter):
-    """The same filter for (20, 4) rotations. Differences are rotation vectors in the filtered bone's own
-    frame.
+    """The same filter for (20, 4) rotations.
+
+    Differences are rotation vectors in the filtered bone's own frame.
 
     So the result rotates with the world, and does not depend on the axes chosen for a bone.
     """
@@ -90,11 +91,10 @@ def _alpha(cutoff, seconds):
 
 @njit(cache=True, nogil=True)
 def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):
-    """Runs one step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres per second, in
-    place.
+    """Runs one step of the filter on (J, 3) positions, in place.
 
     Args:
-        value, velocity: the state of the filter.
+        value, velocity: (J, 3) metres and (J, 3) metres per second, the state of the filter.
         delay: (J,) seconds, receives the group delay of this step.
         raw: (J, 3) the measurement, metres.
         seconds: time since the last step.
@@ -115,10 +115,10 @@ def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):
 
 @njit(cache=True, nogil=True)
 def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):
-    """Runs one step of the filter on (B, 4) ``value`` and (B, 3) ``velocity`` radians per second, in place.
+    """Runs one step of the filter on (B, 4) rotations, in place.
 
     Args:
-        value, velocity: the state of the filter.
+        value, velocity: (B, 4) unit quaternions and (B, 3) radians per second, the state of the filter.
         delay: (B,) seconds, receives the group delay of this step.
         raw: (B, 4) the measurement, unit quaternions.
         seconds: time since the last step.
@@ -139,9 +139,7 @@ def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):
 
 @njit(cache=True, nogil=True)
 def step_between(q, r):
-    """Returns (x, y, z) log(conj(q) r), radians: the shorter rotation from one (4,) unit quaternion to
-    another.
-    """
+    """Returns (x, y, z) log(conj(q) r), radians: the shorter rotation between two (4,) unit quaternions."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     rw, rx, ry, rz = r[0], r[1], r[2], r[3]
     sw = w * rw + x * rx + y * ry + z * rz
@@ -157,8 +155,9 @@ def step_between(q, r):
 
 @njit(cache=True, nogil=True)
 def turn(q, x, y, z):
-    """Replaces q (4,) by q exp(v), normalised, for the rotation vector v = (x, y, z) radians in q's own
-    frame.
+    """Replaces q (4,) by q exp(v), normalised, for the rotation vector v = (x, y, z) in q's own frame.
+
+    The rotation vector is in radians.
     """
     angle = np.sqrt(x * x + y * y + z * z)
     scale = np.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5

@@ -16,8 +16,9 @@ _LONGEST_GAP = 1.0
 
 
 def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
-    """Returns (20, 3) joints and (20,) confidence without NaN. Such a joint keeps its last position, with
-    confidence 0.
+    """Returns (20, 3) joints and (20,) confidence without NaN.
+
+    A joint with NaN keeps its last position, with confidence 0.
 
     Without a last position it is placed at its parent. The root is placed at the middle of the other joints.
     """
@@ -36,8 +37,9 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
 @njit(cache=True, nogil=True)
 def _known(joints, confidence):
-    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], 0 if not, and whether all are
-    finite.
+    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], and whether all are finite.
+
+    The confidence of a joint that is not finite is 0.
     """
     known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):

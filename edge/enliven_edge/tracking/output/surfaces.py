@@ -11,7 +11,7 @@ from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
 def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
-    """Returns points and normals of each performer's visible surface, by id; world frame.
+    """Returns points and normals of each performer's visible surface, by id, in the world frame.
 
     Args:
         view: the frame.

@@ -1,8 +1,8 @@
 """The confidence of each joint: the probability that its error is below ten centimetres.
 
 It is a logistic regression on the frame's evidence for and against the joint (:mod:`evidence`).
-``calibrate_confidence.py`` of the benchmarks fits its weights to synthetic sequences with exact joints, with
-shared weights for the left and the right side, and checks them on other sequences.
+``calibrate_confidence.py`` of the benchmarks fits its weights to synthetic sequences with exact joints, and
+checks them on other sequences. The left and the right side share their weights.
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ rounding."""
 
 
 def confidence(evidence: Float, *, alone: bool = False) -> Float:
-    """Returns (20,) in [0, 1] from (20, 17) evidence; 0 for a joint if its bone is completely outside the
-    image.
+    """Returns (20,) in [0, 1] from (20, 17) evidence.
+
+    The confidence of a joint is 0 if its bone is completely outside the image.
 
     Args:
         evidence: as returned by :func:`evidence.evidence`.

@@ -32,7 +32,7 @@ NAMES = (
     "spread",
     "apart",
 )
-"""The columns of :func:`evidence`; "beside" means the neighbouring part of the body. The last two come from
+"""The columns of :func:`evidence`. "beside" means the neighbouring part of the body. The last two come from
 the network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _CLOSE = 0.02
@@ -48,8 +48,9 @@ the fit's error."""
 
 
 def _beside() -> tuple[Float, Float]:
-    """Returns two (20, C) averages over capsules: of the bone that ends at a joint, and of the neighbouring
-    bone.
+    """Returns two (20, C) averages over capsules: of a joint's own bone, and of the neighbouring one.
+
+    A joint's own bone ends at the joint.
     """
     first, second = np.zeros((20, 20)), np.zeros((20, 20))
     pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
@@ -107,8 +108,9 @@ def _evidence(
     observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
     seen, spread,
 ):  # fmt: skip
-    """Computes (20, 17) for :func:`evidence`; ``observed`` and ``body`` are held, ``body`` from
-    :func:`_body`.
+    """Computes (20, 17) for :func:`evidence`.
+
+    ``observed`` and ``body`` are held, ``body`` from :func:`_body`.
     """
     skeleton, surface, turns, carried, first, second = body.values
     ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)
@@ -156,8 +158,7 @@ def gathered(shares, support, violated, explained, loose, unsupported, joints, s
 
 @njit(cache=True, nogil=True)
 def capsule_shares(ends, radii, view):
-    """Returns (C, 4) fractions of the samples along each capsule: visible, occluded, seen through, outside
-    the image.
+    """Returns (C, 4) fractions of each capsule's samples: visible, occluded, seen through, outside the image.
 
     Args:
         ends, radii: the capsules.

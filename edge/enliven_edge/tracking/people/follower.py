@@ -129,7 +129,7 @@ class Follower:
     def found(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Returns a person in the (h, w) ``pixels`` and its quality, up to 1; None without a person."""
+        """Returns a person in the (h, w) ``pixels`` and its quality, up to 1. None without a person."""
         return whole(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
@@ -190,7 +190,7 @@ class Follower:
             self._before.position = self._before.position + step
 
     def follow(self, view: FrameView, pixels: Bool, predicted: Posture | None = None) -> bool:
-        """Fits a frame in which the (h, w) ``pixels`` are this person's; returns False if they do not fit.
+        """Fits a frame in which the (h, w) ``pixels`` are this person's. Returns False if they do not fit.
 
         Args:
             view: the frame.
@@ -235,9 +235,7 @@ class Follower:
     def _fitted_to(
         self, observation: Observation, predicted: Posture, proportions: Float | None
     ) -> tuple[Posture, FitReport]:
-        """Returns the better of two fits: from the prediction, and after a wider fit from the last
-        posture.
-        """
+        """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
         if best[1].explained > _EXPLAINED:
@@ -254,7 +252,7 @@ class Follower:
         seen: EstimateAtPoints | None,
         eye: Float,
     ) -> tuple[Posture, FitReport] | None:
-        """Detects a doubtful person from scratch; returns a fit only if it explains the frame much better.
+        """Detects a doubtful person from scratch. Returns a fit only if it explains the frame much better.
 
         A detection takes several frames. So one starts at most every second, less often while detections
         fail, and never if the network sees the same posture. A posture found in an earlier frame is fitted to
@@ -296,8 +294,9 @@ class Follower:
         return found
 
     def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
-        """Moves an earlier frame's posture by (3,) metres and fits it to this frame, first with a large
-        robust width.
+        """Moves an earlier frame's posture by (3,) metres and fits it to this frame.
+
+        The first fit has a large robust width.
         """
         moved = posture.copy()
         moved.position = moved.position + step
@@ -316,7 +315,7 @@ class Follower:
         return self._velocity
 
     def _missed(self) -> bool:
-        """Counts a bad frame; always returns False."""
+        """Counts a bad frame. Always returns False."""
         self._redetection = None
         self._bad += 1
         self.lost = self._bad > self.settings.lost_after
@@ -334,8 +333,9 @@ class Follower:
         self.confidence = bounded_when_seated(sure, self.posture)
 
     def _proportions(self) -> Float | None:
-        """Returns (12,) weights of the prior on the bones' lengths, low at first; None if the lengths are
-        frozen.
+        """Returns (12,) weights of the prior on the bones' lengths, low at first.
+
+        None if the lengths are frozen.
 
         They are frozen once they are settled, and before that in every other frame after the first ones.
         """
@@ -348,8 +348,9 @@ class Follower:
 
 
 def _is_borne_out(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
-    """Returns True if a posture explains most of the frame and the network sees at most one limb clearly
-    elsewhere.
+    """Returns True if a posture explains most of the frame and the network agrees except for a limb.
+
+    At most one limb is clearly elsewhere for the network.
 
     A limb is tried elsewhere anyway. Of 227 detections that began in such frames of the tuning and close
     films 12 were accepted. Six led to a better and six to a worse posture, by a few centimetres at most.

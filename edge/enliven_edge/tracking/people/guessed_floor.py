@@ -50,8 +50,9 @@ class GuessedFloor:
         self._frames = 0
 
     def before_search(self, view: FrameView, room: RoomModel) -> float:
-        """Returns the correction of the world's height in metres, from the first likely person in a frame
-        without people.
+        """Returns the correction of the world's height in metres, from the first likely person.
+
+        It is called in frames without tracked people.
         """
         self._frames = 0
         scene = self._settings.scene

@@ -63,9 +63,7 @@ class Looks:
     _crowns: list[float] = field(default_factory=list)
 
     def see(self, lengths: Float, crown: float | None) -> None:
-        """Takes in (12,) lengths of a frame's fit, and the visible crown's height above the floor in
-        metres.
-        """
+        """Takes in (12,) lengths of a frame's fit, and the visible crown's metres above the floor."""
         self.weight = min(self.weight + 1.0, _MOST_FRAMES)
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
@@ -107,7 +105,7 @@ class Register:
         return self._last
 
     def leave(self, identity: int, looks: Looks, place: Float | None, time_ns: int) -> None:
-        """Remembers a person that is out of view; ``place`` (3,) is None if it is meaningless."""
+        """Remembers a person that is out of view. ``place`` (3,) is None if it is meaningless."""
         self.absent.append(Absent(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:
@@ -121,8 +119,9 @@ class Register:
             absent.place = None
 
     def matched(self, found: list[tuple[Looks, Float]], time_ns: int) -> list[tuple[Absent | None, bool]]:
-        """Matches new people, by looks and (3,) place, to absent people or None. Returns each match and
-        whether it is certain.
+        """Matches new people, by looks and (3,) place, to absent people or None.
+
+        Returns each match and whether it is certain.
 
         All are matched together by least-cost assignment. So two people that return are not confused while
         one assignment fits better.

@@ -45,9 +45,7 @@ _REDETECTION = 0.15
 
 @dataclass
 class _Visibility:
-    """The pixels of a person in a frame, whether the person is hidden, and whether the whole body is
-    visible.
-    """
+    """The pixels of a person in a frame, and whether the person is hidden or completely visible."""
 
     person: Person
     expected: Posture
@@ -97,14 +95,15 @@ class MultiPersonTracker:
         self.finder.clear()
 
     def sensor_moved(self, time_ns: int) -> None:
-        """Drops all people until they are found again. The sensor was moved, so their places are
-        meaningless.
+        """Drops all people until they are found again.
+
+        The sensor was moved, so their places are meaningless.
         """
         self.roster.sensor_moved(time_ns)
         self.finder.clear()
 
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
-        """Fits the tracked people; returns the person at each pixel of the frame."""
+        """Fits the tracked people. Returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
         dark = known_pixels(view.z) < _DARK * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
@@ -165,9 +164,7 @@ class MultiPersonTracker:
             self._refind(person, k, view, segments)
 
     def _refind(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
-        """Searches for a person, in any posture, around the last place, because much may have happened
-        unseen.
-        """
+        """Searches for a person in any posture around the last place. Much may have happened unseen."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
@@ -194,8 +191,9 @@ class MultiPersonTracker:
     def _visibility(
         self, person: Person, expected: Posture, k: int, view: FrameView, segments: Segments
     ) -> _Visibility:
-        """Computes from the expected posture how much of a person, index ``k`` of the segments, a frame
-        shows.
+        """Estimates from the expected posture how much of a person a frame shows.
+
+        ``k`` is the person's index in the segments.
         """
         covered, outside = hidden_shares(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)

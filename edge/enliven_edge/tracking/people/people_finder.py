@@ -58,8 +58,9 @@ class PeopleFinder:
         return self._newcomers.bystanders
 
     def clear(self) -> None:
-        """Forgets all candidates and aborts the search. The next search in a new scene counts as a first
-        one.
+        """Forgets all candidates and aborts the search.
+
+        The next search in a new scene counts as a first one.
         """
         self._newcomers.clear()
         self._search.stop()
@@ -84,7 +85,7 @@ class PeopleFinder:
     def find(
         self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
     ) -> Bool:
-        """Finds people among the unassigned pixels; returns the (h, w) pixels that may become a person.
+        """Finds people among the unassigned pixels. Returns the (h, w) pixels that may become a person.
 
         Args:
             view: the frame.
@@ -121,7 +122,7 @@ class PeopleFinder:
         return bool(sought) and all(view.time_ns - n.seen_ns > _GONE_NS for n in sought)
 
     def _limit_search(self, *, young: bool) -> None:
-        """Sets the rest of the frame's budget for the search; ``young``: the background model is new.
+        """Sets the rest of the frame's budget for the search. ``young``: the background model is new.
 
         The first search in a new scene has its own budget, once. So people that are present at the start are
         reported in that frame.
@@ -137,8 +138,9 @@ class PeopleFinder:
     def _held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel
     ) -> Bool:
-        """Returns the (h, w) pixels of free candidates, and in a young model also of fragments next to
-        people.
+        """Returns the (h, w) pixels of free candidates.
+
+        While the background model is young it adds fragments next to people.
         """
         hold = np.zeros(view.z.shape, bool)
         for newcomer in free:
@@ -167,7 +169,7 @@ class PeopleFinder:
     def _caught_up(
         self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel
     ) -> Bool | None:
-        """Fits a found body to this frame and returns its (h, w) pixels; None if it is not visible here."""
+        """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
             return body.shown.pixels

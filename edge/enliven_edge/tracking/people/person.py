@@ -136,17 +136,18 @@ class Person:
         return self.hidden_ns is not None
 
     def hidden_for(self, time_ns: int) -> float:
-        """Returns the seconds since the person became hidden; 0 while visible."""
+        """Returns the seconds since the person became hidden. 0 while visible."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
     def uncertainty(self, time_ns: int) -> float:
-        """Returns the radius in metres around the last place in which the person must be. It grows while
-        hidden.
+        """Returns the radius in metres around the last place in which the person must be.
+
+        It grows while hidden.
         """
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
     def follow(self, view: FrameView, pixels: Bool, *, whole: bool, expected: Posture | None = None) -> bool:
-        """Fits the frame; returns whether it shows the person well.
+        """Fits the frame. Returns whether it shows the person well.
 
         Args:
             view: the frame.
@@ -233,8 +234,9 @@ class Person:
             self.doubted = False
 
     def _crown(self, view: FrameView, pixels: Bool) -> float | None:
-        """Returns the crown's height above the floor in metres; None unless upright with the hands below the
-        crown.
+        """Returns the crown's height above the floor in metres.
+
+        None unless the person is upright with the hands below the crown.
         """
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
@@ -248,7 +250,7 @@ class Person:
 
 
 def _centre(view: FrameView, pixels: Bool) -> Float | None:
-    """Returns the (3,) mean of a person's points; None if there are too few."""
+    """Returns the (3,) mean of a person's points. None if there are too few."""
     if np.count_nonzero(pixels) < FEWEST_PIXELS:
         return None
     return np.asarray(mean_point(view.points, pixels))

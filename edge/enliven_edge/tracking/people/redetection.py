@@ -50,8 +50,9 @@ def new_detection(
     posture: Posture,
     lengths: Float | None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Runs the network for each likely facing, then :func:`detect_another`. A generator that yields its
-    costs.
+    """Runs the network for each likely facing, then :func:`detect_another`.
+
+    It is a generator that yields its costs.
 
     The arguments are those of :func:`detect_another`.
     """
@@ -71,7 +72,7 @@ def observation_of(view: FrameView, pixels: Bool, settings: TrackerSettings) -> 
 def run_network(
     view: FrameView, pixels: Bool, observation: Observation, facing: float | None
 ) -> EstimateAtPoints:
-    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians; None: unknown."""
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians. None: unknown."""
     camera, pose = view.camera.camera, view.world_from_camera
     estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
     return estimate_at_points(observation, estimate)
@@ -85,7 +86,7 @@ def guided_by(observation: Observation, seen: EstimateAtPoints, affinity: float)
 def turned_around(
     posture: Posture, seen: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
-    """Flips a posture by 180 degrees; returns it with the network's estimate conditioned on that facing."""
+    """Flips a posture by 180 degrees. Returns it with the network's estimate conditioned on that facing."""
     turned = turned_about(posture)
     now = conditioned_on_facing(turned, seen, view)
     return aligned_to(turned, now.estimate), now

@@ -83,8 +83,9 @@ class Roster:
             self.register.leave(person.id, person.looks, person.place.copy(), time_ns)
 
     def drop_duplicate(self, person: Person) -> None:
-        """Drops a duplicate track: another fit tracks the same person. The place of leaving is
-        meaningless.
+        """Drops a duplicate track: another fit tracks the same person.
+
+        The place of leaving is meaningless.
         """
         self.people.remove(person)
         if person.id != UNDECIDED:
@@ -127,8 +128,9 @@ class Roster:
         return dataclasses.replace(self.settings, body_height=height)
 
     def hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:
-        """Returns the nearest hidden person that may have reappeared here and is not much shorter, or
-        None.
+        """Returns the nearest hidden person that may have reappeared here, or None.
+
+        It must not be much shorter than the candidate.
         """
         best, least = None, np.inf
         for person in self.people:
@@ -175,9 +177,7 @@ class Roster:
         return person
 
     def decide(self, time_ns: int) -> None:
-        """Assigns ids to new people: that of an absent person that has returned, once this is clear, or a new
-        id.
-        """
+        """Assigns ids to new people: that of a returned absent person, once this is clear, or a new id."""
         undecided = [p for p in self.people if p.id == UNDECIDED]
         if not undecided:
             return

@@ -107,7 +107,7 @@ class Search:
     def found(
         self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
     ) -> Steps[None]:
-        """Adds the candidates in which a body is found to ``made``; ``alone``: no person is tracked."""
+        """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
         vain: list[Bool] = []
         for newcomer in newcomers:
             body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
@@ -144,8 +144,9 @@ class Search:
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
     def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
-        """Returns the likeliest of some doubtful candidates, or one that is explained clearly better; at most
-        one.
+        """Returns the likeliest of some doubtful candidates, or one that is explained clearly better.
+
+        It returns at most one.
         """
         best: list[Found] = []
         found: list[Found] = []

@@ -68,7 +68,7 @@ class SpreadSearch:
         alone: bool,
         most: int,
     ) -> None:
-        """Starts to search a frame; arguments are those of :meth:`Search.looked`."""
+        """Starts to search a frame. Arguments are those of :meth:`Search.looked`."""
         self.stop()
         self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
         shown = [copied for _, copied, _ in self._tried]
@@ -77,7 +77,7 @@ class SpreadSearch:
         self.view = view
 
     def go_on(self, budget: Budget) -> list[FoundBody]:
-        """Continues the search; returns the bodies that were found, all at once when it is done.
+        """Continues the search. Returns the bodies that were found, all at once when it is done.
 
         They are returned together because of people that hold hands: the first one that is tracked would be
         fitted to both.

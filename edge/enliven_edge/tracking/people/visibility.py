@@ -1,6 +1,4 @@
-"""The visibility of a body: its occluded fraction, the fraction outside the image, and the fraction on a
-person's pixels.
-"""
+"""The visibility of a body: its fractions occluded, outside the image, and on a person's pixels."""
 
 from __future__ import annotations
 
@@ -81,9 +79,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
 
 @njit(cache=True, nogil=True)
 def _hidden(ends, radii, depth, owner, mine, camera, pose):
-    """Returns the fractions of the samples that are occluded and outside the image, see
-    :func:`hidden_shares`.
-    """
+    """Computes :func:`hidden_shares` from the samples."""
     seen = _samples(ends, radii, depth, owner, mine, camera, pose)
     count, hidden, inside = seen.shape[1], 0, 0
     for n in range(count):

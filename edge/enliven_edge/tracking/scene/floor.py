@@ -1,6 +1,4 @@
-"""Estimates the sensor's pose from the floor plane with RANSAC. The mounting gives a rough direction of
-gravity.
-"""
+"""Estimates the sensor's pose from the floor plane with RANSAC, given a rough direction of gravity."""
 
 from __future__ import annotations
 
@@ -18,8 +16,8 @@ table."""
 _HIGHEST = 4.0
 """Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400
-"""RANSAC trials: planes through three points. If the floor has a tenth of the points, and half of the triples
-consist of neighbours, at least one trial hits the floor with a probability of 99.9 %."""
+"""RANSAC trials: planes through three points. Suppose that a tenth of the points is on the floor, and half of
+the triples consist of neighbours. Then at least one trial hits the floor with a probability of 99.9 %."""
 _NEIGHBOURS = 0.05
 """Maximum distance between the points of a neighbouring triple, as a fraction of all points in image order.
 That is a few rows."""
@@ -78,8 +76,9 @@ def _triples(count: int, random: np.random.Generator) -> Int:
 
 @njit(cache=True, nogil=True)
 def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
-    """Returns (4,) the upward plane n.x + h = 0 with most inliers and almost no points below; zeros if
-    none.
+    """Returns (4,) the upward plane n.x + h = 0 with most inliers and almost no points below.
+
+    Zeros if there is no such plane.
     """
     best, found = 0.04 * len(points), np.zeros(4)
     normal = np.empty(3)
@@ -112,9 +111,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
 
 
 def world_above_floor(normal: Float, height: float) -> Float:
-    """Returns (4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres below the
-    sensor.
-    """
+    """Returns (4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres below."""
     backward = np.array([0.0, 0.0, -1.0])
     if abs(normal[2]) > 0.98:  # looking straight down or up: the image's up is away from the sensor
         backward = np.array([0.0, 1.0, 0.0])
@@ -154,8 +151,9 @@ constrain the tilt."""
 
 
 def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """Returns (4, 4) the mounting moved slightly towards the observed floor. Unchanged if too little floor is
-    visible.
+    """Returns (4, 4) the mounting moved slightly towards the observed floor.
+
+    It is unchanged if too little floor is visible.
 
     Args:
         world_from_camera: (4, 4) the current mounting.

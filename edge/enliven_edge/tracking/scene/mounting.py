@@ -1,6 +1,4 @@
-"""The sensor's pose: reported by the sensor or found from the floor, and estimated again after the sensor was
-moved.
-"""
+"""The sensor's pose: reported by the sensor or found from the floor, and found again after a move."""
 
 from __future__ import annotations
 
@@ -61,7 +59,7 @@ _LONGEST_FALL_NS = 3_000_000_000
 """Maximum duration of a fall in nanoseconds. Moving people may never let the image be still."""
 _FELT_WITHIN = np.deg2rad(8.0)
 """Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
-and bias are 1 to 3 degrees; a ramp or a table's edge deviates more."""
+and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""
 _LYING = 0.03
 """Minimum height above the floor in metres for a sensor that was knocked over and may lie on the floor."""
 _FALLS_BY = np.deg2rad(30.0)
@@ -70,8 +68,9 @@ _FALLS_BY = np.deg2rad(30.0)
 
 
 class Mounting:
-    """The working camera and its pose, found once per sensor unless the sensor reports its pose with each
-    frame.
+    """The working camera and its pose.
+
+    The pose is found once per sensor, unless the sensor reports it with each frame.
 
     A sensor without a reported pose is monitored. It counts as moved if most of the known background no
     longer matches. While it falls, the floor is tracked from frame to frame, so that it is not confused with
@@ -183,14 +182,16 @@ class Mounting:
 
     @property
     def suspected(self) -> bool:
-        """Returns True if so much differs from the background that the sensor may be moving. New people are
-        then not accepted.
+        """Returns True if so much differs from the background that the sensor may be moving.
+
+        New people are then not accepted.
         """
         return self._suspicious > 0
 
     def _floor_is_elsewhere(self, view: FrameView, people: Bool) -> bool:
-        """Returns True if the floor's direction or height changed. A person in front of the sensor changes
-        neither.
+        """Returns True if the floor's direction or height changed.
+
+        A person in front of the sensor changes neither.
         """
         assert self.world_from_camera is not None
         if not self._floor_known:
@@ -219,9 +220,7 @@ class Mounting:
             self.new_place = self.far_away = True
 
     def _follow_floor(self, z: Float) -> None:
-        """Finds the floor near its pose in the previous frame, or else near the direction that the settings
-        imply.
-        """
+        """Finds the floor near its pose in the previous frame, or else near the mounting's direction."""
         assert self.world_from_camera is not None
         known = z > 0
         if known.mean() < _ENOUGH_DEPTH:
@@ -256,9 +255,7 @@ class Mounting:
             self._place_by_guess(points)
 
     def _place_by_guess(self, points: Float) -> None:
-        """Sets the pose without a floor, so that almost no visible (M, 3) camera-frame point is below the
-        guess.
-        """
+        """Sets the pose without a floor: almost no visible (M, 3) camera-frame point is below the guess."""
         assert self.world_from_camera is not None
         if self.down is not None:
             self.world_from_camera = world_above_floor(-self.down, self._guess)
@@ -273,9 +270,7 @@ class Mounting:
 
 
 def _same_floor(one: Float, other: Float) -> bool:
-    """Returns True if two (4, 4) poses of the sensor have the same floor within the noise of floor
-    detection.
-    """
+    """Returns True if two (4, 4) poses of the sensor have the same floor, within detection noise."""
     turned = float(np.arccos(np.clip(one[1, :3] @ other[1, :3], -1.0, 1.0)))
     return turned <= _TURNED and abs(float(one[1, 3] - other[1, 3])) <= _LIFTED
 

@@ -1,5 +1,6 @@
-"""The background model: the depth of the room without people at every working pixel, updated with each
-frame.
+"""The background model: the depth of the room without people at every working pixel.
+
+It is updated with each frame.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ class RoomModel:
     A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
     replaces it: an object was removed. (A flickering edge never stays.) Nearer depth that stays for
     ``absorb_after`` seconds is absorbed: an object was added. The last place of a person is guarded against
-    this until the person is seen elsewhere or the background is visible again, because the person may stand
-    there still. Depth that is no longer measured is forgotten after a while.
+    this, because the person may still stand there. The guard ends when the person is seen elsewhere or the
+    background is visible again. Depth that is no longer measured is forgotten after a while.
     """
 
     def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
@@ -82,7 +83,7 @@ class RoomModel:
 
     @property
     def z(self) -> Float:
-        """Returns (h, w) the background's depth in metres; 0 where it was never seen."""
+        """Returns (h, w) the background's depth in metres. 0 where it was never seen."""
         return self._state.z
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:

@@ -1,4 +1,4 @@
-"""Compiled kernels that classify pixels against the background model and update it; see :mod:`room`.
+"""Compiled kernels that classify pixels against the background model and update it. See :mod:`room`.
 
 Nearly every pixel shows the same depth as before. So each row is processed twice: first as a whole with
 vector instructions, which updates all unchanged pixels, and then the few other pixels one by one.
@@ -63,7 +63,7 @@ class RoomState(NamedTuple):
 
 
 class LearningRate(NamedTuple):
-    """The time constants of learning, in seconds; see :class:`~enliven_edge.tracking.settings.RoomSettings`.
+    """The time constants of learning, in seconds. See :class:`~enliven_edge.tracking.settings.RoomSettings`.
 
     Attributes:
         step: time since the previous frame.
@@ -104,7 +104,7 @@ def classified(z, points, room, fill, near, far, floor_band):
 
 @njit(cache=True, nogil=True)
 def learn_frame(z, person, hold, state, rate):
-    """Learns one frame; returns the numbers of pixels compared, clearly nearer and clearly farther.
+    """Learns one frame. Returns the numbers of pixels compared, clearly nearer and clearly farther.
 
     Args:
         z: (h, w) metres.

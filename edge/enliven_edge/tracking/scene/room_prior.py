@@ -1,6 +1,4 @@
-"""Background fill: the likely depth of background that was never seen, behind people or beyond the sensor's
-range.
-"""
+"""Background fill: the likely depth of never-seen background, behind people or beyond the sensor's range."""
 
 from __future__ import annotations
 
@@ -21,8 +19,9 @@ _LEVEL = 1e-3
 
 
 def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
-    """Returns (h, w) metres: the background's depth with never-seen pixels filled in; 0 if nothing is known
-    at all.
+    """Returns (h, w) metres: the background's depth with never-seen pixels filled in.
+
+    The depth is 0 if nothing is known at all.
 
     The fill is the depth of the nearest known patch. A patch of the floor is continued as the floor plane,
     because its depth does not predict objects that stand on the floor. A few known pixels are not a patch.
@@ -39,7 +38,7 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _patches(z, ray, pose, floor_band):
-    """Returns (h, w) the depth where enough is known around a pixel, negated on the floor; 0 elsewhere."""
+    """Returns (h, w) the depth where enough is known around a pixel, negated on the floor. 0 elsewhere."""
     height, width = z.shape
     out, enough = np.empty((height, width)), _PATCHED * _PATCH * _PATCH
     around = _known_around(z)
@@ -77,9 +76,7 @@ def _known_around(z):
 
 @njit(cache=True, nogil=True)
 def _mirrored(size):
-    """Returns the mirrored indices of a row of ``size``, from half a window before its start to half a window
-    after its end.
-    """
+    """Returns the mirrored indices of a row of ``size``, extended by half a window at both ends."""
     places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
@@ -93,9 +90,7 @@ def _count(columns, row, sign):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _with_floor(z, made, ray, pose):
-    """Returns (h, w) the known depth, else the filled depth, else the floor plane's where the filled one is
-    negative.
-    """
+    """Returns (h, w) the known depth, else the filled depth, else the floor plane for a negative fill."""
     height, width = z.shape
     out = np.empty((height, width))
     for v in range(height):
@@ -109,8 +104,9 @@ def _with_floor(z, made, ray, pose):
 
 @njit(cache=True, nogil=True)
 def filled(z):
-    """Returns (h, w) the depth, with unknown pixels set to that of the nearest known pixel; all 0 if none is
-    known.
+    """Returns (h, w) the depth, with unknown pixels set to that of the nearest known pixel.
+
+    All depths are 0 if none is known.
 
     A forward and a backward chamfer pass propagate the value of the nearest known pixel. A border of one
     pixel with an infinite distance makes a test for the image's edges unnecessary.

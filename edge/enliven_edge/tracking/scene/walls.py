@@ -33,9 +33,7 @@ _APART = 0.3
 
 
 def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
-    """Returns the (h, w) mask without its large upright planes, found with RANSAC. Unchanged if there are
-    none.
-    """
+    """Returns the (h, w) mask without its large upright planes (RANSAC), or unchanged without such planes."""
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
@@ -60,8 +58,7 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
 
 @njit(cache=True, nogil=True)
 def _seen_from_above(points, z, pixels):
-    """Returns (3, N) world x, world z and depth of (N,) flat pixel indices, and the sum of the squared
-    depths.
+    """Returns (3, N) world x, world z and depth of (N,) flat indices, and the sum of the squared depths.
 
     Args:
         points: (h, w, 3) metres, world frame.
@@ -101,8 +98,9 @@ def _lying_on(seen, line):
 
 
 def _is_wall(along: Float) -> bool:
-    """Returns True if the points, in metres ``along`` a line, form one long stretch rather than two separate
-    people.
+    """Returns True if the points ``along`` a line, in metres, form one long stretch.
+
+    Two people at a distance leave a gap.
     """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)
@@ -119,9 +117,7 @@ def _thickness(z: Float) -> Float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _best_line(points, thickness, weight, pairs):
-    """Returns (3,) the line a x + b z + c = 0 through two of the (N, 2) points with the largest weight of
-    inliers.
-    """
+    """Returns (3,) the line a x + b z + c = 0 through two of the (N, 2) points with the heaviest inliers."""
     best, found = 0.0, np.zeros(3)
     x, z = points[:, 0].copy(), points[:, 1].copy()
     for trial in range(len(pairs)):

@@ -21,9 +21,7 @@ class Zone:
         return self._inside(x, z) or (margin > 0 and self._distance(x, z) <= margin)
 
     def _inside(self, x: float, z: float) -> bool:
-        """Returns True if the point is inside, by the even-odd rule: counts crossings of a ray to +x with the
-        border.
-        """
+        """Returns True if the point is inside by the even-odd rule: crossings of a ray to +x."""
         inside = False
         for (ax, az), (bx, bz) in self._edges():
             if (az > z) != (bz > z) and x < ax + (z - az) / (bz - az) * (bx - ax):

@@ -1,6 +1,4 @@
-"""One candidate: a blob of pixels that may be a new person, observed over several frames until it is
-proven.
-"""
+"""One candidate: a blob of pixels that may be a new person, observed until it is proven."""
 
 from __future__ import annotations
 
@@ -132,8 +130,9 @@ class Candidate:
         return _unions(self.pixels, self.parts)
 
     def unchanged(self, group: LooseGroup, time_ns: int) -> bool:
-        """Returns True if the blob is this candidate, neither proven nor convincing, and has not moved: a
-        static object.
+        """Returns True if the blob is this candidate and looks like a static object.
+
+        It has not moved, and is neither proven nor convincing.
         """
         if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
             return False
@@ -144,9 +143,7 @@ class Candidate:
 
     @property
     def convincing(self) -> bool:
-        """Returns True if it looks so much like a standing person that it need not be seen entering the
-        scene.
-        """
+        """Returns True if it looks enough like a standing person to need no observed entry into the scene."""
         stout = self.area > _STOUT * self.shape.crown**2
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
@@ -156,14 +153,16 @@ class Candidate:
 
     @property
     def _knowable(self) -> bool:
-        """Returns True if it would be convincing if the network classified it as a person. A panel never
-        would.
+        """Returns True if it would be convincing if the network classified it as a person.
+
+        A panel never would.
         """
         return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
     def needs_recognition(self, time_ns: int) -> bool:
-        """Returns True if the network should be evaluated: the shape alone is not convincing, and the last
-        answer is old.
+        """Returns True if the network should be evaluated.
+
+        This is so if the shape alone is not convincing, and the last answer is old.
         """
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
             return False
@@ -186,8 +185,9 @@ class Candidate:
 
     @property
     def imaginable(self) -> bool:
-        """Returns True if it may be a person in any posture, such as bent or kneeling. Used if no other
-        person is tracked.
+        """Returns True if it may be a person in any posture, such as bent or kneeling.
+
+        This is used if no other person is tracked.
         """
         large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
         return self.shape.human and large and not self.refused
@@ -212,15 +212,14 @@ class Candidate:
 
     @property
     def _otherwise(self) -> bool:
-        """Returns True if the blob has shrunk enough since the last failed search (furniture was removed) to
-        search again.
+        """Returns True if the blob has shrunk enough since the last failed search to search again.
+
+        Furniture was removed from it.
         """
         return self.convincing and self.area < _CAME_OFF * self._vain_area
 
     def settle(self, tried: Candidate) -> None:
-        """Takes over the time of the next try, and the area of the failed search, from a copy that was
-        tried.
-        """
+        """Takes over the time of the next try, and the area of the failed search, from a tried copy."""
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
         self._vain_area = tried._vain_area
 
@@ -231,8 +230,9 @@ class Candidate:
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
-    """Returns all parts together, and ``part`` with each other part, the largest first; [] if there is no
-    other.
+    """Returns all parts together, and ``part`` with each other part, the largest first.
+
+    The list is empty if there are no other parts.
     """
     others = [other for other in parts if other is not part]
     if not others or len(others) == len(parts):
@@ -242,8 +242,9 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
 
 
 def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
-    """Returns the (3,) mean in metres of (h, w) pixels, their area towards the sensor in square metres, and
-    two fractions.
+    """Returns the (3,) mean in metres of (h, w) pixels, their area in square metres, and two fractions.
+
+    The area is that towards the sensor.
 
     The fractions are those of pixels in front of the known background, and in front of the known or filled-in
     background.

@@ -1,6 +1,4 @@
-"""Candidates: blobs of pixels that may be a new person, observed over several frames until they are
-proven.
-"""
+"""Candidates: blobs of pixels that may be a new person, observed until they are proven."""
 
 from __future__ import annotations
 
@@ -50,9 +48,7 @@ class Candidates:
         self._refused.clear()
 
     def refuse(self, place: Float, time_ns: int) -> None:
-        """Rejects all candidates at a (3,) place for a while, because an object there was taken for a
-        person.
-        """
+        """Rejects all candidates at a (3,) place for a while: an object there was taken for a person."""
         self._refused.append((place.copy(), time_ns))
 
     def drop(self, candidate: Candidate) -> None:

@@ -111,15 +111,17 @@ class BlobShape:
 
     @property
     def likeness(self) -> float:
-        """Returns the likeness to a person by size alone, area times height in cubic metres; 0 if it is not a
-        person.
+        """Returns the likeness to a person by size alone, area times height in cubic metres.
+
+        It is 0 if the blob is not a person.
         """
         return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
-        """Returns True if it may be a person in any posture: a person's size, not a panel, and free at its
-        sides.
+        """Returns True if it may be a person in any posture.
+
+        It has a person's size, is not a panel, and is free at its sides.
         """
         flat = self.thickness < _FLAT and self.wide > _BROAD
         panel = flat and not (self._headed and self.fill < _BOARD)
@@ -132,8 +134,9 @@ class BlobShape:
 
     @property
     def _free(self) -> float:
-        """Returns the free fraction of the unoccluded outline. In a crowd others may hide much of a
-        person.
+        """Returns the free fraction of the unoccluded outline.
+
+        In a crowd others may hide much of a person.
         """
         return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _MOSTLY_HIDDEN else 0.0
 
@@ -184,8 +187,7 @@ def _spread(ordered, low, high):
 
 @njit(cache=True, nogil=True)
 def _flattened(points):
-    """Returns the standard deviation in metres of (3, M) points from their best plane, and (M,) coordinates
-    in metres.
+    """Returns the standard deviation of (3, M) points from their best plane, and (M,) coordinates, in metres.
 
     The coordinates are measured from the points' mean along their longest horizontal direction.
     """
@@ -236,8 +238,9 @@ def _built(points, along, ordered, ordered_along, bands):
 
 @njit(cache=True, nogil=True)
 def samples(points, pixels, most):
-    """Returns (3, M) every k-th of the (h, w, 3) points at (N,) flat indices, in reading order; M < 2
-    ``most``.
+    """Returns (3, M) every k-th of the (h, w, 3) points at (N,) flat indices, in reading order.
+
+    M is less than 2 ``most``.
     """
     step = max(1, len(pixels) // most)
     out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)

@@ -1,6 +1,4 @@
-"""Splits and merges blobs: people next to each other, people next to or in front of walls, fragments of one
-person.
-"""
+"""Splits and merges blobs: people next to each other, people at walls, and fragments of one person."""
 
 from __future__ import annotations
 
@@ -61,9 +59,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
 
 
 def columns_of(points: Float) -> Float:
-    """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above a filled
-    column.
-    """
+    """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above filled columns."""
     height, origin = _seen_from_above(points)
     order = np.argsort(-height, axis=None)[:_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
@@ -71,8 +67,9 @@ def columns_of(points: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _seen_from_above(points):
-    """Returns (X, Z) the height map of (3, M) points in metres, at least 0, and (2,) the first cell's
-    corner.
+    """Returns (X, Z) the height map of (3, M) points in metres, and (2,) the first cell's corner.
+
+    Heights are at least 0.
     """
     left, back = points[0].min(), points[2].min()
     wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
@@ -125,8 +122,9 @@ def _summit(points, x, z, top):
 
 @njit(cache=True, nogil=True)
 def _filled(points, x, z, top):
-    """Returns True if a person is below a peak: it is not a shoulder, and most layers above the knees contain
-    points.
+    """Returns True if a person is below a peak.
+
+    The peak is not a shoulder, and most layers above the knees contain points.
     """
     if _shoulder(points, x, z, top):
         return False
@@ -178,7 +176,7 @@ _TIGHTNESS = 0.35
 _PIECES = 6
 """Maximum number of examined pieces of a group, the largest first. It bounds the cost of a frame."""
 Part = tuple[Bool, Bool | None]
-"""(h, w) some pixels of a group, and (h, w) those of the walls behind them; None without walls."""
+"""(h, w) some pixels of a group, and (h, w) those of the walls behind them. None without walls."""
 
 
 def beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
@@ -190,9 +188,7 @@ def beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
 
 
 def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
-    """Returns the rest of a group without its walls, split into tall parts: people in front of the walls, for
-    example.
-    """
+    """Returns tall parts of a group without its walls, such as people in front of the walls."""
     if not walls.any():
         return []
     parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
@@ -200,9 +196,7 @@ def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list
 
 
 def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
-    """Returns the parts of a group that are connected by smaller depth steps: a person next to a wall, for
-    example.
-    """
+    """Returns the parts of a group within smaller depth steps, such as a person next to a wall."""
     return _pieces(view, kind, mask, _TIGHTNESS)
 
 
@@ -231,8 +225,7 @@ def all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool,
 
 
 def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: FrameView) -> Bool:
-    """Returns (h, w) the main group with smaller groups that touch it within reach, such as a forearm held
-    forward.
+    """Returns (h, w) the main group with smaller groups that touch it, such as a forearm held forward.
 
     Args:
         segments: the segmentation of the frame.

@@ -12,16 +12,18 @@ from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
-    """Returns (K, 4) pixels: top, left, bottom, right of each person's (C, 2, 3) capsules, widened by the
-    reach.
+    """Returns (K, 4) pixels: top, left, bottom, right of each person's capsules, widened by the reach.
+
+    The capsules of a person are (C, 2, 3) ends and (C, 2) radii.
     """
     return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
 
 
 @njit(cache=True, nogil=True)
 def _boxes(ends, radii, reach, camera, pose, shape):
-    """See :func:`image_boxes`. A capsule at the sensor's side extends its box to the image border on that
-    side.
+    """See :func:`image_boxes`.
+
+    A capsule at the sensor's side extends its box to the image border on that side.
     """
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
@@ -59,8 +61,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):
 
 @njit(cache=True, nogil=True)
 def _span(x, z, radius):
-    """Returns the minimum and maximum x / z of a ball at (x, z): the slopes of its tangents through the
-    sensor.
+    """Returns the minimum and maximum x / z of a ball at (x, z): its tangents through the sensor.
 
     A ball is wider in the image than its radius divided by its distance.
     """
@@ -107,7 +108,7 @@ def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlike
 
 @njit(cache=True, nogil=True)
 def _candidates_within(chosen, place, points, kind, box, low, high):
-    """Finds the non-background pixels of an image box that lie in a box of the world; returns their number.
+    """Finds the non-background pixels of an image box that lie in a box of the world. Returns their number.
 
     Their flat indices go into ``chosen``, and their (3, N) float32 metres into ``place``.
     """
@@ -126,8 +127,9 @@ def _candidates_within(chosen, place, points, kind, box, low, high):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _distances(away, place, count, ends, radii):
-    """Writes the distances in metres from the first ``count`` of (3, N) places to the nearest capsule's
-    surface into ``away``.
+    """Writes the distances of (3, N) places to the nearest capsule's surface, in metres, into ``away``.
+
+    It uses only the first ``count`` places.
     """
     away[:count] = np.float32(np.inf)
     zero, one = np.float32(0.0), np.float32(1.0)

@@ -128,8 +128,7 @@ def segmented(
 def lying_on(
     view: FrameView, postures: Sequence[Posture], above: float, reach: float, among: Bool | None = None
 ) -> Bool:
-    """Returns (h, w) pixels within ``reach`` metres of a person's surface and more than ``above`` metres
-    high.
+    """Returns (h, w) pixels near a person's surface and more than ``above`` metres high.
 
     Args:
         view: the frame.
@@ -170,8 +169,9 @@ def _candidates(kind, owner):
 
 @njit(cache=True, nogil=True)
 def groups_of(z, pixels, tightness):
-    """Returns (h, w) connected components 1..n of pixels joined by small depth steps, and n; 0 at all other
-    pixels.
+    """Returns (h, w) connected components 1..n of pixels joined by small depth steps, and n.
+
+    All other pixels are 0.
 
     It is a union-find over one pass in reading order.
 
@@ -209,8 +209,9 @@ def groups_of(z, pixels, tightness):
 
 
 def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16, people: int) -> Float:
-    """Returns (groups + 1, 15 + K) each group's area, low and high corner, sum of points, pixels, box,
-    contacts.
+    """Returns (groups + 1, 15 + K) measures of each group.
+
+    They are its area, low and high corner, sum of points, number of pixels, box and contacts.
     """
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)
@@ -252,9 +253,7 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
 
 
 def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
-    """Returns the loose groups that remain, and (groups + 1,) the person that each other group joins, or
-    -1.
-    """
+    """Returns the loose groups that remain, and (groups + 1,) the person that other groups join, or -1."""
     area, joined = table[:, 0], _limbs(table)
     large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
     return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
@@ -262,7 +261,7 @@ def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
 
 @njit(cache=True, nogil=True)
 def _limbs(table):
-    """Returns (groups + 1,) the person that each limb touches most; -1 for a group that is not a limb."""
+    """Returns (groups + 1,) the person that each limb touches most. -1 for a group that is not a limb."""
     joined = np.full(len(table), -1)
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]
@@ -280,8 +279,9 @@ def _loose(g: int, row: Float) -> LooseGroup:
 
 @njit(cache=True, nogil=True)
 def _join(owner, labels, pixels, joined, people):
-    """Assigns the (M,) pixels of joined groups to their owners, in place; returns each person's number of
-    pixels.
+    """Assigns the (M,) pixels of joined groups to their owners, in place.
+
+    Returns each person's number of pixels.
     """
     owner, labels = owner.ravel(), labels.ravel()
     for i in pixels:

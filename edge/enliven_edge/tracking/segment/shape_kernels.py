@@ -20,9 +20,7 @@ _OPEN = 0.4
 
 @njit(cache=True, nogil=True)
 def least_eigenvalue(xx, yy, zz, xy, xz, yz):
-    """Returns the smallest eigenvalue of a symmetric 3 by 3 matrix, by the trigonometric solution of its
-    cubic equation.
-    """
+    """Returns the smallest eigenvalue of a symmetric 3 by 3 matrix, by the trigonometric cubic formula."""
     mean = (xx + yy + zz) / 3.0
     x, y, z = xx - mean, yy - mean, zz - mean
     size = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
@@ -35,8 +33,7 @@ def least_eigenvalue(xx, yy, zz, xy, xz, yz):
 
 @njit(cache=True, nogil=True)
 def widths_at(along, height, crown, bands):
-    """Returns (B,) metres, in bins, that (M,) points fill ``along`` a line within each of (B, 2) bands of
-    height.
+    """Returns (B,) metres, in bins, that (M,) points fill ``along`` a line within (B, 2) bands of height.
 
     Args:
         along: (M,) coordinates in metres along the line.
@@ -70,8 +67,7 @@ def filled_cells(along, height):
 
 @njit(cache=True, nogil=True)
 def outline_of_pixels(z, mask, pixels):
-    """Returns the fractions of a mask's outline next to farther pixels, to nearer pixels and to the image
-    border.
+    """Returns the fractions of a mask's outline next to farther pixels, nearer pixels and the border.
 
     The outline consists of the sides and the top. The fourth value is whether the mask extends beyond the
     lower image border. Depth is compared three pixels away, because the first pixels may lie on the edge

@@ -36,8 +36,9 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _abut(owner, v):
-    """Returns True if two people's pixels are neighbours in a row, or across this row and the one above, at
-    any depth.
+    """Returns True if two people's pixels are neighbours in a row or across it and the row above.
+
+    The depth does not matter.
 
     The loop has no branch, so that the compiler can vectorise it: mostly the answer is no.
     """
@@ -52,8 +53,9 @@ def _abut(owner, v):
 
 @njit(cache=True, nogil=True)
 def _meet(owner, z, distance, least):
-    """Returns True if two people's pixels are neighbours on one surface, and one has a (h, w) ``distance``
-    above ``least``.
+    """Returns True if two people's pixels are neighbours on one surface.
+
+    One of them must have a (h, w) ``distance`` above ``least``.
     """
     height, width = owner.shape
     for v in range(height):
@@ -70,8 +72,9 @@ def _meet(owner, z, distance, least):
 
 @njit(cache=True, nogil=True)
 def _grow(owner, distance, z):
-    """Grows regions breadth first from all clearly assigned pixels at once. Unreached pixels keep their
-    owner.
+    """Grows regions breadth first from all clearly assigned pixels at once.
+
+    Unreached pixels keep their owner.
     """
     height, width = owner.shape
     queue, reached = np.empty(height * width, np.int64), np.zeros((height, width), np.bool_)
@@ -121,16 +124,14 @@ def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
 
 
 def _largest(owner_of: Int, size: Int, person: int) -> int:
-    """Returns the number of a person's largest piece; -1 if there is none."""
+    """Returns the number of a person's largest piece. -1 if there is none."""
     own = np.flatnonzero(owner_of == person)
     return int(own[size[own].argmax()]) if len(own) else -1
 
 
 @njit(cache=True, nogil=True)
 def _joined(owner, z):
-    """Returns (h w,) union-find parents that join each person's connected pixels, -1 for pixels without an
-    owner.
-    """
+    """Returns (h w,) union-find parents of each person's connected pixels, -1 without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
     for v in range(height):
@@ -153,8 +154,9 @@ def _near(one, other):
 
 @njit(cache=True, nogil=True)
 def _pieces(parent, owner):
-    """Returns (h, w) the piece of each pixel, or -1; (P,) the owner of each piece, and (P,) its number of
-    pixels.
+    """Returns (h, w) the piece of each pixel, or -1, and two arrays over the pieces.
+
+    These are (P,) the owner of each piece, and (P,) its number of pixels.
     """
     height, width = owner.shape
     number = np.full((height, width), -1, np.int64)
@@ -174,9 +176,7 @@ def _pieces(parent, owner):
 
 @njit(cache=True, nogil=True)
 def _contacts(owner, z, number, owner_of, largest):
-    """Returns (P, K) the number of pixels at which each piece touches the largest piece of each other
-    person.
-    """
+    """Returns (P, K) the contact pixels of each piece with the largest piece of each other person."""
     height, width = z.shape
     out = np.zeros((len(owner_of), len(largest)), np.int64)
     for v in range(height):
