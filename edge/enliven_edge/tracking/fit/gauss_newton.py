@@ -58,16 +58,19 @@ def minimise(
     energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
     damping = FIRST_DAMPING
     for _ in range(iterations):
+        # Propose a step, and compute the energy and the normal equations after it.
         solve_damped(step, factor, matrix, gradient, damping)
         moved = stepped(position, rotations, lengths, step, shape.dof_frame, shape.dof_axis)
         lower, better = assemble(
             trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
         )
+        # Reject a step that does not lower the energy, and raise the damping.
         if not lower < energy:
             damping *= RAISE
             if damping > MOST_DAMPING:
                 break
             continue
+        # Accept the step, and swap the normal equations instead of computing them again.
         gain = energy - lower
         copy_row(position, moved[0])
         for f in range(len(rotations)):
@@ -80,6 +83,7 @@ def minimise(
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
         if gain < _ENOUGH * energy:
             break
+    # The information matrix of the frame: without the temporal prior, which only adds to the diagonal.
     for i in range(model.DOFS):
         for j in range(i, model.DOFS):
             information[i, j] = matrix[i, j]

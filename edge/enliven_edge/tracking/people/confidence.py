@@ -43,8 +43,8 @@ _UPRIGHT = 0.5
 """Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
 """Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Without it, 30 % of the
-joints with 0.9 or more had an error of 10 cm in the tuning films. Legs that point to the sensor show only
-their feet."""
+joints with 0.9 or more had an error of 10 cm or more in the tuning films. Legs that point to the sensor show
+only their feet."""
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 _OUTSIDE = NAMES.index("outside")
 _NOT_SEEN = 0.99

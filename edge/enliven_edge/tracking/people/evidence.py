@@ -177,6 +177,8 @@ def capsule_shares(ends, radii, view):
                 x += pose[b, 0] * offset
                 y += pose[b, 1] * offset
                 z += pose[b, 2] * offset
+            # Project the sample, and compare its depth with the measured one: 0 visible, 1 occluded, 2 seen
+            # through, 3 outside.
             kind = 3
             if z > 0.2:
                 u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
@@ -249,6 +251,7 @@ def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, f
         point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
         for i in range(len(row)):
             columns[i, k] = row[i]
+    # Forward substitution with U'. The squared solutions add up to the trace of each joint's covariance.
     loose = np.zeros(len(joints))
     for i in range(len(matrix)):
         for k in range(i):

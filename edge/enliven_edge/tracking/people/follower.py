@@ -262,6 +262,7 @@ class Follower:
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
+        # Start a detection if the person is doubtful and the wait is over.
         if self._redetection is None:
             if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER
@@ -277,6 +278,7 @@ class Follower:
         if not under_way.task.go_on(self.budget):
             return None
         self._redetection, found = None, under_way.task.result
+        # Compare with the fit in the frame where the detection began, then in the present frame.
         better = (
             found is not None
             and cost(found[1], found[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost

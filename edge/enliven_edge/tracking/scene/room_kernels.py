@@ -115,8 +115,7 @@ def learn_frame(z, person, hold, state, rate):
     """
     height, width = z.shape
     compared, count_nearer, count_farther = 0, 0, 0
-    # Unpack the state once. Numba would update the reference count of the array at every access through the
-    # tuple.
+    # Unpack the state once. At every access through the tuple Numba would update the array's reference count.
     room, nearer, waited, away = state.z, state.nearer, state.waited, state.away
     guarded, guard_z, flips = state.guarded, state.guard_z, state.flips
     still, still_z = state.still, state.still_z
@@ -124,24 +123,29 @@ def learn_frame(z, person, hold, state, rate):
     usual, other = np.empty(width, np.bool_), np.zeros((width + _WORD - 1) // _WORD * _WORD, np.uint8)
     words, chosen = other.view(np.uint64), np.empty(len(other), np.int64)
     for v in range(height):
+        # Update all pixels that show the known background, and mark the others.
         compared += _mark_row(usual, other, room[v], z[v], person[v])
         _time_still(room[v], z[v], still[v], still_z[v], np.float32(step))
         _follow_room(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
+        # Learn the marked pixels one by one.
         for u in _places_of(chosen, other, words):
             d, known = z[v, u], room[v, u] > 0.0
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
                 continue
+            # Without known background: learn the depth after it was constant for long enough.
             if not known:
                 same = abs(d - nearer[v, u]) <= _margin(d)
                 if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
                     room[v, u], waited[v, u] = d, 0.0
                     continue
+            # Farther than the background: an object was removed.
             elif d > room[v, u]:
                 compared, count_farther = compared + 1, count_farther + 1
                 guarded[v, u] = -1
                 _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
                 continue
+            # Nearer, or not yet learnt: wait, unless a person is guarded at this depth.
             compared, count_nearer = compared + known, count_nearer + known
             away[v, u] = 0.0
             if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
