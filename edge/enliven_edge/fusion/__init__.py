@@ -1,4 +1,4 @@
-"""Several sensors in one space: the place of each, and one set of bodies from all of them."""
+"""Fusion of several sensors in one space: the pose of each, and one set of bodies from all of them."""
 
 import lazy_loader
 

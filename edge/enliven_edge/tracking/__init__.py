@@ -1,8 +1,9 @@
-"""The tracker: depth frames in, 20 joints of each person out.
+"""The tracker: takes depth frames and returns 20 joints for each person.
 
-The rooms follow a frame's way: ``frame`` checks and reduces it, ``scene`` knows the room, ``segment`` parts
-people from it, ``body_model``, ``fit`` and ``detect`` find each posture, ``people`` keeps who is who,
-``output`` smooths and ``health`` says what is wrong. An import never runs back along this way.
+The packages follow the processing order. ``frame`` checks and reduces a frame. ``scene`` holds the background
+model. ``segment`` separates people from the background. ``body_model``, ``fit`` and ``detect`` estimate each
+posture. ``people`` manages the tracks and identities. ``output`` smooths the result. ``health`` reports
+problems. No package imports a later one.
 """
 
 import lazy_loader

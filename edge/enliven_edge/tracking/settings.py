@@ -1,4 +1,4 @@
-"""The numbers of the tracker that a user may change."""
+"""The settings of the tracker that a user may change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Where the sensor stands and what of its image may be a person."""
+    """The pose of the sensor, and the part of its image that may show people."""
 
     height: float = setting(
         0.0,
@@ -34,7 +34,7 @@ class SceneSettings:
 
 @dataclass(frozen=True)
 class RoomSettings:
-    """How the room without people is learnt."""
+    """How the background model, the room without people, is learnt."""
 
     absorb_after: float = setting(
         15.0, "What was put into the room and stays is the room after this.", unit="s", low=0.5, high=600.0
@@ -49,7 +49,7 @@ class RoomSettings:
 
 @dataclass(frozen=True)
 class PeopleSettings:
-    """How many people are followed, and how they are told apart."""
+    """How many people are tracked, and how they are re-identified."""
 
     most: int = setting(8, "At most so many people are followed.", low=1, high=32)
     full_rate: int = setting(4, "So many are fitted every frame; the others take turns.", low=1, high=32)
@@ -64,7 +64,7 @@ class PeopleSettings:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How people are looked for who are not followed yet."""
+    """How the tracker searches for people that it does not track yet."""
 
     fits_per_frame: int = setting(
         26,
@@ -84,7 +84,7 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """The weights of the articulated fit; energies are in squared centimetres, averaged over the points."""
+    """The weights of the articulated fit. Energies are in squared centimetres, averaged over the points."""
 
     points: int = setting(500, "Observed points used a frame.", low=100, high=20000)
     iterations: int = setting(6, "Gauss-Newton steps a frame.", low=1, high=100)
@@ -131,7 +131,7 @@ class SmoothingSettings:
 
 @dataclass(frozen=True)
 class FootContactSettings:
-    """When a foot is said to stand on the floor."""
+    """When a foot counts as standing on the floor."""
 
     lift: float = setting(
         0.035, "A foot this much above where it stands is in the air.", unit="m", low=0.005, high=0.5
@@ -147,7 +147,7 @@ class FootContactSettings:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """What is done to the fit before it leaves the tracker."""
+    """The post-processing of the fit before it leaves the tracker."""
 
     fastest: float = setting(
         12.0, "No joint is reported to move faster; 0, or smoothing 0, sets no limit.", unit="m/s", low=0.0
@@ -165,7 +165,7 @@ class OutputSettings:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """Everything of the tracker."""
+    """All settings of the tracker."""
 
     scene: SceneSettings = setting(SceneSettings, "The scene.")
     room: RoomSettings = setting(RoomSettings, "The room without people.")
@@ -182,5 +182,8 @@ class TrackerSettings:
 
 
 def without_deadline(settings: TrackerSettings) -> TrackerSettings:
-    """Returns the settings for a recording: no frame comes too late, so the first search has no limit."""
+    """Returns the settings for a recording.
+
+    Its first search has no work limit, because no frame can be late.
+    """
     return replace(settings, search=replace(settings.search, first_fits=0))

@@ -1,4 +1,4 @@
-"""The tracker: frames in, the people's joints out."""
+"""The tracker: takes frames and returns the joints of the people in them."""
 
 from __future__ import annotations
 
@@ -23,33 +23,34 @@ from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
 _YOUNG = 1.0
-"""Seconds of a room's age up to which people may have been learnt as a part of it."""
+"""Age of the background model in seconds up to which it may contain parts of people by mistake."""
 _SURFACE = 0.05
-"""Metres from a person's surface within which such a part of the room is the person: the fit's error."""
+"""Metres from a person's surface within which a part of the background is taken for the person. It covers the
+error of the fit."""
 _GIVES_UP = 5.0
-"""Times a second that furniture is looked for beside people: it stays."""
+"""Searches per second for furniture next to people. Furniture does not move, so this is enough."""
 
 _LEGS_WITHOUT_FLOOR = 0.5
-"""Confidence of a knee, ankle or foot at the most while the floor is not known: where it is guessed, shins
-end on the guess."""
+"""Maximum confidence of a knee, ankle or foot while the floor is only guessed. The guessed floor plane cuts
+off the shins."""
 _AT_FIRST = 0.6
-"""Confidence of a joint at the most in the frame in which its person is found: one look at a pattern on a
+"""Maximum confidence of a joint in the frame in which its person is found. In a single frame a pattern on a
 wall may fit a body."""
 _EARNED_NS = 300_000_000
-"""Nanoseconds after which that bound is gone where the network takes it for a person, too: in some ten frames
-a pattern has lost its body."""
+"""Nanoseconds after which the limit of a new person's confidence is gone, if the network also sees a person.
+A pattern loses its body within about ten frames."""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 
 
 class Tracker:
     """Tracks people by depth alone.
 
-    For each frame it reduces the depth, places it in the world, takes the room away, shares the rest among
-    the people, fits them, looks for new ones and smooths the result. Bodies that a sensor found by itself are
-    smoothed likewise.
+    For each frame it reduces the depth image, places it in the world and subtracts the background. It divides
+    the remaining pixels among the tracked people and fits each person. Then it searches for new people and
+    smooths the result. Bodies that a sensor tracks itself are smoothed in the same way.
 
     Args:
-        colour: improves the joints by the colour image, where there is one; None: depth alone.
+        colour: improves the joints by the colour image, if the frame has one; None: depth alone.
     """
 
     def __init__(
@@ -69,12 +70,15 @@ class Tracker:
 
     @property
     def world_from_camera(self) -> Float | None:
-        """(4, 4) the sensor's pose; None before the first frame, and where it tracks people itself."""
+        """Returns the (4, 4) pose of the sensor.
+
+        None before the first frame, and if the sensor tracks people itself.
+        """
         return self._mounting.world_from_camera if self._by_depth else None
 
     @property
     def down(self) -> Float | None:
-        """(3,) the direction of gravity in the camera's frame; None where no accelerometer feels it."""
+        """Returns the (3,) direction of gravity in the camera's frame. None if there is no accelerometer."""
         return self._mounting.down
 
     @down.setter
@@ -83,17 +87,20 @@ class Tracker:
 
     @property
     def performers(self) -> list[Person]:
-        """The followed people who may perform, in the order in which they were found."""
+        """Returns the tracked people that may perform, in the order in which they were found."""
         return self._people.roster.performers
 
     @property
     def bystanders(self) -> int:
-        """The number of people in view that are no performers: out of the zone, or locked out."""
+        """Returns the number of visible people that are not performers: outside the zone, or locked out."""
         return self._people.finder.bystanders
 
     @property
     def state(self) -> TrackerState | None:
-        """The state after the last frame, for the health; None where the sensor tracks people itself."""
+        """Returns the state after the last frame, for the health reports.
+
+        None if the sensor tracks people itself.
+        """
         if not self._by_depth:
             return None
         age = self._room.age if self._room is not None else 0.0
@@ -102,17 +109,23 @@ class Tracker:
 
     @property
     def owner(self) -> Int16 | None:
-        """(h, w) the person at each pixel of the last reduced image: 0, 1, ...; -1 without a person."""
+        """Returns (h, w) the person index at each pixel of the last reduced image, -1 without a person."""
         return self._owner
 
     @property
     def posture(self) -> Posture | None:
-        """The first performer's posture in the last frame, before smoothing; None without a performer."""
+        """Returns the first performer's posture in the last frame, before smoothing.
+
+        None without a performer.
+        """
         performers = self.performers
         return performers[0].follower.posture if performers else None
 
     def surfaces(self) -> dict[int, ObservedPoints]:
-        """The surface points of each performer in the last frame, by id; mirrored as the bodies are."""
+        """Returns the surface points of each performer in the last frame, by id.
+
+        They are mirrored if the bodies are.
+        """
         if self._view is None or self._owner is None or not self._by_depth:
             return {}
         found = seen_surfaces(self._view, self._owner, self._people.segment_ids())
@@ -121,26 +134,26 @@ class Tracker:
         return found
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
-        """Makes these people, or all that are followed now, the only performers; others are bystanders.
+        """Makes these people, or all that are tracked now, the only performers. All others are bystanders.
 
         Raises:
-            InputError: where the sensor tracks people itself.
+            InputError: if the sensor tracks people itself.
         """
         self._need_depth()
         self._people.roster.lock_to(ids)
 
     @property
     def locked(self) -> bool:
-        """Whether new people are bystanders."""
+        """Returns True if new people are bystanders."""
         return self._people.roster.lock.closed
 
     def unlock(self) -> None:
-        """Lets new people be performers again; raises InputError as :meth:`lock`."""
+        """Lets new people be performers again. Raises InputError like :meth:`lock`."""
         self._need_depth()
         self._people.roster.lock.open()
 
     def _need_depth(self) -> None:
-        """Raises InputError where the sensor tracks people itself."""
+        """Raises InputError if the sensor tracks people itself."""
         if not self._by_depth:
             raise InputError(
                 "only the performers of one depth sensor can be locked",
@@ -149,12 +162,15 @@ class Tracker:
             )
 
     def forget(self) -> None:
-        """Drops all followed and remembered people; the room and the sensor's pose stay."""
+        """Drops all tracked and remembered people. The background model and the sensor's pose stay."""
         self._people.forget()
         self.output.forget()
 
     def track(self, frame: Frame) -> list[Body]:
-        """The bodies in a frame, world frame: found in its depth, or by the sensor; empty without people."""
+        """Returns the bodies in a frame, world frame, found in its depth or by the sensor.
+
+        The list is empty without people.
+        """
         if isinstance(frame, BodyFrame):
             self._by_depth = False
             self._people.roster.lock.open()
@@ -163,7 +179,7 @@ class Tracker:
         return self._track_depth(frame)
 
     def _track_depth(self, frame: DepthFrame) -> list[Body]:
-        """The bodies in a depth image."""
+        """Returns the bodies in a depth image."""
         view = self._mounting.view(frame, no_people=not self._people.people)
         room = self._room_of(view)
         if self._mounting.falling:
@@ -188,20 +204,29 @@ class Tracker:
         return self._bodies(frame)
 
     def _raise_world(self, view: FrameView) -> FrameView:
-        """Corrects the guess of the floor by the people's soles; they stay where they are in the image."""
+        """Corrects the guessed floor by the people's soles.
+
+        The people stay at the same place in the image.
+        """
         step = self._guessed_floor.after_fit(self._people.people)
         for person in self._people.people:
             person.lift(step)
         return self._mounting.raise_guess(view, step)
 
     def _take_back(self, room: RoomModel, view: FrameView) -> None:
-        """Forgets the parts of the first frames' people that were learnt as the room: a leg below a hole."""
+        """Removes parts of people from the background model that it learnt in the first frames.
+
+        An example is a leg below a hole in the depth.
+        """
         people = [p.follower.posture for p in self._people.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
     def _give_up(self, room: RoomModel, view: FrameView, kind: UInt8) -> None:
-        """Learns as the room what touches people and never moves: it was there when they were first seen."""
+        """Adds pixels that touch people and never move to the background model.
+
+        They are furniture that was there when the people were first seen.
+        """
         people = [p.follower.posture for p in self._people.people]
         if people and self._owner is not None and round(room.age * _GIVES_UP) != self._gave_up:
             self._gave_up = round(room.age * _GIVES_UP)
@@ -209,7 +234,7 @@ class Tracker:
             room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
 
     def _room_of(self, view: FrameView) -> RoomModel:
-        """The room model, a new one where the sensor was moved or exchanged."""
+        """Returns the background model: a new one if the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
             self._people.sensor_moved(view.time_ns)
@@ -218,7 +243,14 @@ class Tracker:
         return self._room
 
     def _bounded(self, sure: Float, age_ns: int) -> Float:
-        """(20,) confidence of a person's joints who was found so many nanoseconds ago, as far as earned."""
+        """Returns (20,) the confidence of a person's joints, with limits.
+
+        It is limited while the person is new, and for legs while the floor is unknown.
+
+        Args:
+            sure: (20,) the confidence from the fit.
+            age_ns: nanoseconds since the person was found.
+        """
         earned = min(max(age_ns / _EARNED_NS, 0.0), 1.0)
         if earned == 1.0 and self._mounting.floor_known:
             return sure
@@ -227,7 +259,7 @@ class Tracker:
         return np.minimum(sure, most)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
-        """The bodies that leave the tracker: each performer's fit, processed as the settings say."""
+        """Returns the output bodies: each performer's fit, processed according to the settings."""
         fits = []
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence

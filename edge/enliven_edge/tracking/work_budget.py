@@ -1,6 +1,7 @@
-"""A budget of work for each frame, and tasks that are spread over several frames.
+"""A work budget for each frame, and tasks that are spread over several frames.
 
-Work is counted in coarse fits, never by a clock: the same frames give the same people on every machine.
+Work is counted in coarse fits, never by a clock, so that the same frames give the same people on every
+machine.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ from typing import Any, Generic, TypeVar
 T = TypeVar("T")
 """The type of a task's result."""
 Steps = Generator[float, Any, T]
-"""A task in parts: it yields the cost of each part, in coarse fits, and returns its result."""
+"""A task as a generator: it yields the cost of each step, in coarse fits, and returns its result."""
 LOOK = 2
-"""Coarse fits that the network costs for one group of pixels."""
+"""Cost of evaluating the network on one blob of pixels, in coarse fits."""
 _RATE = 30.0
-"""Frames a second at which the budget of a frame is the setting."""
+"""Frames per second at which a frame's budget equals the setting."""
 
 
 class Budget:
-    """The work that is left for a frame.
+    """The work budget that remains for a frame.
 
     Attributes:
-        left: coarse fits; infinite without a limit.
+        left: remaining coarse fits; infinite without a limit.
     """
 
     def __init__(self, fits: float) -> None:
@@ -30,11 +31,13 @@ class Budget:
 
 
 def frame_budget(fits: int, elapsed: float | None) -> Budget:
-    """The budget of a frame, more where frames are rare: a search takes as long at every frame rate.
+    """Returns the budget of a frame.
+
+    It is larger at a low frame rate, so that a search takes equally long at every frame rate.
 
     Args:
-        fits: coarse fits a frame at 30 frames a second; 0: no limit.
-        elapsed: seconds since the frame before; None: it is the first.
+        fits: coarse fits per frame at 30 frames per second; 0: no limit.
+        elapsed: seconds since the previous frame; None: this is the first.
     """
     if fits == 0:
         return Budget(float("inf"))
@@ -42,7 +45,7 @@ def frame_budget(fits: int, elapsed: float | None) -> Budget:
 
 
 class BudgetedTask(Generic[T]):
-    """A task that runs in parts, as far as the budget of each frame goes.
+    """A task that runs step by step within the budget of each frame.
 
     Attributes:
         done: whether it is finished.
@@ -55,12 +58,15 @@ class BudgetedTask(Generic[T]):
 
     @property
     def result(self) -> T:
-        """The task's result, once it is done."""
+        """Returns the task's result. May be read only after the task is done."""
         assert self.done
         return self._result  # type: ignore[return-value]
 
     def go_on(self, budget: Budget) -> bool:
-        """Works until the budget is spent, overdrawn by less than one part; returns whether it is done."""
+        """Works until the budget is spent, and returns whether the task is done.
+
+        The last step may overdraw the budget.
+        """
         while not self.done and budget.left > 0.0:
             try:
                 budget.left -= next(self._steps)
@@ -70,7 +76,7 @@ class BudgetedTask(Generic[T]):
 
 
 def whole(steps: Steps[T]) -> T:
-    """Runs a task to its end at once; returns its result."""
+    """Runs a task to its end without a limit and returns its result."""
     task = BudgetedTask(steps)
     task.go_on(Budget(float("inf")))
     return task.result

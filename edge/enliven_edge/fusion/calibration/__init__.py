@@ -1,7 +1,7 @@
-"""Calibration of several sensors from a person who walks about: no board and no tape measure.
+"""Extrinsic calibration of several sensors from a person that walks around: no board and no tape measure.
 
-Joints that two sensors see at once give the transform between them, a pose graph joins the pairs, and the
-quality is stated in words.
+Joints that two sensors see simultaneously give the transform between them. A pose graph combines the pairs.
+The quality is reported in words.
 """
 
 import lazy_loader

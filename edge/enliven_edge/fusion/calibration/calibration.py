@@ -1,7 +1,7 @@
-"""Finds the relative places of sensors from people who walk about: no checkerboard, no tape measure.
+"""Finds the relative poses of sensors from people that walk around: no checkerboard, no tape measure.
 
 Bodies of two sensors are the same points in two frames of reference. The calibration also finds which bodies
-are the same person, which side is left for each sensor, and how the clocks differ.
+are the same person, which side is left for each sensor, and the clock offsets.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from enliven_edge.fusion.placement import Place, Space, rows
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED = 0.5
-"""Metres of cost for a body that one sensor saw and the other, which saw people at that time, did not."""
+"""Cost in metres of a body that only one sensor saw although the other saw people at that time."""
 _FINALISTS = 4
-"""Placements that are refined fully: the best guess by a quick fit need not be the best in the end."""
+"""Number of placements that are refined fully. The best guess after a quick fit is not always the best in the
+end."""
 _AS_GOOD = 1.25
-"""Multiple of the best cost up to which another placement counts as an equally good explanation."""
+"""Factor on the best cost up to which another placement counts as an equally good explanation."""
 
 
 @dataclass(frozen=True)
 class SensorPair:
-    """The result for two sensors; ``fit`` is None where they never saw the same person."""
+    """The result for two sensors. ``fit`` is None if they never saw the same person."""
 
     a: str
     b: str
@@ -41,20 +42,21 @@ class SensorPair:
 
     @property
     def good(self) -> bool:
-        """Whether it may be used."""
+        """Returns True if it may be used."""
         return self.quality.verdict is Verdict.GOOD
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The places of all sensors.
+    """The poses of all sensors.
 
     Attributes:
         sensors: their identities; the first one's frame is the world.
-        world_from_sensor: by sensor, (4, 4) from its own level frame, in which it tells bodies.
+        world_from_sensor: by sensor, (4, 4) from its own level frame, which its bodies are in.
         clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
         pairs: the result of every two of them.
-        loop_cm, loop_deg: by how much chains of sensors that close contradict themselves at most.
+        loop_cm, loop_deg: maximum loop closure error, in position and rotation, of chains of sensors that
+            form a loop.
     """
 
     sensors: tuple[str, ...]
@@ -66,7 +68,7 @@ class Calibration:
 
     @property
     def good(self) -> bool:
-        """Whether every sensor is connected to the first one through good pairs."""
+        """Returns True if every sensor is connected to the first one through good pairs."""
         return not self.loose(lambda pair: pair.good)
 
     def loose(self, usable: Callable[[SensorPair], bool]) -> tuple[str, ...]:
@@ -79,10 +81,10 @@ class Calibration:
         return tuple(name for name in self.sensors if name not in tied)
 
     def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
-        """Returns the space that goes into the file.
+        """Returns the space for the file.
 
         Args:
-            level_from_camera: by depth sensor, (4, 4) where its camera stands in its own level frame.
+            level_from_camera: by depth sensor, (4, 4) the pose of its camera in its own level frame.
         """
         cameras = level_from_camera or {}
         places = {}
@@ -93,7 +95,10 @@ class Calibration:
 
     @property
     def advice(self) -> list[str]:
-        """Advice, a sentence for each pair that a loose sensor needs; empty where all is good."""
+        """Returns advice: one sentence for each pair that an unconnected sensor needs.
+
+        The list is empty if all is good.
+        """
         loose = self.loose(lambda pair: pair.good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
 
@@ -103,10 +108,15 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """Finds the places of the sensors that saw these bodies at one time in one space.
+    """Finds the poses of sensors that saw these bodies simultaneously in one space.
+
+    Args:
+        streams: the bodies of each sensor.
+        settings: the settings; None: the defaults.
+        progress: called with the names of each pair.
 
     Raises:
-        InputError: for fewer than two sensors, or one identity twice.
+        InputError: for fewer than two sensors, or duplicate identities.
     """
     settings = settings or CalibrationSettings()
     names = tuple(stream.sensor for stream in streams)
@@ -128,7 +138,7 @@ def calibrate(
 
 
 def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
-    """Finds the place of sensor b relative to sensor a, by the best of all first guesses."""
+    """Finds the pose of sensor b relative to sensor a, from the best of all first guesses."""
     known = (b.first_ns - a.first_ns) * 1e-9
     ranked: list[tuple[float, Fit]] = []
     for guess in guesses(a, b, known, settings):
@@ -164,7 +174,7 @@ def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
 def _finished(
     a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
 ) -> tuple[Fit, tuple[BodyMatch, ...]] | None:
-    """Refines a guess with all people matched, twice: a better placement gives better matches."""
+    """Refines a guess with all people matched, twice, because a better placement gives better matches."""
     fit = quick
     matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
@@ -179,9 +189,9 @@ def _finished(
 def _score(
     a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
-    """Returns metres of disagreement a body, with a cost for bodies that only one saw of both.
+    """Returns the disagreement in metres per body, with a cost for bodies that only one sensor saw.
 
-    Short overlaps agree by chance more easily, so that they must agree better.
+    Short overlaps agree by chance more easily, so they must agree better.
     """
     times = np.arange(0.0, a.duration + 1e-9, 0.1)
     both = np.minimum(_present(a, times), _present(b, times - fit.lag)).sum()
@@ -189,7 +199,7 @@ def _score(
     if both < 1:
         return np.inf
     cost = (have * fit.cost + (both - have) * _MISSED) / both
-    # As long as nothing else tells them apart, sides are rather named rightly than wrongly.
+    # If nothing else decides, prefer the assignment with fewer exchanged sides.
     return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
 
 

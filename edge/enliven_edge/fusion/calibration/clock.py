@@ -1,8 +1,8 @@
-"""Estimates the difference of two sensors' clocks, roughly, from signals that no rigid motion changes.
+"""Estimates the clock offset of two sensors roughly, from signals that are invariant under rigid motion.
 
-Distances between joints and the speed of the hips are the same in every frame of reference, and these are
-the same whichever side is called left. The lag at which two such signals correlate best is the clocks'
-difference; where a walk repeats itself there are several such lags, and geometry decides between them.
+Distances between joints and the speed of the hips are the same in every frame of reference. They do not
+depend on the names of the sides either. The lag with the best correlation of two such signals is the clock
+offset. If a walk repeats itself, there are several such lags, and geometry decides between them.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from enliven_edge.fusion.calibration.tracks import BodyTrack
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _RATE = 50.0
-"""Samples a second of the signals: above every sensor's frame rate."""
+"""Sampling rate of the signals in hertz: above every sensor's frame rate."""
 _CANDIDATES = 5
-"""Lags that are tried: a walk that repeats itself has a few peaks of equal height."""
+"""Number of lags that are tried. A walk that repeats itself has a few peaks of equal height."""
 _APART = 0.15
-"""Seconds between two peaks at least: nearer ones are the same peak."""
+"""Minimum distance of two peaks in seconds. Nearer ones are the same peak."""
 _SMOOTH = 0.12
-"""Seconds over which speeds are taken, so that noise of the joints does not hide them."""
+"""Seconds over which speeds are computed, so that noise of the joints does not hide them."""
 
 
 def likely_lags(
@@ -31,7 +31,10 @@ def likely_lags(
     """Returns seconds to add to times of ``b`` to get times of ``a``, the likeliest first.
 
     Args:
-        known: the lag if both clocks told the same time; always tried, too, where the tracks then overlap.
+        a, b: the tracks.
+        settings: the settings.
+        known: the lag if both clocks are synchronised. It is also tried if the tracks then overlap; None:
+            unknown.
     """
     signal_a, seen_a = _signals(a, settings)
     signal_b, seen_b = _signals(b, settings)
@@ -72,13 +75,13 @@ def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Fl
     if not seen.any():
         return np.zeros_like(values), np.zeros(len(values))
     values = values - values[seen].mean(0)
-    # A signal that hardly changes is noise: it is not blown up to the size of the others.
+    # A signal that hardly changes is noise. It must not be scaled up to the size of the others.
     values /= np.maximum(values[seen].std(0), 0.02)
     return np.asarray(np.clip(values, -4, 4) * seen[:, None]), seen.astype(float)
 
 
 def _correlation(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
-    """Returns (L,) the normalised correlation at every lag, and (L,) how many samples both have there."""
+    """Returns (L,) the normalised correlation and (L,) the number of common samples at every lag."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))

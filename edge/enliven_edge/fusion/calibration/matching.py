@@ -16,13 +16,14 @@ from enliven_edge.fusion.placement import best_rigid, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 240
-"""Frames that a first guess uses: more add time and no accuracy, since refinement follows."""
+"""Number of frames in a first guess. More cost time and do not add accuracy, because refinement follows."""
 _DRAWS = 60
-"""Random pairs of frames that are tried for each guess: some of them hold no wrong match."""
+"""Number of random pairs of frames tried for each guess (RANSAC). Some of them contain no wrong match."""
 _TRACKS = 4
-"""People of each sensor, the longest seen, that first guesses are made from: pairs grow with the square."""
+"""Number of people per sensor, the longest seen, for first guesses. The number of pairs grows with the
+square."""
 _SAME = 0.35
-"""Metres between the trunks of one person as two roughly placed sensors see it, at most."""
+"""Maximum distance in metres between the trunks of one person in two roughly placed sensors."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Guess:
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[Guess]:
-    """Yields every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
+    """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
     upright = settings.floor_known
     for track_a in a.tracks[:_TRACKS]:
         for track_b in b.tracks[:_TRACKS]:
@@ -71,7 +72,7 @@ def guesses(
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
-    """Returns transforms from (N, 20, 3) to (N, 20, 3) joints: by the midline, or by sides named so or so."""
+    """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
     free = _consensus(middles(p), middles(q), middle_weights(w), upright)
     flat = w.reshape(-1)
     named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
@@ -80,7 +81,7 @@ def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
 
 
 def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
-    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: by random pairs, then all."""
+    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: RANSAC, then refinement."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_DRAWS):
@@ -106,7 +107,7 @@ def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
 def matched(
     a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
 ) -> tuple[BodyMatch, ...]:
-    """Matches people at every moment, once the sensors are roughly placed (Hungarian, gated)."""
+    """Matches people at every moment, once the sensors are roughly placed (Hungarian algorithm, gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     near: list[list[Float]] = []
     for track_a in a.tracks:
@@ -126,7 +127,7 @@ def matched(
 
 
 def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
-    """Returns (N,) the mean distance of the midline points, inf where both see none."""
+    """Returns (N,) the mean distance of the midline points, inf if both see none."""
     weights = middle_weights(w)
     total = weights.sum(1)
     apart = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
@@ -134,7 +135,7 @@ def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
 
 
 def _assigned(near: Float) -> Bool:
-    """Returns (A, B, N) whether two tracks are one person at a time, at most one partner each."""
+    """Returns (A, B, N) whether two tracks are one person at a time, with at most one partner each."""
     taken = np.zeros(near.shape, bool)
     for n in np.flatnonzero((near < _SAME).any((0, 1))):
         cost = np.where(near[:, :, n] < _SAME, near[:, :, n], 10.0)

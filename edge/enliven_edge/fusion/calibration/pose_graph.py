@@ -1,8 +1,8 @@
-"""Places many sensors from measurements between pairs of them (a pose graph).
+"""Pose graph optimisation: places many sensors from measurements between pairs of them.
 
-Every pair measured a_from_b with its precision; least squares finds the placements world_from_sensor with the
-smallest contradiction to the measurements, the first sensor held fixed. Where not all views overlap, chains
-of pairs connect the rest.
+Every pair measured a_from_b with its precision. Least squares finds the placements world_from_sensor that
+contradict the measurements least, with the first sensor fixed. If not all views overlap, chains of pairs
+connect the rest.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ Edge = tuple[str, str, Fit, bool]
 
 @dataclass(frozen=True)
 class Network:
-    """The placement (4, 4) and the seconds of lag of each sensor that is connected to the first one.
+    """The placement (4, 4) and the lag in seconds of each sensor that is connected to the first one.
 
-    ``loop`` (metres) and ``turn`` (radians) say how much a measurement contradicts the placements at most.
+    ``loop`` (metres) and ``turn`` (radians) are the maximum residuals of a measurement: the loop closure
+    error.
     """
 
     world_from_sensor: dict[str, Float]
@@ -35,7 +36,7 @@ class Network:
 
 
 def network(names: Sequence[str], edges: list[Edge]) -> Network:
-    """Computes the placements by all good edges; others only connect sensors that were loose."""
+    """Computes the placements from all good edges. Other edges only connect sensors that were unconnected."""
     used = _used(names, edges)
     places, lags = _spread(names[0], used)
     loose = [name for name in names[1:] if name in places]
@@ -48,12 +49,12 @@ def network(names: Sequence[str], edges: list[Edge]) -> Network:
 
 
 def _strength(edge: Edge) -> tuple[bool, float]:
-    """Returns a sort key of edges: good ones first, then those with the surest direction."""
+    """Returns a sort key of edges: good ones first, then those with the most certain direction."""
     return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
 
 
 def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
-    """Returns all good edges, and of the others the fewest that connect all sensors."""
+    """Returns all good edges, and of the others the fewest that connect all sensors (Kruskal's algorithm)."""
     group = {name: name for name in names}
     kept = []
     for edge in sorted(edges, key=_strength, reverse=True):
@@ -65,7 +66,7 @@ def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
 
 
 def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, float]]:
-    """Returns placements and lags along the strongest tree."""
+    """Returns placements and lags along the strongest spanning tree."""
     places, lags = {root: np.eye(4)}, {root: 0.0}
     for _ in edges:
         for a, b, fit, _ in edges:
@@ -77,7 +78,7 @@ def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, f
 
 
 def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[Edge]) -> dict[str, Float]:
-    """Returns the placements of least contradiction, each pair weighted by its precision."""
+    """Returns the placements with the smallest residuals, each pair weighted by its precision."""
     factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
 
     def placed(x: Float) -> dict[str, Float]:
@@ -101,7 +102,7 @@ def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[E
 
 
 def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
-    """(6,) turn about the pair's centre and shift there, by which the placements differ from the fit."""
+    """Returns (6,) the difference of the placements from the fit: rotation about its centre, and shift."""
     placed = inverse(world_from_a) @ world_from_b
     turned = rotation_vector(placed[:3, :3] @ fit.a_from_b[:3, :3].T)
     shift = moved(placed, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre
@@ -109,7 +110,7 @@ def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
 
 
 def _levelled(root: str, free: list[str], edges: list[Edge]) -> dict[str, float]:
-    """Returns the lags of least contradiction: linear least squares."""
+    """Returns the lags with the smallest residuals: linear least squares."""
     rows, values = [], []
     for a, b, fit, _ in edges:
         weight = np.sqrt(max(float(fit.precision[6, 6]), 1e-9))

@@ -1,4 +1,4 @@
-"""Judges a calibration and advises the user, so that no bad result passes silently."""
+"""Evaluates a calibration and advises the user, so that no bad result is accepted silently."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from enliven_edge.fusion.placement import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _BLOCKS = 8
-"""Parts of the walk, and directions of facing, that the jackknife leaves out one after another: each still
-holds seconds of walking."""
+"""Number of jackknife blocks, both of the walk and of facing directions. Each still contains seconds of
+walking."""
 _CELL = 0.5
-"""Metres: the walked floor is counted in squares of this side."""
+"""Cell size in metres for counting the walked floor."""
 _LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
 _COMFORTABLE = 2.5
-"""Metres from a sensor at which people are seen well."""
+"""Distance in metres from a sensor at which people are seen well."""
 
 
 class Verdict(StrEnum):
-    """What a calibration may be used for."""
+    """The permitted use of a calibration."""
 
     GOOD = "good"
     WALK_ON = "walk on"
@@ -38,14 +38,15 @@ class Quality:
     """The quality of the fit of two sensors.
 
     Attributes:
-        verdict: what the calibration may be used for.
-        rms: metres between the joints of both, robust root mean square; nan where there was no match.
-        doubt_cm, doubt_deg, doubt_ms: standard deviations of place (where people walked), direction, clock.
-        seconds: for how long both saw the same person.
-        length, breadth: metres of floor walked, the long and the narrow way.
-        cells: squares of 0.5 m that were walked.
-        swapped: the part of the moments at which the two named left and right differently.
-        advice: one sentence to the user; empty where it is good.
+        verdict: the permitted use of the calibration.
+        rms: robust root mean square distance in metres between the joints of both; nan without a match.
+        doubt_cm, doubt_deg, doubt_ms: standard deviations of position (where people walked), direction,
+            clock.
+        seconds: time for which both saw the same person.
+        length, breadth: extent of the walked floor in metres, in its long and its narrow direction.
+        cells: number of walked squares of 0.5 m.
+        swapped: fraction of the moments at which the two sensors named left and right differently.
+        advice: one sentence to the user; empty if the quality is good.
     """
 
     verdict: Verdict
@@ -67,8 +68,11 @@ def judged(
     """Returns the quality of a fit of sensor b to sensor a.
 
     Args:
+        fit: the fit.
+        matches: the matched bodies.
         rivals: other placements of the sensors that explain the bodies equally well.
         name: the user's name of sensor b.
+        settings: the settings.
     """
     place, direction, clock = _doubt(fit, matches, settings)
     length, breadth, thin = _walked(fit.feet)
@@ -103,9 +107,10 @@ def judged(
 
 
 def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
-    """Returns the quality where both sensors never saw the same person.
+    """Returns the quality if both sensors never saw the same person.
 
     Args:
+        a, b: the names of the sensors.
         blind: the sensor that saw no person at all, if there is one.
     """
     nan = float("nan")
@@ -120,9 +125,9 @@ def _doubt(
 ) -> tuple[float, float, float]:
     """Returns centimetres, degrees and milliseconds of one standard deviation.
 
-    The largest of three estimates: the one of the equations, and two jackknives, over eighths of the walk and
-    over eight directions that the people faced. A tracker's errors change slowly and depend on the side from
-    which it sees a person; the equations' estimate does not include that.
+    It is the largest of three estimates: the formal one of the normal equations, and two jackknives, over
+    eighths of the walk and over eight facing directions of the people. A tracker's errors change slowly and
+    depend on its viewing direction of the person. The formal estimate does not include that.
     """
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -140,10 +145,13 @@ def _doubt(
 def _jackknife(
     fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
-    """Returns (3,) metres, radians and seconds of one standard deviation, each block left out in turn.
+    """Returns (3,) metres, radians and seconds of one standard deviation, with each block left out in turn.
 
     Args:
+        fit: the fit to all blocks.
+        matches: the matched bodies.
         blocks: by match, (N,) the block of each of its moments, from 0.
+        settings: the settings.
     """
     at = moved(inverse(fit.a_from_b), fit.centre)
     changes = []
@@ -162,7 +170,7 @@ def _jackknife(
 
 
 def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
-    """Returns (N,) the person's direction of facing, one of eight, by the first sensor."""
+    """Returns (N,) the person's facing direction, one of eight, by the first sensor."""
     joints, _, _ = match.a.at(match.times, settings.longest_gap)
     across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
@@ -170,7 +178,7 @@ def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
 
 
 def _walked(feet: Float) -> tuple[float, float, Float]:
-    """Returns length and breadth of the walked floor, metres, and the unit vector (3,) of its narrow way."""
+    """Returns length and breadth of the walked floor in metres, and (3,) the unit vector of its breadth."""
     flat = feet[:, [0, 2]]
     _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
     low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)
@@ -178,12 +186,12 @@ def _walked(feet: Float) -> tuple[float, float, Float]:
 
 
 def _seconds(times: Float) -> float:
-    """Returns seconds, counted in tenths that hold a moment."""
+    """Returns seconds, counted in tenths that contain a moment."""
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
 def _where(fit: Fit, thin: Float, name: str) -> str:
-    """Describes where to walk on so that the narrow way becomes wide, as seen by sensor b."""
+    """Returns advice on where to walk so that the narrow direction becomes wider, from sensor b's view."""
     back = inverse(fit.a_from_b)
     centre, way = moved(back, fit.centre), back[:3, :3] @ thin
     if abs(way[0]) >= abs(way[2]):

@@ -1,8 +1,9 @@
-"""The way between two sensors to the last centimetre: Gauss-Newton on joints, sides and clocks together.
+"""Refines the transform between two sensors: Gauss-Newton on joints, sides and clocks together.
 
-Minimises  sum_f sum_j w_fj rho(|R q_fj(t_f - lag) + t - p_fj|) + |tilt|^2 / s_tilt^2 + t_y^2 / s_floor^2
-over the rotation R, the translation t and the clocks' lag, re-weighted (Geman and McClure's rho); the joints
-of a frame may be matched with sides exchanged. The two priors say how well each sensor knows its floor.
+It minimises  sum_f sum_j w_fj rho(|R q_fj(t_f - lag) + t - p_fj|) + |tilt|^2 / s_tilt^2 + t_y^2 / s_floor^2
+over the rotation R, the translation t and the clocks' lag, with iterative re-weighting (Geman and McClure's
+rho). The joints of a frame may be matched with exchanged sides. The two priors express the accuracy of each
+sensor's floor.
 """
 
 from __future__ import annotations
@@ -18,29 +19,30 @@ from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inver
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 900
-"""Frames used at most: neighbouring frames hold the same information."""
+"""Maximum number of frames. Neighbouring frames contain the same information."""
 _MEMORY = 0.5
-"""Seconds over which one sensor's errors stay the same: each such span counts as one independent look."""
+"""Correlation time of one sensor's errors in seconds: each such interval counts as one independent
+observation."""
 _LOOKS = 3.0
-"""Independent points that one look at a body counts as; its 20 joints err together."""
+"""Number of independent points per observation of a body. The errors of its 20 joints are correlated."""
 _STILL = 0.02
-"""Metres of disagreement below which no joint is doubted: a tracker's noise."""
+"""Disagreement in metres below which no joint is down-weighted: a tracker's noise."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The place of sensor b relative to sensor a.
+    """The pose of sensor b relative to sensor a.
 
     Attributes:
         a_from_b: (4, 4).
         lag: seconds to add to b's times to get a's.
         residuals: (N, 20) metres between the joints at each moment used.
-        weights: (N, 20) seen by both, 0..1, before any doubt.
-        doubt: (N, 20) the part of the weight that robust estimation left, 0..1.
+        weights: (N, 20) confidence of both sensors, 0..1, before robust weighting.
+        doubt: (N, 20) the robust weight, 0..1.
         times: (N,) seconds of a's stream; feet: (N, 3) the hips, in a's frame.
-        swapped: (N,) whether the two named the sides differently.
-        precision: (7, 7) inverse covariance of (turn about the centre, shift, lag) [rad, m, s].
-        centre: (3,) the centre of the turn in ``precision``, in a's frame.
+        swapped: (N,) whether the two sensors named the sides differently.
+        precision: (7, 7) inverse covariance of (rotation about the centre, shift, lag) [rad, m, s].
+        centre: (3,) the centre of rotation in ``precision``, in a's frame.
     """
 
     a_from_b: Float
@@ -56,13 +58,13 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Mean truncated disagreement, metres."""
+        """Returns the mean truncated disagreement in metres."""
         total = self.weights.sum()
         return float((self.weights * np.minimum(self.residuals, 0.5)).sum() / total) if total else np.inf
 
     @property
     def rms(self) -> float:
-        """Root mean square disagreement of the joints, metres, each as much as it is trusted."""
+        """Returns the robust root mean square disagreement of the joints in metres."""
         trust = self.weights * self.doubt
         return float(np.sqrt((trust * self.residuals**2).sum() / max(trust.sum(), 1e-12)))
 
@@ -76,7 +78,7 @@ def refine(
     steps: int = 15,
     frames: int = _FRAMES,
 ) -> Fit | None:
-    """Steps from a first guess; returns None where both never see the same body at one time."""
+    """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
     held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
@@ -112,7 +114,10 @@ def _looked(
     lag: float,
     settings: CalibrationSettings,
 ) -> _Look | None:
-    """Returns the joints of both sensors at the matches' moments; ``held`` are the first's, by match."""
+    """Returns the joints of both sensors at the matches' moments.
+
+    ``held`` are the first sensor's, by match.
+    """
     looks = []
     for match, (p, _, seen_a) in zip(matches, held, strict=True):
         q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)
@@ -131,7 +136,7 @@ def _looked(
 
 
 def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
-    """Returns (N,) whether the sides agree better exchanged, over a few neighbouring frames."""
+    """Returns (N,) whether exchanged sides agree better, over a few neighbouring frames."""
     plain, other = (
         (seen_a * seen * np.minimum(_lengths(p - there), 2 * width)).sum(1)
         for seen, there in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
@@ -146,7 +151,7 @@ def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width
 
 
 def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSettings) -> tuple[Fit, Float]:
-    """Returns the state of the fit, and the step (7,) of turn, shift and lag that improves it."""
+    """Returns the state of the fit, and the step (7,) of rotation, shift and lag that improves it."""
     placed = moved(a_from_b, look.q)
     error = placed - look.p
     residuals = _lengths(error)
@@ -155,7 +160,8 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
     trust = look.weights * doubt
     centre = np.tensordot(trust, placed, 2) / max(trust.sum(), 1e-12)
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
-    # Errors of neighbouring frames and of one body's joints are not independent looks.
+    # Errors of neighbouring frames and of one body's joints are correlated, so count independent
+    # observations.
     looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
     scale = looks / max(trust.sum(), 1e-12) / variance
     h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
@@ -172,16 +178,16 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
 
 
 def _width(residuals: Float, weights: Float, widest: float) -> float:
-    """Returns metres where doubt begins: three times the median disagreement, within bounds."""
+    """Returns the robust width in metres: three times the median disagreement, within bounds."""
     seen = residuals[weights > 0]
     return float(np.clip(3.0 * np.median(seen), _STILL, widest)) if len(seen) else widest
 
 
 def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:
-    """J^T W J (7, 7) and J^T W e (7,) of turn (about the centre), shift and lag.
+    """Returns J^T W J (7, 7) and J^T W e (7,) for rotation (about the centre), shift and lag.
 
-    A joint's J is (-[arm]x, 1, -v): a larger lag looks at an earlier q, d q(t - lag) / d lag = -v. All that
-    is needed are sums of products of its numbers, one product of matrices.
+    A joint's J is (-[arm]x, 1, -v). A larger lag evaluates an earlier q, so d q(t - lag) / d lag = -v. Only
+    sums of products of these numbers are needed, which one matrix product computes.
 
     Args:
         arm, velocity, error: (N, 20, 3) metres from the centre, m/s, metres of disagreement.
@@ -203,18 +209,18 @@ def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) 
 
 
 def _crossed(products: Float) -> Float:
-    """(3,) the sum of a x b from the sum of a b^T (3, 3)."""
+    """Returns (3,) the sum of a x b from the sum of a b^T (3, 3)."""
     p = products
     return np.array([p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]])
 
 
 def _lengths(vectors: Float) -> Float:
-    """(N, 20) the lengths of (N, 20, 3)."""
+    """Returns (N, 20) the lengths of (N, 20, 3)."""
     return np.asarray(np.sqrt(np.einsum("njk,njk->nj", vectors, vectors)))
 
 
 def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: CalibrationSettings) -> None:
-    """Adds the priors that both floors are level and at y = 0, by the precision of each sensor's floor."""
+    """Adds the priors that both floors are level and at y = 0, with the precision of each sensor's floor."""
     if not settings.floor_known:
         return
     tilt = 1.0 / (2 * np.deg2rad(settings.tilt) ** 2)
@@ -224,26 +230,26 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
         h[axis, axis] += tilt
         g[axis] += tilt * lean[axis]
     floor = 1.0 / (2 * settings.floor_height**2)
-    # Height of b's floor under the centre: the point of that floor below the people.
+    # The height of b's floor below the centre: at the point of that floor under the people.
     height = float(a_from_b[1, 3] + (a_from_b[:3, :3] @ _below(a_from_b, centre))[1])
     h[4, 4] += floor
     g[4] += floor * height
 
 
 def _below(a_from_b: Float, centre: Float) -> Float:
-    """(3,) the point of b's floor under a point of a's frame, in b's frame."""
+    """Returns (3,) the point of b's floor below a point of a's frame, in b's frame."""
     point = a_from_b[:3, :3].T @ (centre - a_from_b[:3, 3])
     return np.array([point[0], 0.0, point[2]])
 
 
 def _applied(a_from_b: Float, lag: float, step: Float, centre: Float) -> tuple[Float, float]:
-    """Returns the transform turned about the centre and shifted, and the later lag."""
+    """Returns the transform rotated about the centre and shifted, and the new lag."""
     rotation = turn(step[:3])
     translation = rotation @ (a_from_b[:3, 3] - centre) + centre + step[3:6]
     return rigid(rotation @ a_from_b[:3, :3], translation), lag + float(step[6])
 
 
 def differ(a: Fit, b: Fit) -> bool:
-    """Returns whether two fits place the people differently, beyond noise."""
+    """Returns True if two fits place the people differently, beyond noise."""
     apart = moved(b.a_from_b, moved(inverse(a.a_from_b), a.centre)) - a.centre
     return angle_between(a.a_from_b, b.a_from_b) > np.deg2rad(15.0) or bool(np.linalg.norm(apart) > 0.4)

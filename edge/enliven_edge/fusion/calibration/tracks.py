@@ -1,4 +1,4 @@
-"""The bodies of one sensor: collected in one level frame, and by person over time, between the frames too."""
+"""The bodies of one sensor in one level frame, as tracks of people that are interpolated between frames."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from enliven_edge.sensors import Sensor, SensorFault
 from enliven_edge.tracking import Tracker
 
 _SLOWEST = 0.35
-"""Seconds between frames over which linear interpolation of a walking person still holds."""
+"""Maximum frame interval in seconds at which linear interpolation of a walking person is valid."""
 
 
 @dataclass(frozen=True)
 class BodyTrack:
-    """One person as one sensor saw them.
+    """The track of one person by one sensor.
 
     Attributes:
         id: the sensor's number of the person.
-        times: (F,) seconds of the stream, rising.
+        times: (F,) seconds of the stream, ascending.
         joints: (F, 20, 3) metres, the sensor's own level frame.
         confidence: (F, 20) in [0, 1].
     """
@@ -41,8 +41,9 @@ class BodyTrack:
     def at(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
         """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
-        Linear between neighbouring frames; confidence 0 where they are farther apart than ``longest_gap``
-        seconds (or what is usual for a slow sensor), or where there is none on one side.
+        It interpolates linearly between neighbouring frames. The confidence is 0 if they are farther apart
+        than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 if there is no
+        frame on one side.
         """
         longest_gap = max(longest_gap, min(1.6 * self.step, _SLOWEST))
         if len(self.times) < 2:
@@ -60,15 +61,15 @@ class BodyTrack:
 
     @cached_property
     def step(self) -> float:
-        """The median seconds between two frames."""
+        """Returns the median interval between two frames in seconds."""
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
     @cached_property
     def _velocities(self) -> Float:
-        """(F - 1, 20, 3) m/s between two frames, from the frames around the two.
+        """Returns (F - 1, 20, 3) m/s between two frames, from the frames around the two.
 
-        The two's own difference would share their noise, and a fit of the clocks by it would come to rest
-        where interpolation hides most noise: halfway between frames.
+        The difference of the two frames themselves would share their noise. A fit of the clocks with it would
+        converge where interpolation hides most noise: halfway between frames.
         """
         before = np.arange(len(self.times) - 1)
         early, late = np.maximum(before - 1, 0), np.minimum(before + 2, len(self.times) - 1)
@@ -78,7 +79,7 @@ class BodyTrack:
 
 @dataclass(frozen=True)
 class BodyStream:
-    """All people that one sensor saw.
+    """The tracks of all people by one sensor.
 
     Attributes:
         sensor: its identity.
@@ -92,12 +93,12 @@ class BodyStream:
 
     @property
     def duration(self) -> float:
-        """Seconds from the first body to the last."""
+        """Returns the seconds from the first body to the last."""
         return max((float(t.times[-1]) for t in self.tracks), default=0.0)
 
 
 def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
-    """Returns the tracks of a sensor's body frames, without those out of order or of equal time."""
+    """Returns the tracks of a sensor's body frames, without frames out of order or with equal times."""
     kept: list[BodyFrame] = []
     for frame in frames:
         if not kept or frame.time_ns > kept[-1].time_ns:
@@ -123,10 +124,12 @@ class Collector(SensorThread):
 
     Args:
         name: the sensor's identity.
-        seconds: of the sensor's clock after which it is enough; None for as long as frames come.
+        sensor: the sensor.
+        tracker: its tracker.
+        seconds: time by the sensor's clock after which it stops; None to continue while frames come.
 
     Attributes:
-        frames: how many were tracked.
+        frames: number of tracked frames.
     """
 
     def __init__(self, name: str, sensor: Sensor, tracker: Tracker, seconds: float | None = None) -> None:
@@ -137,18 +140,22 @@ class Collector(SensorThread):
 
     @property
     def level_from_camera(self) -> Float | None:
-        """(4, 4) where a depth sensor's camera stands in its own level frame; None for a sensor of bodies."""
+        """Returns (4, 4) the pose of a depth sensor's camera in its own level frame.
+
+        It is None for a sensor that tracks bodies itself.
+        """
         return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
 
     def stream(self) -> BodyStream:
-        """Returns all bodies so far, in the level frame as it is known now.
+        """Returns all bodies up to now, in the present estimate of the level frame.
 
-        A sensor may find its floor only after some frames, or know it better later: its past is put right.
+        A sensor may find its floor only after some frames, or know it better later. Earlier bodies are then
+        corrected.
         """
         return stream_of(self.name, self.frames_in_level())
 
     def frames_in_level(self) -> list[BodyFrame]:
-        """Returns the same as frames."""
+        """Returns the same bodies as frames."""
         kept = list(self._kept)
         final = self.level_from_camera
         return [_put_right(frame, mount, final) for frame, mount in kept]

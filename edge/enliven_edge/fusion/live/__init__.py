@@ -1,5 +1,4 @@
-"""Fusion while people perform: the sensors' bodies are aligned in time, grouped by person and blended joint
-by joint.
+"""Live fusion: the sensors' bodies are aligned in time, grouped by person and blended joint by joint.
 
 The fused set is read like one sensor that tracks bodies itself.
 """

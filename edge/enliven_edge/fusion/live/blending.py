@@ -1,12 +1,15 @@
-"""Compiled: one joint out of several sensors' words, with no jump when a sensor comes, goes or errs.
+"""Compiled blending of one joint from several sensors, without jumps when sensors appear or disappear.
 
-Every sensor s says x_s of a joint and counts w_s. The weighted mean m jumps when weights change. So every
-sensor keeps its habitual difference d_s, a low-pass of x_s - m, and the joint is
+A sensor that errs does not cause a jump either.
+
+Every sensor s reports x_s for a joint with the weight w_s. The weighted mean m jumps when weights change. So
+every sensor has an offset d_s, a low-pass of x_s - m. The joint is
 
     f = sum_s w_s (x_s - d_s) / sum_s w_s.
 
-While the weights stay, sum w d = 0 and f = m at once, without any lag. When a sensor falls silent, the others
-go on from where f was (their d say how), and give up their difference in the time of the low-pass.
+While the weights stay constant, sum w d = 0 and f = m, without any lag. When a sensor falls silent, the
+others continue from the last f because of their d. Their offsets then decay with the time constant of the
+low-pass.
 """
 
 from __future__ import annotations
@@ -16,26 +19,29 @@ import numpy as np
 from enliven.kernels import njit
 
 _DOUBT = 0.1
-"""Metres from where a joint was expected at which a sensor that is alone in saying so is doubted."""
+"""Distance in metres from a joint's prediction at which a sensor that disagrees with the others is
+down-weighted."""
 _UNSURE = 0.12
-"""Metres of disagreement between sensors that halves a joint's confidence."""
+"""Disagreement between sensors in metres that halves a joint's confidence."""
 _HEARD = 0.3
-"""Part of the weight from which on a sensor's own confidence stands."""
+"""Minimum fraction of the weight for a sensor's own confidence to count in full."""
 
 
 @njit(cache=True, nogil=True)
 def blend(x, w, predicted, known, before, d, share, out):
-    """Kernel: ``out`` (20, D) from what S sensors say.
+    """Computes ``out`` (20, D) from the values of S sensors.
 
     Args:
-        x: (S, 20, D) values; w: (S, 20) weights, 0 where a sensor says nothing.
-        predicted: (20, D) where each is expected; known: whether that means anything.
-        before: (S, 20) bool, in and out: whether the sensor spoke last time.
-        d: (S, 20, D) habitual differences, in and out.
-        share: part of the low-pass that this step takes, 0..1.
+        x: (S, 20, D) values; w: (S, 20) weights, 0 if a sensor has no value.
+        predicted: (20, D) the predicted values; known: whether they are valid.
+        before: (S, 20) bool, in and out: whether the sensor had a value last time.
+        d: (S, 20, D) offsets, in and out.
+        share: weight of this step in the low-pass, 0..1.
+        out: (20, D) receives the result.
     """
     count, joints, width = x.shape
     for j in range(joints):
+        # The total weight, and that of the sensors that also had a value last time.
         total, old = 0.0, 0.0
         for s in range(count):
             total += w[s, j]
@@ -48,6 +54,7 @@ def blend(x, w, predicted, known, before, d, share, out):
                 before[s, j] = False
             continue
         for k in range(width):
+            # The weighted mean, and the continuation of the last result by the previous sensors.
             mean, base = 0.0, 0.0
             for s in range(count):
                 mean += w[s, j] * x[s, j, k]
@@ -58,6 +65,7 @@ def blend(x, w, predicted, known, before, d, share, out):
                 base /= old
             else:
                 base = predicted[j, k] if known else mean
+            # A new sensor starts with the offset from this continuation, so that the result does not jump.
             told = 0.0
             for s in range(count):
                 if w[s, j] > 0.0 and not before[s, j]:
@@ -73,7 +81,7 @@ def blend(x, w, predicted, known, before, d, share, out):
 
 @njit(cache=True, nogil=True)
 def doubt_outliers(x, w, predicted):
-    """Kernel: lowers the weights (S, 20) of who is farther from the prediction (20, 3) than another is."""
+    """Lowers the weights (S, 20) of sensors that are farther from the prediction (20, 3) than others."""
     count, joints, _ = x.shape
     for j in range(joints):
         least, speakers = np.inf, 0
@@ -91,10 +99,13 @@ def doubt_outliers(x, w, predicted):
 
 @njit(cache=True, nogil=True)
 def fuse_confidence(x, w, told, joints, out):
-    """Kernel: (20,) confidence of fused joints (20, 3) that S sensors put at ``x`` (S, 20, 3).
+    """Computes (20,) the confidence of fused joints from their positions by S sensors.
 
     Args:
-        w: (S, 20) weights, 0 for who says nothing; told: (S, 20) each one's own confidence.
+        x: (S, 20, 3) metres.
+        w: (S, 20) weights, 0 if a sensor has no value; told: (S, 20) each sensor's own confidence.
+        joints: (20, 3) the fused joints.
+        out: (20,) receives the result.
     """
     for j in range(len(out)):
         total, mean, best, spread = 0.0, 0.0, 0.0, 0.0
@@ -114,7 +125,7 @@ def fuse_confidence(x, w, told, joints, out):
 
 @njit(cache=True, nogil=True)
 def bones_within(joints, bones, shortest, longest):
-    """Kernel: whether every one of the bones (B, 2) is longer and shorter than (B,) metres."""
+    """Returns True if the length of every one of the bones (B, 2) is between two limits (B,) in metres."""
     for b in range(len(bones)):
         squared = _apart(joints[bones[b, 0]], joints[bones[b, 1]])
         if not shortest[b] ** 2 < squared < longest[b] ** 2:
@@ -124,17 +135,18 @@ def bones_within(joints, bones, shortest, longest):
 
 @njit(cache=True, nogil=True)
 def _apart(a, b):
-    """Kernel: squared distance of two points."""
+    """Returns the squared distance of two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @njit(cache=True, nogil=True)
 def trunk_distances(a, a_sure, b, b_sure, pairs, out):
-    """Kernel: (A, B) mean distance of bodies, of the 12 points that do not depend on the naming of sides.
+    """Computes (A, B) mean distances of bodies by the 12 points that do not depend on the names of the sides.
 
     Args:
         a: (A, 20, 3), b: (B, 20, 3) joints; a_sure, b_sure: (A, 20), (B, 20) confidence.
-        pairs: (12, 2) the joints that make each point.
+        pairs: (12, 2) the two joints of each point.
+        out: (A, B) receives the result.
     """
     for m in range(len(a)):
         for n in range(len(b)):
@@ -152,7 +164,10 @@ def trunk_distances(a, a_sure, b, b_sure, pairs, out):
 
 @njit(cache=True, nogil=True)
 def side_costs(x, sure, expected, other):
-    """Kernel: mean distance, metres, of joints with a side from where expected, as named and exchanged."""
+    """Returns mean distances of the limb joints from their expectation, with present and exchanged sides.
+
+    They are in metres.
+    """
     plain, crossed, weight = 0.0, 0.0, 0.0
     for j in range(len(other)):
         o = other[j]

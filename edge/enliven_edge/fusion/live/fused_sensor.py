@@ -1,4 +1,4 @@
-"""Several sensors in one space that are read like one sensor; its frames are bodies."""
+"""Several sensors in one space that are read like one sensor. Its frames are bodies."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ _SEVERITY = {
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
     SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
 }
-"""Kind, severity and remedy of the health message of each sensor state. None is worse than a warning, since
-the other sensors go on."""
+"""Kind, severity and remedy of the health message of each sensor state. None is worse than a warning, because
+the other sensors continue."""
 
 
 class FusedSensors(Sensor):
     """One sensor made of several. A thread for each reads and tracks it, and ``read`` fuses their bodies.
 
-    Bodies of live sensors are fused as they come. Recordings wait for one another, so that they stay
-    together by the common clock at any pace. The stream ends when the last sensor ends.
+    Bodies of live sensors are fused as they arrive. Recordings wait for one another, so that they stay
+    synchronised by the common clock at any pace. The stream ends when the last sensor ends.
 
     Args:
         sensors: the opened sensors by identity; they are closed with this one.
         trackers: the tracker of each sensor, by identity.
-        space: the place of each sensor.
-        health: the health monitor of each sensor, by identity; None makes them.
-        once: end at the first fault of any sensor; otherwise it is opened anew while the others go on.
+        space: the pose of each sensor.
+        settings: the settings of the fusion.
+        health: the health monitor of each sensor, by identity; None creates them.
+        once: end at the first fault of any sensor; otherwise it is reopened while the others continue.
 
     Raises:
-        InputError: where the space does not know a sensor.
+        InputError: if the space does not contain a sensor.
     """
 
     def __init__(
@@ -81,12 +82,12 @@ class FusedSensors(Sensor):
 
     @property
     def states(self) -> dict[str, SensorState]:
-        """The state of every sensor."""
+        """Returns the state of every sensor."""
         return {view.name: view.state for view in self.fuser.views}
 
     @property
     def health_states(self) -> list[HealthState]:
-        """The health states of all sensors and of their places, the gravest first."""
+        """Returns the health states of all sensors and of their poses, the most severe first."""
         health_states = [state for watcher in self._watchers for state in watcher.health_states]
         for warning in self._last.values():
             if warning.state in _SEVERITY:
@@ -133,14 +134,14 @@ class FusedSensors(Sensor):
                 self._changed.wait(wait)
 
     def _ready(self) -> Watcher | None:
-        """Returns the sensor with the oldest bodies; among recordings only when each has some."""
+        """Returns the sensor with the oldest bodies. Recordings count only when each of them has some."""
         live = [w for w in self._watchers if w.seen and not w.recorded]
         recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]
         turn = live + (recordings if all(w.seen for w in recordings) else [])
         return min(turn, key=lambda w: self._common(w.seen[0]), default=None)
 
     def _report_ended(self) -> None:
-        """Tells the fuser of sensors that have ended, once all their bodies were fused."""
+        """Reports sensors that have ended to the fuser, once all their bodies were fused."""
         for watcher in self._watchers:
             if watcher.ended and not watcher.seen and watcher.name not in self._gone:
                 self._gone.add(watcher.name)
@@ -153,7 +154,7 @@ class FusedSensors(Sensor):
                     )
 
     def _fused(self, seen: SensorBodies) -> BodyFrame | None:
-        """Gives a sensor's bodies to the fuser; returns the fused bodies when they are due."""
+        """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)
@@ -182,7 +183,7 @@ class FusedSensors(Sensor):
 
 
 def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
-    """Checks that the space has a place for each sensor."""
+    """Raises InputError unless the space has a pose for each sensor."""
     for name in sensors:
         if name not in space.sensors:
             raise InputError(

@@ -17,24 +17,27 @@ from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
 _SPEED = 1.5
-"""Metres a second by which the gate of an unseen person grows: they may walk on."""
+"""Growth of the gate of an unseen person in metres per second, because people may walk on."""
 _ASTRAY = 0.2
-"""Metres by which a sensor must see people elsewhere, on average, to count as moved: more than trackers
-differ in general."""
+"""Mean displacement in metres of the people of one sensor for it to count as moved: more than the usual
+difference between trackers."""
 _ASTRAY_TIME = 3.0
-"""Seconds of the low-pass of that difference: a passing error of tracking moves no sensor."""
+"""Time constant in seconds of the low-pass of that displacement. A short tracking error must not mark a
+sensor as moved."""
 _DUPLICATE = 0.35
-"""Metres beside a person within which a body that only some of the sensors see is no second person."""
+"""Horizontal distance in metres to a person within which a body seen by fewer sensors is not a second
+person."""
 
 
 class Fuser:
     """Tracks all people in a space that several sensors watch.
 
-    Bodies come in the common world and on the common clock, each sensor's when it has them; bodies go out for
-    any moment, usually that of the newest frame. Identities are the fuser's own.
+    Bodies enter in the common world and on the common clock, whenever their sensor delivers them. Fused
+    bodies are available for any moment, usually that of the newest frame. Identities are the fuser's own.
 
     Args:
-        eyes: by sensor, (3,) where it looks from, metres of the world.
+        eyes: by sensor, (3,) the position of its lens, metres of the world.
+        settings: the settings; None: the defaults.
     """
 
     def __init__(self, eyes: Mapping[str, Float], settings: FusionSettings | None = None) -> None:
@@ -47,7 +50,7 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock; returns False if they came too late."""
+        """Takes in a sensor's bodies at a time of the common clock. Returns False if they came too late."""
         view = self.views[self._numbers[sensor]]
         before = view.state
         heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
@@ -85,7 +88,7 @@ class Fuser:
         return said
 
     def _recognised(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
-        """Assigns each group to a known person, or to a new one."""
+        """Assigns each group to a known person, or to a new one (data association)."""
         pairs = assigned(self._costs(groups, time_ns)) if groups and self.people else []
         known = {g: self.people[p] for g, p in pairs}
         found = []
@@ -98,7 +101,7 @@ class Fuser:
         return found
 
     def _new_person(self, group: Group) -> FusedPerson:
-        """Returns a new person, or one who is back where the sensors of the group agree on an identity."""
+        """Returns a new person, or one that has returned if the sensors of the group agree on an identity."""
         claimed = [s.person for s in group.sightings.values() if s.person]
         present = {p.id for p in self.people}
         number = max(claimed, key=claimed.count, default=0)
@@ -108,12 +111,12 @@ class Fuser:
         person = FusedPerson(number, len(self.views), self.settings)
         s = self.settings
         if any(p.hits >= s.sure_after for p in self.people):
-            # A sensor that sees again after it was covered may hold somebody for two for a moment.
+            # A sensor that was covered may report one person twice for a moment after it sees again.
             person.hits = min(0, s.sure_after - s.sure_beside)
         return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) metres between groups and people, less for groups that just were the person."""
+        """Returns (G, P) metres between groups and people, less for groups with the same person before."""
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),
@@ -123,13 +126,13 @@ class Fuser:
         )
         gates = np.array([s.gate + _SPEED * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
         votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
-        # Who has been here longest keeps the identity when two turn out to be one.
+        # If two people turn out to be one, the oldest identity is kept.
         age = 1e-3 * np.arange(len(self.people))
         allowed = (cost < gates) | (votes > 0.5)
         return np.where(allowed, np.minimum(cost, 10.0) - s.loyalty * votes + age, NEVER)
 
     def _forget(self, time_ns: int) -> None:
-        """Drops people who were not seen for long, and at once those who were never sure."""
+        """Drops people that were not seen for long, and unconfirmed ones at once."""
         s = self.settings
         self.people = [
             p
@@ -138,7 +141,7 @@ class Fuser:
         ]
 
     def _drop_silent_sensors(self, time_ns: int) -> None:
-        """Marks sensors as silent that have sent nothing for long."""
+        """Marks sensors as silent if they have sent nothing for long."""
         for view in self.views:
             if view.last_ns is None or view.state in (SensorState.ENDED, SensorState.LOST):
                 continue
@@ -147,7 +150,7 @@ class Fuser:
                 self._say(view, before, time_ns)
 
     def _compare(self, group: Group, person: FusedPerson, time_ns: int) -> None:
-        """Marks a sensor as moved that sees people elsewhere than the others for a long time."""
+        """Marks a sensor as moved if it sees people elsewhere than the others for a long time."""
         if len(group.joints) < 2 or self._now_ns is None:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
@@ -155,7 +158,7 @@ class Fuser:
         trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
         middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
-            # With three or more the middle one is right, whoever was moved.
+            # With three or more sensors the median is right, whichever sensor was moved.
             other = middle if middle is not None else next(t for n, t in trunks.items() if n != number)
             apart = trunk - other
             view = self.views[number]
@@ -169,7 +172,7 @@ class Fuser:
             self._say(view, before, time_ns)
 
     def _say(self, view: SensorView, before: SensorState, time_ns: int) -> None:
-        """Adds a warning about a change of state; the first frame of a sensor gives none."""
+        """Adds a warning about a change of state. The first frame of a sensor gives no warning."""
         if view.state is before or (before is SensorState.WAITING and view.state is SensorState.LIVE):
             return
         what = f"{view.name} {SENTENCE[view.state]}"
@@ -177,10 +180,10 @@ class Fuser:
 
 
 def _is_duplicate(group: Group, others: list[Group]) -> bool:
-    """Returns whether a body seen by some sensors is one person seen twice (half a body, a ghost).
+    """Returns True if a body of some sensors is a duplicate of another person: half a body, or a ghost.
 
-    It is where other sensors that see the same place as well see one person there. A person who is known
-    already is never dropped for it: people do stand close, and hide each other.
+    This is so if other sensors that see the same place see only one person there. A confirmed person is never
+    dropped for it, because people do stand close and occlude each other.
     """
     hips = group.mean[0]
     for other in others:
@@ -193,7 +196,7 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
 
 @cache
 def warm_up_fusion() -> None:
-    """Fuses a few frames of a standing person from two sensors, with orientations."""
+    """Fuses a few frames of a standing person from two sensors, with orientations, to compile the kernels."""
     fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
     turns = np.tile(IDENTITY, (20, 1))
     for n in range(3):

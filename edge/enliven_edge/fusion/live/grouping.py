@@ -1,4 +1,4 @@
-"""Groups the bodies of all sensors by person, and finds the known person of each group."""
+"""Groups the bodies of all sensors by person, and assigns the groups to known people (data association)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from enliven_edge.fusion.live.naming import MIDDLES
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
 
 NEVER = 1e3
-"""Metres of cost of a forbidden pairing: above every distance in a room."""
+"""Cost in metres of a forbidden pairing: above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
 """(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
 _SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
-"""Metres: shortest of these bones of a person."""
+"""Minimum lengths of these bones of a person, in metres."""
 _LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
-"""Metres: longest of these bones of a person; a guessed joint may be off."""
+"""Maximum lengths of these bones of a person, in metres. A guessed joint may be wrong."""
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Group:
 
     Attributes:
         sightings: by the sensor's number.
-        joints: by the sensor's number, (20, 3) carried on to now.
+        joints: by the sensor's number, (20, 3) predicted to this moment.
     """
 
     sightings: dict[int, BodySighting] = field(default_factory=dict)
@@ -41,26 +41,26 @@ class Group:
 
     @property
     def mean(self) -> Float:
-        """(20, 3) the plain mean of the joints."""
+        """Returns (20, 3) the plain mean of the joints."""
         return np.asarray(sum(self.joints.values()) / len(self.joints))
 
     @property
     def sure(self) -> Float:
-        """(20,) the best confidence."""
+        """Returns (20,) the maximum confidence."""
         return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
 
     def votes(self, person: int) -> float:
-        """Returns the share of its bodies that were this person a moment ago."""
+        """Returns the fraction of its bodies that were this person in the last update."""
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
 
 def plausible(body: Body) -> bool:
-    """Returns whether a body may be a person's: a tracker that lost a person may deliver a heap of joints."""
+    """Returns True if a body may be a person's. A tracker that lost a person may deliver a heap of joints."""
     return bool(bones_within(body.joints, _BONES, _SHORTEST, _LONGEST))
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
-    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3), independent of the naming of sides."""
+    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3). The side names do not matter."""
     out = np.empty((len(a), len(b)))
     trunk_distances(a, a_sure, b, b_sure, MIDDLES, out)
     return out
@@ -71,10 +71,17 @@ def grouped(
 ) -> list[Group]:
     """Groups the bodies of all sensors by person, at most one body of each sensor.
 
-    Sensors join one after another, those that see most people first. Bodies that were one person a moment ago
-    stay together, except against clearly nearer ones: a sensor that has mixed up two people loses their
-    identities, and the identities keep their people. A body that its sensor only predicts, since the person
-    is hidden, is dropped where another sensor sees that person.
+    Sensors are added one after another, those that see most people first. Bodies that were one person in the
+    last update stay together, unless another body is clearly nearer. So if a sensor mixes up two people, the
+    identities stay with their people. A body that its sensor only predicts, because the person is hidden, is
+    dropped if another sensor sees that person.
+
+    Args:
+        views: the sensors.
+        time_ns: the moment, on the common clock.
+        patience: maximum age of a body in seconds.
+        gate: maximum distance in metres of two bodies of one person.
+        loyalty: advantage in metres of the previous assignment.
     """
     recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
     watched = {s.person for said in recent for s in said if s.body.confidence.any()}
@@ -102,7 +109,7 @@ def grouped(
 def _partners(
     groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
-    """Returns the group of each body of one sensor, where one is near enough."""
+    """Returns the group of each body of one sensor, if one is near enough."""
     apart = distances(
         np.array([g.mean for g in groups]),
         np.array([g.sure for g in groups]),
@@ -114,7 +121,10 @@ def _partners(
 
 
 def assigned(cost: Float) -> list[tuple[int, int]]:
-    """Returns the cheapest pairing of rows with columns (Hungarian); entries of NEVER stay alone."""
+    """Returns the cheapest assignment of rows to columns (Hungarian algorithm).
+
+    Entries of NEVER stay unassigned.
+    """
     if not cost.size:
         return []
     rows, columns = least_cost(cost)

@@ -1,8 +1,8 @@
 """Merges live sensors' body frames into one stream: clocks by arrival, bodies in the world, the fastest rate.
 
-The age of the youngest frame over a while is the sensor's latency, which is constant. A change of the
-difference between two sensors' youngest frames is therefore one of their clocks, which drift apart by
-seconds a day.
+The age of the youngest frame over an interval is the sensor's latency, which is constant. So a change of the
+difference between two sensors' youngest frames is drift of one of their clocks. Clocks drift apart by seconds
+per day.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from enliven_edge.tracking import TrackerSettings
 log = logging.getLogger(__name__)
 
 _DIFFER_NS = 300_000_000
-"""Difference of two sensors' youngest frames beyond which the clocks are not those of the calibration."""
+"""Difference of two sensors' youngest frames in nanoseconds beyond which the clocks are not those of the
+calibration."""
 _WHILE_NS = 10_000_000_000
-"""Nanoseconds over which the youngest frame is taken: some hundred frames, in which clocks drift by less than
-a millisecond."""
+"""Interval in nanoseconds for the youngest frame: some hundred frames, in which clocks drift by less than a
+millisecond."""
 
 
 @dataclass
 class _Ages:
-    """The least age of a sensor's frames, nanoseconds: in this interval, and in the last whole one."""
+    """The minimum age of a sensor's frames in nanoseconds: in this interval, and in the last complete one."""
 
     began_ns: int
     least: int
@@ -38,7 +39,10 @@ class _Ages:
 
 
 class ArrivalClocks:
-    """Offsets of every live sensor's time, beyond the calibration's; the first sensor's stays."""
+    """Offsets of every live sensor's time in addition to the calibration's.
+
+    The first sensor is the reference.
+    """
 
     def __init__(self) -> None:
         self._ages: dict[str, _Ages] = {}
@@ -50,9 +54,10 @@ class ArrivalClocks:
         return self._shift.get(sensor, 0)
 
     def note(self, sensor: str, time_ns: int, read_ns: int) -> None:
-        """Takes in the arrival of a frame.
+        """Records the arrival of a frame.
 
         Args:
+            sensor: the sensor's identity.
             time_ns: of the frame, by the calibration's clock.
             read_ns: wall clock.
         """
@@ -81,11 +86,11 @@ class ArrivalClocks:
 _MISSED = 1.7
 """Frame intervals by which the leading sensor may be late before another one leads."""
 _FASTER = 0.8
-"""Share of the leading sensor's frame interval below which another sensor's interval makes it lead."""
+"""Fraction of the leading sensor's frame interval below which another sensor's interval makes it lead."""
 
 
 class OutputSchedule:
-    """Decides when fused bodies are sent: with the frames of the fastest sensor, as long as it has some."""
+    """Decides when fused bodies are sent: with the frames of the fastest sensor, while it sends frames."""
 
     def __init__(self) -> None:
         self._steps: dict[str, float] = {}
@@ -94,7 +99,7 @@ class OutputSchedule:
         self._told_ns: int | None = None
 
     def due(self, sensor: str, time_ns: int) -> bool:
-        """Returns whether fused bodies are sent with this frame of a sensor, on the common clock."""
+        """Returns True if fused bodies are sent with this frame of a sensor, on the common clock."""
         before = self._last.get(sensor, time_ns)
         if time_ns > before:
             step = (time_ns - before) * 1e-9
@@ -108,7 +113,7 @@ class OutputSchedule:
         return True
 
     def _leads_better(self, sensor: str, time_ns: int) -> bool:
-        """Returns whether a sensor is faster than the leading one, or the leading one is late."""
+        """Returns True if a sensor is faster than the leading one, or the leading one is late."""
         assert self._lead is not None
         if self._lead not in self._steps:
             return time_ns - self._last[self._lead] > 1e8
@@ -118,13 +123,17 @@ class OutputSchedule:
 
 
 _FIXED_HEIGHT_M = 1.0
-"""Height of a sensor that sees no floor and has no height in the settings, the same in every session."""
+"""Height in metres of a sensor that sees no floor and has no height in the settings. It is the same in every
+session."""
 
 
 def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
-    """Settings for a tracker with bodies that go to the fuser: smoothing, mirroring and prediction are off;
-    they are applied after fusion. The sensor's height without a floor is fixed, not guessed from people: the
-    placements of the sensors were calibrated with it."""
+    """Returns settings for a tracker that sends its bodies to the fuser.
+
+    Smoothing, mirroring and prediction are off, because they are applied after fusion. The sensor's height
+    without a floor is fixed, not guessed from people, because the placements of the sensors were calibrated
+    with it.
+    """
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
     scene = dataclasses.replace(settings.scene, height=settings.scene.height or _FIXED_HEIGHT_M)

@@ -1,4 +1,4 @@
-"""Left and right: a sensor that sees a back may name them the wrong way round; time and majority decide."""
+"""Left and right: a sensor that sees a back may exchange the sides. Time and a majority vote decide."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from enliven.rotation import multiply
 from enliven_edge.fusion.live.blending import side_costs
 
 OTHER_SIDE = np.array(MIRROR)
-"""(20,) the joint of the other side; the trunk's joints are their own."""
+"""(20,) the joint of the other side. The trunk's joints are mapped to themselves."""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
-"""(12, 2) joints with a midpoint that does not depend on the naming of sides."""
+"""(12, 2) pairs of joints with a midpoint that does not depend on the names of the sides."""
 _ABOUT_FACE = np.array([0.0, 0.0, 1.0, 0.0])
-"""(4,) half a turn about a bone's length."""
+"""(4,) the quaternion of half a turn about a bone's length."""
 
 
 def middles(joints: Float) -> Float:
-    """Returns (..., 12, 3) the points of a body that an exchange of sides leaves in place."""
+    """Returns (..., 12, 3) the points of a body that do not move if the sides are exchanged."""
     return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
 
 
 def middle_weights(weights: Float) -> Float:
-    """Returns (..., 12) of (..., 20): the smaller of the two joints' weights."""
+    """Returns (..., 12) from (..., 20): the smaller of the two joints' weights."""
     return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
 
 
 def exchanged(body: Body) -> Body:
-    """Returns the body with left and right exchanged; twice is the body itself.
+    """Returns the body with left and right exchanged. Applied twice it returns the same body.
 
-    Positions change their names only. Every bone is also turned half about its length, so that the front of a
-    person who was taken for facing the other way is where it truly is.
+    Positions only change their names. Every bone is also rotated by half a turn about its length, because the
+    person was taken to face the other way.
     """
     turns = body.orientations
     return dataclasses.replace(
@@ -47,19 +47,19 @@ def exchanged(body: Body) -> Body:
 
 
 _CLEARLY = 0.06
-"""Metres a joint by which exchanged sides must fit better to be taken."""
+"""Minimum improvement of the fit in metres per joint for exchanged sides to be accepted."""
 _WALKING = 0.4
-"""Metres a second of the hips above which walking shows the direction of facing."""
+"""Minimum speed of the hips in metres per second at which walking shows the facing direction."""
 _SETTLED = 3.0
 """Seconds after which the sides of a new person count as known."""
 
 
 class SideKeeper:
-    """Keeps for one person which of the sensors name the sides the wrong way round at present.
+    """The record for one person of the sensors that currently exchange the sides.
 
     Args:
-        sensors: how many there are.
-        turn_over: seconds for which most must say so until the sides are exchanged for all.
+        sensors: number of sensors.
+        turn_over: seconds for which a majority must vote before the sides are exchanged for all.
     """
 
     def __init__(self, sensors: int, turn_over: float) -> None:
@@ -68,18 +68,19 @@ class SideKeeper:
         self._doubt, self._watched = 0.0, 0.0
 
     def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
-        """Returns the bodies with the sides that were decided on."""
+        """Returns the bodies with the decided sides."""
         return {s: self._as_named(s, body) for s, body in bodies.items()}
 
     def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
         """Decides for every sensor whether it has exchanged the sides, by the expected joints.
 
-        Where two sensors contradict each other after that, the one with the smaller margin is exchanged.
+        If two sensors contradict each other after that, the one with the smaller margin is exchanged.
 
         Args:
-            expected: (20, 3); of a new person, the joints of any of the sensors.
-            spoke: (S,) whether a sensor saw this person a moment ago; then the margin must be clear.
-            known: whether this person was ever seen before.
+            bodies: by sensor, its body of this person.
+            expected: (20, 3); for a new person, the joints of any of the sensors.
+            spoke: (S,) whether a sensor saw this person in the last update; then the margin must be clear.
+            known: whether this person was seen before.
         """
         margins = {}
         for sensor, body in bodies.items():
@@ -95,14 +96,16 @@ class SideKeeper:
                 self._crossed[least] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
-        """Returns whether the sides are exchanged for all sensors: most have said so for long enough.
+        """Returns True if the sides are exchanged for all sensors, after a long enough majority vote.
 
-        Where sensors disagree, the direction of walking decides: people walk forward most of the time. A new
-        person is not decided yet: a first look errs more often than a long one.
+        If sensors disagree, the walking direction decides, because people mostly walk forward. A new person
+        is not decided yet, because a first observation is wrong more often than a long one.
 
         Args:
             weights: by sensor, the weight of its vote.
-            backward: 1 for a person who walks backward as the sides are named, -1 forward, 0 standing.
+            backward: 1 for a person that walks backward with the present sides, -1 forward, 0 standing.
+            seconds: time since the last vote.
+            known: whether this person was seen before.
         """
         total = sum(weights.values()) or 1.0
         crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
@@ -116,7 +119,7 @@ class SideKeeper:
         return over
 
     def _margin(self, sensor: int, body: Body, reference: Float) -> float:
-        """Returns metres a joint by which the sides as named now fit better than exchanged."""
+        """Returns metres per joint by which the present sides fit better than exchanged ones."""
         plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
         return float(plain - crossed if self._crossed[sensor] else crossed - plain)
 
@@ -125,10 +128,10 @@ class SideKeeper:
 
 
 def walks_backward(joints: Float, velocity: Float) -> float:
-    """Returns 1 for walking backward as the sides are named, -1 forward, 0 standing.
+    """Returns 1 for walking backward with the present sides, -1 forward, 0 standing.
 
     Args:
-        joints: (20, 3) metres; velocity: (20, 3) metres a second.
+        joints: (20, 3) metres; velocity: (20, 3) metres per second.
     """
     left = joints[[Joint.SHOULDER_LEFT, Joint.HIP_LEFT]].mean(0)
     across = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)

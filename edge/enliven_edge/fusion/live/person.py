@@ -1,4 +1,4 @@
-"""One person as all sensors together see them."""
+"""One person, fused from all sensors."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
 from enliven_edge.fusion.settings import FusionSettings
 
 _GLIDE = 0.5
-"""Seconds unseen up to which joints continue from their last place in place of jumping to the new one."""
+"""Maximum seconds unseen after which joints continue smoothly from their last position instead of jumping to
+the new one."""
 _MOVED = 0.02
-"""Weight of a sensor that was moved, against one that was not."""
+"""Relative weight of a sensor that was moved."""
 _CONVINCING = 3.0
-"""Confidence that a joint may gain a second: a sudden certainty counts little at first."""
+"""Maximum gain of a joint's confidence per second, so that a sudden certainty counts little at first."""
 _SHAKEN = 0.7
-"""Seconds of the low-pass of a sensor's surprise: how long a surprising sensor is doubted."""
+"""Time constant in seconds of the low-pass of a sensor's prediction error: how long a surprising sensor is
+down-weighted."""
 _CALM = 0.05**2
-"""Square metres of surprise that are usual: 5 cm of a tracker's noise."""
+"""Usual squared prediction error in square metres: 5 cm of a tracker's noise."""
 _GUESS = 1e-3
-"""The weight of a joint that no sensor sees, so that it keeps a place."""
+"""Weight of a joint that no sensor sees, so that it keeps a position."""
 
 
 class FusedPerson:
@@ -46,7 +48,7 @@ class FusedPerson:
         self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
     def unseen(self, time_ns: int) -> float:
-        """Returns seconds since any sensor saw this person; infinite before the first time."""
+        """Returns seconds since any sensor saw this person. Infinite before the first time."""
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:
@@ -78,9 +80,9 @@ class FusedPerson:
         return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
 
     def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
-        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds.
+        """Lowers the weights (S, 20) of sensors with large prediction errors over the last seconds.
 
-        A constant difference of a sensor is no surprise.
+        A sensor's constant offset does not count as an error.
         """
         sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
         surprise = ((x[sensors] - self._offsets[sensors] - expected) ** 2).sum(2).mean(1)
@@ -129,9 +131,10 @@ class FusedPerson:
     def _observations(
         self, bodies: dict[int, Body], views: list[SensorView], seconds: float
     ) -> tuple[Float, Float]:
-        """Returns (S, 20, 3) joints and (S, 20) weights: sure and near observations weigh most.
+        """Returns (S, 20, 3) joints and (S, 20) weights: confident and near observations weigh most.
 
-        A joint of which a sensor has just become sure, after it was not, weighs little yet.
+        The confidence of a joint rises only gradually, so a joint that a sensor has just found again has a
+        low weight.
         """
         x, w = np.zeros(self._offsets.shape), np.zeros(self._spoke.shape)
         sure = np.zeros(self._sure.shape)
@@ -164,7 +167,7 @@ class FusedPerson:
 
 
 def group_bodies(group: Group) -> dict[int, Body]:
-    """Returns by sensor the bodies predicted to now, with the sides as the sensors name them."""
+    """Returns by sensor the bodies predicted to this moment, with the sides as named by the sensors."""
     return {s: _replaced(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
 
 
@@ -175,13 +178,13 @@ def _replaced(body: Body, joints: Float) -> Body:
 
 
 def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
-    """Returns metres of noise of a sensor's joints at the distance of a body."""
+    """Returns the noise in metres of a sensor's joints at the distance of a body."""
     away = body.joints[Joint.HIP_CENTER] - view.eye
     return float(settings.near_noise + settings.far_noise * (away @ away))
 
 
 def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
-    """Returns (20,) the confidence of the most trusted sensor, lower where sensors contradict each other."""
+    """Returns (20,) the confidence of the most trusted sensor, lower if sensors contradict each other."""
     told, made = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
         told[sensor] = body.confidence
@@ -190,7 +193,7 @@ def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> F
 
 
 def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
-    """Returns (2,) the contact of either foot, from the sensors that see the ankles best."""
+    """Returns (2,) the contact of each foot, from the sensors that see the ankles best."""
     have = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
     if not have:
         return None

@@ -12,17 +12,17 @@ from enliven.person import Body
 
 
 class SensorState(StrEnum):
-    """The state of one sensor of several; every state but LIVE gives a warning."""
+    """The state of one of several sensors. Every state except LIVE gives a warning."""
 
     WAITING = "waiting"
-    """It has not said anything yet."""
+    """It has not sent any frame yet."""
     LIVE = "live"
     SILENT = "silent"
     """Its frames have stopped coming."""
     FROZEN = "frozen"
-    """Its frames come, and are all the same."""
+    """Its frames come, but all are equal."""
     MOVED = "moved"
-    """What it sees no longer lies where the others see it: it was knocked, or is not calibrated."""
+    """Its people are elsewhere than those of the other sensors: it was knocked, or is not calibrated."""
     LOST = "lost"
     """It was unplugged, or failed."""
     ENDED = "ended"
@@ -31,11 +31,11 @@ class SensorState(StrEnum):
 
 @dataclass(frozen=True)
 class SensorWarning:
-    """A change of a sensor's state that the user should know.
+    """A change of a sensor's state for the user.
 
     Attributes:
         sensor: its identity.
-        state: what it is now.
+        state: the new state.
         what: one sentence.
         time_ns: the common clock.
     """
@@ -59,15 +59,16 @@ SENTENCE = {
 
 
 _CALM = 0.2
-"""Share of a small velocity change that is taken over at a frame: small changes are mostly noise."""
+"""Weight of a new velocity if it changes little, per frame. Small changes are mostly noise."""
 _LIVELY = 0.7
-"""Share of a large velocity change that is taken over at a frame: a start or a stop."""
+"""Weight of a new velocity if it changes much, per frame: a start or a stop."""
 _START = 1.5
-"""Metres a second of change that count as a start or a stop in full."""
+"""Change of velocity in metres per second that fully counts as a start or a stop."""
 _FASTEST = 8.0
-"""Metres a second of a trunk: a faster one is another person, whatever identity the sensor gives it."""
+"""Maximum speed of a trunk in metres per second. A faster one is another person, whatever identity the sensor
+reports."""
 _BACK_AGAIN = 0.5
-"""Seconds after which a velocity starts anew at zero."""
+"""Seconds without a frame after which a velocity restarts at zero."""
 
 
 @dataclass
@@ -75,10 +76,10 @@ class BodySighting:
     """One body of one sensor.
 
     Attributes:
-        body: as it was last told, in the world.
-        time_ns: when, on the common clock.
+        body: the last report, in the world.
+        time_ns: the time of the report on the common clock.
         velocity: (20, 3) m/s.
-        person: the identity that it was last taken for, or 0.
+        person: the last assigned identity, or 0.
     """
 
     body: Body
@@ -91,7 +92,7 @@ class BodySighting:
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """Returns (20, 3) the predicted joints; never predicted for longer than ``longest`` seconds."""
+        """Returns (20, 3) the predicted joints. The prediction is limited to ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 
@@ -101,7 +102,7 @@ class SensorView:
 
     Args:
         name: its identity.
-        eye: (3,) where it looks from, metres of the world.
+        eye: (3,) the position of its lens, metres of the world.
     """
 
     def __init__(self, name: str, eye: Float) -> None:
@@ -115,10 +116,12 @@ class SensorView:
         self._bound: dict[int, tuple[int, int]] = {}
 
     def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies; returns False where they are late and bring nothing new.
+        """Takes in a sensor's bodies. Returns False if they are late and contain nothing new.
 
         Args:
-            silence: seconds of unchanging bodies after which the sensor counts as frozen.
+            bodies: in the world.
+            time_ns: the common clock.
+            silence: seconds of unchanged bodies after which the sensor counts as frozen.
             frozen: its images are known to repeat.
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
@@ -137,9 +140,11 @@ class SensorView:
         return True
 
     def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
-        """Remembers the person of a body, for the case that the sensor loses and finds it again.
+        """Remembers the person of a body, in case the sensor loses and finds it again.
 
         Args:
+            sighting: the body.
+            person: the identity.
             believed: seconds after which it is forgotten.
         """
         sighting.person = person
@@ -149,7 +154,7 @@ class SensorView:
             self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
-        """Returns whether there are people and all their joints equal the last ones bit for bit."""
+        """Returns True if there are people and all their joints equal the last ones bit for bit."""
         before, self._before = self._before, bodies
         return (
             bool(bodies)
@@ -165,7 +170,7 @@ class SensorView:
         if before is None:
             return BodySighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
         seconds = before.age(time_ns)
-        # Who was not seen was only supposed to be somewhere: the way from there is no motion.
+        # An unseen person has only a predicted position. The difference from it is not a motion.
         if seconds > _BACK_AGAIN or not before.body.confidence.any():
             return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds

@@ -1,4 +1,4 @@
-"""One sensor of several in a thread of its own: reads, tracks and queues its bodies."""
+"""One of several sensors in its own thread: reads, tracks and queues its bodies."""
 
 from __future__ import annotations
 
@@ -27,11 +27,13 @@ PATIENCE = 0.1
 
 
 class SensorThread(ABC):
-    """Runs :meth:`_read` for one sensor; a failure is kept for the user, and the other sensors go on.
+    """A worker thread that runs :meth:`_read` for one sensor.
+
+    A failure is kept for the user, and the other sensors continue.
 
     Attributes:
-        ended: no more frames will come.
-        failure: the reason, where it was no ordinary end.
+        ended: whether no more frames will come.
+        failure: the reason, if it was not an ordinary end.
         recorded: whether it is a recording: its frames may wait for those of others.
     """
 
@@ -43,7 +45,7 @@ class SensorThread(ABC):
         self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
 
     def start(self) -> None:
-        """Begins to read."""
+        """Starts to read."""
         self._thread.start()
 
     def stop(self) -> None:
@@ -69,7 +71,7 @@ class SensorThread(ABC):
 
 
 _WAITING = 2
-"""Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""
+"""Maximum number of queued sets of bodies. The sensor is read no faster than they are fused."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class SensorBodies:
         bodies: in the world.
         time_ns: the common clock.
         read_ns: wall clock when the frame was read.
-        frozen: whether its frames have repeated for a while, bit by bit.
+        frozen: whether its frames have been identical for a while, bit by bit.
     """
 
     sensor: str
@@ -95,14 +97,16 @@ class Watcher(SensorThread):
 
     Args:
         name: the sensor's identity in the space.
-        place: where it stands.
+        sensor: the sensor.
+        tracker: its tracker.
+        place: its pose.
         health: monitors the sensor.
-        changed: notified after everything that is new.
-        once: end at the sensor's first fault, in place of going on with its next good frame.
+        changed: notified after every change.
+        once: end at the sensor's first fault, instead of continuing with its next good frame.
 
     Attributes:
-        health_states: the sensor's health states now, the gravest first.
-        seen: the bodies that wait to be fused, the oldest first; guarded by ``changed``.
+        health_states: the sensor's current health states, the most severe first.
+        seen: the queued bodies, the oldest first; guarded by ``changed``.
     """
 
     def __init__(
@@ -162,7 +166,7 @@ class Watcher(SensorThread):
             self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
-        """Raises ResourceError after a fault where ``once`` was asked for."""
+        """Raises ResourceError after a fault if ``once`` was requested."""
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 

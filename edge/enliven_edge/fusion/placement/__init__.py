@@ -1,4 +1,4 @@
-"""Where the sensors of a space stand: rigid transforms, and the TOML file that keeps them."""
+"""The poses of the sensors in a space: rigid transforms, and the TOML file that stores them."""
 
 import lazy_loader
 

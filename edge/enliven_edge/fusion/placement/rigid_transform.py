@@ -1,4 +1,4 @@
-"""Rigid transforms (4, 4) from corresponding points: weighted least squares, free or upright."""
+"""Rigid transforms (4, 4) from corresponding points: weighted least squares, free or about the vertical."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def moved(transform: Float, points: Float) -> Float:
-    """(..., 3) the points (..., 3) after a rigid transform (4, 4)."""
+    """Returns (..., 3) the points (..., 3) transformed by a rigid transform (4, 4)."""
     return turned(transform, points) + transform[:3, 3]
 
 
 def turned(transform: Float, vectors: Float) -> Float:
-    """(..., 3) the vectors (..., 3) after the rotation of a rigid transform (4, 4)."""
-    # As one product: NumPy would make one of every (20, 3) of a (N, 20, 3).
+    """Returns (..., 3) the vectors (..., 3) rotated by the rotation of a rigid transform (4, 4)."""
+    # One matrix product. NumPy would otherwise compute one per (20, 3) block of a (N, 20, 3).
     return np.asarray((vectors.reshape(-1, 3) @ transform[:3, :3].T).reshape(vectors.shape))
 
 
 def inverse(transform: Float) -> Float:
-    """(4, 4) the way back."""
+    """Returns (4, 4) the inverse transform."""
     back = np.eye(4)
     back[:3, :3] = transform[:3, :3].T
     back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
@@ -37,39 +37,39 @@ def inverse(transform: Float) -> Float:
 
 
 def rigid(rotation: Float, translation: Float) -> Float:
-    """(4, 4) from (3, 3) and (3,)."""
+    """Returns (4, 4) from a (3, 3) rotation and a (3,) translation."""
     made = np.eye(4)
     made[:3, :3], made[:3, 3] = rotation, translation
     return made
 
 
 def turn(vector: Float) -> Float:
-    """(3, 3) the rotation by a rotation vector (3,), radians."""
+    """Returns (3, 3) the rotation by a rotation vector (3,), radians."""
     return to_matrix(from_rotation_vector(vector))
 
 
 def cross_matrix(v: Float) -> Float:
-    """(3, 3) such that cross_matrix(v) @ w == cross(v, w)."""
+    """Returns (3, 3) the matrix with cross_matrix(v) @ w == cross(v, w)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def angle_between(a: Float, b: Float) -> float:
-    """Radians between the rotations of two transforms (or rotation matrices)."""
+    """Returns the angle in radians between the rotations of two transforms (or rotation matrices)."""
     return float(np.linalg.norm(rotation_vector(a[:3, :3].T @ b[:3, :3])))
 
 
 def rotation_vector(rotation: Float) -> Float:
-    """(3,) the rotation vector of a (3, 3) rotation, angle in [0, pi]."""
+    """Returns (3,) the rotation vector of a (3, 3) rotation, angle in [0, pi]."""
     return to_rotation_vector(from_matrix(rotation))
 
 
 def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
-    """(4, 4) target_from_source that minimises sum w |R s + t - d|^2 (Kabsch 1976, Umeyama 1991).
+    """Returns (4, 4) target_from_source that minimises sum w |R s + t - d|^2 (Kabsch 1976, Umeyama 1991).
 
     Args:
         source, target: (N, 3) corresponding points, metres.
         weights: (N,) at least 0, not all 0.
-        upright: turn about +Y only.
+        upright: rotate about +Y only.
     """
     share = weights / weights.sum()
     from_centre, to_centre = share @ source, share @ target
@@ -79,6 +79,6 @@ def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -
 
 
 def _about_up(covariance: Float) -> Float:
-    """(3, 3) the turn about +Y nearest to a cross-covariance."""
+    """Returns (3, 3) the rotation about +Y nearest to a cross-covariance."""
     angle = np.arctan2(covariance[2, 0] - covariance[0, 2], covariance[0, 0] + covariance[2, 2])
     return turn(angle * UP)

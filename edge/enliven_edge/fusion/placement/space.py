@@ -1,4 +1,4 @@
-"""Reads and writes the places of the sensors as a TOML file that a person can read and edit."""
+"""Reads and writes the poses of the sensors as a TOML file that people can read and edit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from enliven.settings import load_settings, read_toml, refuse_later_toml, settin
 _Row = tuple[float, float, float, float]
 _Rows = tuple[_Row, _Row, _Row, _Row]
 _UNIT = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-"""Rows of the identity: a sensor stands at the world's origin unless the file says otherwise."""
+"""Rows of the identity matrix: a sensor is at the world's origin unless the file contains another pose."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """The place of one sensor, and the offset of its clock."""
+    """The pose of one sensor, and the offset of its clock."""
 
     world_from_sensor: _Rows = setting(_UNIT, "(4, 4) from the level frame in which the sensor tells bodies.")
     world_from_camera: _Rows | None = setting(None, "(4, 4) of its depth camera; left out where it has none.")
@@ -30,17 +30,17 @@ class Place:
 
     @property
     def camera(self) -> Float | None:
-        """(4, 4) world_from_camera, or None for a sensor that tells bodies by itself."""
+        """Returns (4, 4) world_from_camera, or None for a sensor that tracks bodies itself."""
         return None if self.world_from_camera is None else np.array(self.world_from_camera)
 
     @property
     def level(self) -> Float:
-        """(4, 4) world_from_sensor."""
+        """Returns (4, 4) world_from_sensor."""
         return np.array(self.world_from_sensor)
 
     @property
     def eye(self) -> Float:
-        """(3,) where it looks from, metres of the world; over its origin where no camera is known."""
+        """Returns (3,) the position of its lens in world metres. Without a camera: 1 m above its origin."""
         camera = self.camera
         return self.level[:3, 3] + [0.0, 1.0, 0.0] if camera is None else camera[:3, 3]
 
@@ -53,10 +53,10 @@ class Space:
 
 
 def load_space(path: Path) -> Space:
-    """Reads the space of a file that :func:`save_space` wrote.
+    """Reads a space from a file that :func:`save_space` wrote.
 
     Raises:
-        InputError: for an unreadable file, or a matrix that is no rigid transform.
+        InputError: for an unreadable file, or a matrix that is not a rigid transform.
     """
     where = str(path)
     if not path.exists():
@@ -78,14 +78,14 @@ def load_space(path: Path) -> Space:
 
 
 def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
-    """Writes the file whole or not at all; the previous file is kept beside it.
+    """Writes the file atomically, and keeps the previous file next to it.
 
     Returns:
-        Where the file that was there before is now, or None.
+        The path of the previous file, or None.
 
     Raises:
-        InputError: if the file is of a later version; it stays.
-        ResourceError: where it cannot be written; then what was there is untouched.
+        InputError: if the existing file is of a later version; it is not changed.
+        ResourceError: if the file cannot be written; the existing file is then not changed.
     """
     refuse_later_toml(path)
     old = path.with_name(path.name + ".old") if path.exists() else None
@@ -102,7 +102,7 @@ def rows(transform: Float) -> _Rows:
 
 
 def _text(space: Space, remarks: list[str]) -> str:
-    """Returns the file's text: remarks as comments, a table a sensor."""
+    """Returns the file's text: remarks as comments, and one table per sensor."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
     for name, place in space.sensors.items():
         quoted = name.replace("\\", "\\\\").replace('"', '\\"')
@@ -119,7 +119,10 @@ def _matrix(key: str, matrix: _Rows) -> list[str]:
 
 
 def _checked(transform: Float, where: str) -> None:
-    """Raises InputError for a matrix that is no rigid transform: a typing error would bend every body."""
+    """Raises InputError for a matrix that is not a rigid transform.
+
+    A typing error would distort every body.
+    """
     rotation = transform[:3, :3]
     crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
     if crooked or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):

@@ -1,4 +1,4 @@
-"""The articulated body that is fitted: capsules on 20 joints with 30 degrees of freedom, and their limits."""
+"""The articulated body model: capsules on 20 joints with 30 degrees of freedom, and the joint limits."""
 
 import lazy_loader
 

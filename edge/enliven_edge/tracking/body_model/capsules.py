@@ -1,4 +1,4 @@
-"""Distances from points to tapered capsules, compiled: the inner loop of the fit and of the detection."""
+"""Compiled distances from points to tapered capsules: the inner loop of the fit and of the detection."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ import numpy as np
 from enliven.kernels import njit
 
 _NUMBER = 31
-"""Bit mask of a cost's last 5 bits, which hold the number of its capsule: at most 32 capsules."""
+"""Bit mask of a cost's last 5 bits, which hold the index of its capsule: at most 32 capsules."""
 FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
-"""LLVM's fast-math flags of kernels without infinite numbers: sums in any order, so many at a time."""
+"""LLVM's fast-math flags for kernels without infinite numbers. They allow sums in any order, so that loops
+are vectorised."""
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def nearest_capsules(which, seen, affinity, ends, radii, side):
-    """Finds the capsule that each observed point lies on, by its surface, into ``which``.
+    """Finds the capsule with the nearest surface for each observed point, into ``which``.
 
-    A surface that faces away from the observed normal costs up to twice ``side`` metres more, so that a
-    point on the front of an arm is not explained by the chest behind it.
+    A surface that faces away from the observed normal costs up to twice ``side`` metres more. So a point on
+    the front of an arm is not explained by the chest behind it.
 
     Args:
         which: (M,) int32.
-        seen: (6, M) float32 the points, world frame, and their outward unit normals: one row a number, so
-            that many points are searched at once.
-        affinity: (C, M) float32 metres added to each capsule's cost for points that do not look like it; or
-            (0, 0).
+        seen: (6, M) float32 the points, world frame, and their outward unit normals. One row per coordinate
+            lets the compiler vectorise the loop.
+        affinity: (C, M) float32 metres added to each capsule's cost for points that the network assigns to
+            another body part; or (0, 0).
         ends, radii: (C, 2, 3) and (C, 2) metres, world frame; C is at most 32.
         side: float32 metres.
     """
@@ -49,8 +50,8 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
             length = np.sqrt(px * px + py * py + pz * pz) + np.float32(1e-9)
             facing = (px * seen[3, i] + py * seen[4, i] + pz * seen[5, i]) / length
             cost = abs(length - (start + t * growth)) + side * max(zero, one - facing) + scale * likes[i]
-            # Costs are not negative, so they are ordered as their bits are: with the capsule's number in the
-            # last ones, the least is found without a branch.
+            # Costs are not negative, so their bit patterns are ordered like the costs. With the capsule's
+            # index in the last bits, an integer minimum finds the nearest capsule without a branch.
             bits = (np.float32(cost).view(np.int32) & np.int32(~_NUMBER)) | np.int32(c)
             which[i] = min(which[i], bits)
     for i in range(len(which)):
@@ -59,12 +60,15 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):
-    """(N,) metres: the mean distance from points to the nearest surface plus that from capsules to points.
+    """Returns (N,) metres: the sum of two mean distances.
+
+    They are the distance from points to the nearest surface, and that from capsules to the nearest point.
 
     Args:
         points: (3, M) float32.
-        ends: (N, C, 2, 3) the capsules of N postures with the same (C, 2) radii.
-        far: metres at which a point's distance is capped.
+        ends: (N, C, 2, 3) the capsules of N postures.
+        radii: (C, 2) metres, the same for all postures.
+        far: metres to which a point's distance is capped.
     """
     out = np.empty(len(ends))
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -97,7 +101,10 @@ def misfits(points, ends, radii, far):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def standing_out(points, ends, radii):
-    """(M,) float32 metres of (M, 3) float32 points outside the nearest of some capsules; negative inside."""
+    """Returns (M,) float32 signed distances in metres of (M, 3) float32 points from some capsules.
+
+    Points inside have negative distances.
+    """
     zero, one = np.float32(0.0), np.float32(1.0)
     seen, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
     for i in range(len(points)):
@@ -118,14 +125,17 @@ def standing_out(points, ends, radii):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def clear_of_rays(points, eye, near, far, ends, radii):
-    """(M,) float32 metres between some capsules and a stretch of the ray through each point; negative inside.
+    """Returns (M,) float32 signed metres between some capsules and a segment of the ray through each point.
 
-    The least distance between the stretch and a capsule's axis, less the radius there.
+    The distance is negative if the segment enters a capsule.
+
+    It is the smallest distance between the segment and a capsule's axis, minus the radius there.
 
     Args:
         points: (M, 3) float32.
-        eye: (3,) from where the rays come.
-        near, far: metres beyond the point where the stretch begins and ends; negative before it.
+        eye: (3,) origin of the rays.
+        near, far: start and end of the segment in metres beyond the point; negative in front of it.
+        ends, radii: (C, 2, 3) and (C, 2) metres, world frame.
     """
     zero, one, tiny = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
     first, long = np.float32(near), np.float32(far - near)
@@ -137,6 +147,7 @@ def clear_of_rays(points, eye, near, far, ends, radii):
         rays[0, i], rays[1, i] = points[i, 0] + first * x, points[i, 1] + first * y
         rays[2, i], rays[3, i] = points[i, 2] + first * z, long * x
         rays[4, i], rays[5, i] = long * y, long * z
+    # The closest points of two segments, with parameters s on the ray and t on the axis.
     a, start, growth = long * long, radii[:, 0], radii[:, 1] - radii[:, 0]
     for c in range(len(ends)):
         sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
@@ -149,7 +160,7 @@ def clear_of_rays(points, eye, near, far, ends, radii):
             vx, vy, vz = rays[3, i], rays[4, i], rays[5, i]
             b, f = vx * dx + vy * dy + vz * dz, x * dx + y * dy + z * dz
             d = x * vx + y * vy + z * vz
-            # Where both are parallel every place is as near: from the stretch's beginning.
+            # If both are parallel, all places are equally near. Take the start of the segment.
             s = min(one, max(zero, (b * f - d * e) / (a * e - b * b + tiny)))
             t = min(one, max(zero, (b * s + f) / e))
             s = min(one, max(zero, (b * t - d) / a))

@@ -1,8 +1,8 @@
 """Joint limits: the range of each joint of a person, and a relaxed standing posture.
 
 Ranges are boxes of the rotation vector about the middle of the joint's range. A shoulder's middle is an arm
-held out and forward, so that hanging and overhead are both within a third of a turn and the logarithm stays
-smooth over everything a performer does.
+held out and forward. Hanging and overhead arms are then both within a third of a turn. So the logarithm stays
+smooth for all postures of a performer.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import rotation
 
 _SIDE = np.diag([-1.0, 1.0, 1.0])
-"""(3, 3) reverses x."""
+"""(3, 3) a reflection that reverses x."""
 _FARTHER = 0.4
-"""Radians that hips bend farther where a person is known: 138 degrees against a level pelvis."""
+"""Additional hip flexion in radians for a person that is already tracked: 138 degrees against a level
+pelvis."""
 _FREE = 10.0
-"""Radians: wider than any rotation vector, so no limit."""
+"""A half width in radians that means no limit: it is larger than any rotation vector."""
 
 
 def mirrored(rotations: Float) -> Float:
-    """(13, 3, 3) the same posture seen in a mirror: left and right exchanged, x reversed."""
+    """Returns (13, 3, 3) the mirrored posture: left and right exchanged, x reversed."""
     return _SIDE @ rotations[model.MIRROR] @ _SIDE
 
 
 def _middle() -> Float:
-    """(13, 3, 3) the middle of every range."""
+    """Returns (13, 3, 3) the middle of every range."""
     middle = np.tile(np.eye(3), (13, 1, 1))
     middle[model.CHEST] = rotation(x=0.2)
     middle[model.UPPER_ARM_L] = rotation(x=-0.6, z=1.2)
@@ -39,7 +40,7 @@ def _middle() -> Float:
 
 
 def _with_right_side(rotations: Float) -> Float:
-    """The left limbs' rotations mirrored to the right."""
+    """Copies the left limbs' rotations to the right, mirrored."""
     mirror = mirrored(rotations)
     for right in (model.UPPER_ARM_R, model.FOREARM_R, model.THIGH_R, model.SHIN_R, model.FOOT_R):
         rotations[right] = mirror[right]
@@ -47,7 +48,7 @@ def _with_right_side(rotations: Float) -> Float:
 
 
 def _reach() -> Float:
-    """(13, 3) half the width of every range, radians."""
+    """Returns (13, 3) half the width of every range, radians."""
     reach = np.full((13, 3), _FREE)
     reach[model.CHEST] = (0.7, 0.75, 0.6)
     reach[model.HEAD] = (0.8, 1.2, 0.6)
@@ -69,7 +70,7 @@ REACH = _reach()
 
 
 def _limber() -> tuple[Float, Float]:
-    """The middles and the widths of ranges in which only the hips bend farther."""
+    """Returns the middles and the half widths of ranges in which only the hips bend farther."""
     middle, reach = MIDDLE.copy(), REACH.copy()
     middle[model.THIGH_L] = rotation(x=-0.5 - 0.5 * _FARTHER, z=0.6)
     reach[[model.THIGH_L, model.THIGH_R], 0] += 0.5 * _FARTHER
@@ -77,7 +78,8 @@ def _limber() -> tuple[Float, Float]:
 
 
 LIMBER = _limber()
-"""(13, 3, 3) and (13, 3): the same for a person who is already followed, see :class:`Fitter`."""
+"""(13, 3, 3) and (13, 3): middles and half widths for a person that is already tracked, see
+:class:`Fitter`."""
 
 
 def standing(
@@ -89,15 +91,15 @@ def standing(
     hip: float = 0.0,
     knee: float = 0.05,
 ) -> Float:
-    """(13, 3, 3) a person standing, facing +Z turned by ``yaw`` about the vertical.
+    """Returns (13, 3, 3) a standing person that faces +Z, turned by ``yaw`` about the vertical.
 
     Args:
         yaw: radians about +Y.
-        arm_raise: radians both upper arms are lifted sideways from hanging.
-        arm_forward: radians both upper arms are lifted forward.
-        elbow: radians both elbows are bent.
-        hip: radians both thighs are lifted forward.
-        knee: radians both knees are bent.
+        arm_raise: sideways elevation of both upper arms from hanging, radians.
+        arm_forward: forward elevation of both upper arms, radians.
+        elbow: flexion of both elbows, radians.
+        hip: forward elevation of both thighs, radians.
+        knee: flexion of both knees, radians.
     """
     rotations = np.tile(np.eye(3), (13, 1, 1))
     rotations[model.PELVIS] = rotation(y=yaw)
@@ -109,4 +111,4 @@ def standing(
 
 
 RELAXED = standing()
-"""(13, 3, 3) standing relaxed, facing +Z; to be copied."""
+"""(13, 3, 3) standing relaxed, facing +Z. Copy it before you change it."""

@@ -1,4 +1,4 @@
-"""Forward kinematics of the body model and the mathematics of small turns, compiled."""
+"""Compiled forward kinematics of the body model, and the mathematics of small rotations."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
 
 SHRUG = 0.3
-"""Radians by which an arm that points straight up has lifted its shoulder about the base of the neck."""
+"""Rotation of a shoulder about the base of the neck when its arm points straight up, in radians."""
 _LEVEL = 0.0
-"""Height of the unit vector along the upper arm, in the chest's frame, from which on the shoulder lifts."""
+"""Height of the upper arm's unit vector in the chest's frame above which the shoulder begins to rise."""
 _SMALL = 1e-4
-"""Sine of an angle below which it equals the angle, or half a turn less the angle."""
+"""Sine of an angle below which it equals the angle, or half a turn minus the angle."""
 
 
 @njit(cache=True, nogil=True)
 def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
-    """Forward kinematics, parents first, into the first two arguments.
+    """Computes forward kinematics, parents first, into the first two arguments.
 
     Args:
         world: (13, 3, 3) receives world_from_frame.
@@ -25,7 +25,7 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
         position: (3,) metres, of the first frame's origin.
         rotations: (13, 3, 3) parent_from_frame.
         lengths: (12,) metres.
-        parents: (13,) of each frame.
+        parents: (13,) the parent of each frame.
         offsets: (13, 3, 12) each frame's origin in its parent's frame, linear in the lengths.
     """
     copy_row(pivots[0], position)
@@ -52,7 +52,7 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
 
 @njit(cache=True, nogil=True)
 def pivots_by_length(out, world, rotations, parents, offsets):
-    """(13, 3, L) the derivatives of the frames' origins by the lengths, into ``out``; L is 0 or 12."""
+    """Writes (13, 3, L) the derivatives of the frames' origins by the lengths into ``out``. L is 0 or 12."""
     out[:] = 0.0
     for f in range(1, len(parents) if out.shape[2] > 0 else 0):
         p = parents[f]
@@ -69,7 +69,10 @@ def pivots_by_length(out, world, rotations, parents, offsets):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _along(row, lengths):
-    """The dot product of (L,) and (L,), summed in any order so that many terms are added at once."""
+    """Returns the dot product of (L,) and (L,).
+
+    It may sum in any order, so that the compiler can vectorise it.
+    """
     total = 0.0
     for term in range(len(lengths)):
         total += row[term] * lengths[term]
@@ -78,7 +81,7 @@ def _along(row, lengths):
 
 @njit(cache=True, nogil=True)
 def _shrugged(offset, rotation, frame):
-    """The shift of a shoulder, sideways and up, by its raised arm: metres a metre of shoulder width."""
+    """Returns the shift of a shoulder by its raised arm, sideways and up, per metre of shoulder width."""
     sine, cosine = shrug(rotation)
     side = 1.0 if frame == UPPER_ARM_L else -1.0
     x, y = offset[0, SHOULDER], offset[1, SHOULDER]
@@ -87,10 +90,11 @@ def _shrugged(offset, rotation, frame):
 
 @njit(cache=True, nogil=True)
 def shrug(rotation):
-    """Sine and cosine of the angle by which a shoulder has risen with its arm.
+    """Returns sine and cosine of a shoulder's elevation angle, which follows its arm.
 
-    The collar bone has no unknown of its own: it moves with the arm, as it does in people (the
-    scapulohumeral rhythm). The fit takes it for fixed within a step; it moves a tenth as much as the elbow.
+    The collar bone has no degree of freedom of its own. It moves with the arm, as it does in people (the
+    scapulohumeral rhythm). The fit treats it as fixed within a step, because it moves a tenth as much as the
+    elbow.
     """
     share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
     angle = SHRUG * share * share * (3.0 - 2.0 * share)
@@ -99,11 +103,14 @@ def shrug(rotation):
 
 @njit(cache=True, nogil=True)
 def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness):
-    """The capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
+    """Computes the capsules' (C, 2, 3) ends, world frame, and (C, 2) radii of a body in these frames.
 
     Args:
-        frames: (C,) the frame that carries each capsule.
-        local: (C, 2, 3, 12) its ends there, linear in the lengths.
+        ends, radii: receive the result, metres.
+        world, pivots: (13, 3, 3) and (13, 3) from :func:`forward_into`.
+        lengths: (12,) metres.
+        frames: (C,) the frame of each capsule.
+        local: (C, 2, 3, 12) its ends in that frame, linear in the lengths.
         thickness: (C, 2) radii at girth 1; the girth is the last length.
     """
     girth = lengths[len(lengths) - 1]
@@ -132,7 +139,10 @@ def turn(rotations, step, dof_frame, dof_axis):
 
 @njit(cache=True, nogil=True)
 def carry_on(rotations, before, share, fastest):
-    """Turns each frame on by a share of its turn since ``before``, ``fastest`` radians at most, in place."""
+    """Extrapolates each frame's rotation by a fraction of its rotation since ``before``, in place.
+
+    The extrapolation is at most ``fastest`` radians.
+    """
     for f in range(len(rotations)):
         vector = share * deviation(before[f], rotations[f])
         angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
@@ -142,7 +152,7 @@ def carry_on(rotations, before, share, fastest):
 
 @njit(cache=True, nogil=True)
 def product(a, b):
-    """(3, 3) the matrix product a b, without a call of BLAS."""
+    """Returns (3, 3) the matrix product a b, without a BLAS call."""
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -152,7 +162,10 @@ def product(a, b):
 
 @njit(cache=True, nogil=True)
 def deviation(reference, rotation):
-    """(3,) log(reference' rotation): the rotation vector from one rotation to another, in its axes."""
+    """Returns (3,) log(reference' rotation): the rotation vector between two rotations.
+
+    Its axes are those of ``reference``.
+    """
     out = np.empty(3)
     deviation_into(out, reference, rotation)
     return out
@@ -160,7 +173,7 @@ def deviation(reference, rotation):
 
 @njit(cache=True, nogil=True)
 def deviation_into(out, reference, rotation):
-    """Writes :func:`deviation` into (3,) ``out``: the fit computes some forty in a step."""
+    """Writes :func:`deviation` into (3,) ``out``. The fit computes about forty per step."""
     trace = 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -170,7 +183,7 @@ def deviation_into(out, reference, rotation):
             out[i] += reference[a, k] * rotation[a, j] - reference[a, j] * rotation[a, k]
     sine = 0.5 * np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     if sine < _SMALL and trace < 1.0:
-        copy_row(out, logarithm(product(reference.T, rotation)))  # near a half turn
+        copy_row(out, logarithm(product(reference.T, rotation)))  # near half a turn
         return
     scale = 0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, 0.5 * (trace - 1.0)) / sine
     for i in range(3):
@@ -179,7 +192,7 @@ def deviation_into(out, reference, rotation):
 
 @njit(cache=True, nogil=True)
 def exponential(v):
-    """(3, 3) the rotation by the rotation vector v (Rodrigues)."""
+    """Returns (3, 3) the rotation by the rotation vector v (Rodrigues' formula)."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     a = 1.0 - angle * angle / 6.0 if angle < 1e-4 else np.sin(angle) / angle
     b = 0.5 - angle * angle / 24.0 if angle < 1e-4 else (1.0 - np.cos(angle)) / (angle * angle)
@@ -199,7 +212,7 @@ def exponential(v):
 
 @njit(cache=True, nogil=True)
 def logarithm(r):
-    """(3,) the rotation vector of a (3, 3) rotation, of length at most pi."""
+    """Returns (3,) the rotation vector of a (3, 3) rotation, of length at most pi."""
     v = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
     sine = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
@@ -208,7 +221,8 @@ def logarithm(r):
         return v * (0.5 * angle / sine)
     if cosine > 0.0:
         return v * 0.5
-    # Near a half turn r is nearly 2 a a' - 1: its largest column gives the axis a but for its sign, v that.
+    # Near half a turn r is nearly 2 a a' - 1. Its largest column gives the axis a except for its sign, and v
+    # gives the sign.
     axis = 0
     for i in range(1, 3):
         if r[i, i] > r[axis, axis]:

@@ -1,8 +1,8 @@
-"""The articulated body that is fitted to depth: 13 frames, 27 angles, 12 lengths, 20 capsules.
+"""The articulated body model that is fitted to depth: 13 frames, 27 angles, 12 lengths, 20 capsules.
 
-Every rigid frame turns about a pivot in its parent's frame. At zero rotation the person stands upright
-facing +Z with the arms hanging, so each limb lies along -Y of its frame. All offsets are linear in the
-vector of lengths (left and right share theirs), which makes their derivatives constant.
+Every rigid frame rotates about a pivot in its parent's frame. At zero rotation the person stands upright
+facing +Z with the arms hanging, so each limb lies along -Y of its frame. All offsets are linear in the vector
+of lengths, and left and right share their lengths. This makes the derivatives by the lengths constant.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from enliven.arrays import Float, Int
 from enliven.person import Joint
 
 PELVIS, CHEST, HEAD, *_LIMBS = range(13)
-"""The numbers of the trunk's frames; parents come first."""
+"""The indices of the trunk's frames. Parents come first."""
 UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R, *_LEGS = _LIMBS
-"""The numbers of the arms' frames; left is the person's left."""
+"""The indices of the arms' frames. Left is the person's left."""
 THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = _LEGS
-"""The numbers of the legs' frames."""
+"""The indices of the legs' frames."""
 FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
-"""(13,) the parent of each frame; parents come first."""
+"""(13,) the parent of each frame. Parents come first."""
 HINGES = frozenset({FOREARM_L, FOREARM_R, SHIN_L, FOOT_L, SHIN_R, FOOT_R})
-"""Frames that turn about their own x axis only."""
+"""Frames that rotate about their own x axis only."""
 MIRROR = np.array([0, 1, 2, 5, 6, 3, 4, 10, 11, 12, 7, 8, 9])
 """(13,) the frame on the other side of the body."""
 LENGTHS = (
@@ -42,15 +42,15 @@ LENGTHS = (
 )
 """(12,) the names of the lengths."""
 SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GIRTH = range(12)
-"""The numbers of the lengths; the girth comes last."""
+"""The indices of the lengths. The girth comes last."""
 REFERENCE_HEIGHT = 1.75
 """Metres from sole to crown of an adult with the reference lengths."""
 REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])
-"""(12,) metres of an adult of the reference height; the girth is a factor on every radius."""
+"""(12,) metres of an adult of the reference height. The girth is a factor on every radius."""
 
 
 def by_frame(usual: float, others: dict[int, float]) -> Float:
-    """(13,) a weight for each frame: ``usual``, but for the frames in ``others``."""
+    """Returns (13,) a weight for each frame: ``usual``, except for the frames in ``others``."""
     made = np.full(len(FRAME_PARENTS), usual)
     for frame, weight in others.items():
         made[frame] = weight
@@ -58,12 +58,12 @@ def by_frame(usual: float, others: dict[int, float]) -> Float:
 
 
 def lengths_for_height(height: float) -> Float:
-    """(12,) the average proportions of a person ``height`` metres tall."""
+    """Returns (12,) the average proportions of a person of ``height`` metres."""
     return REFERENCE_LENGTHS * (height / REFERENCE_HEIGHT)
 
 
 def height_of(lengths: Float) -> float:
-    """Metres from sole to crown of a person with these (12,) lengths, standing straight."""
+    """Returns the metres from sole to crown of a person with these (12,) lengths, standing straight."""
     of: list[float] = lengths.tolist()
     crown, sole = 1.25 * of[NECK] + 0.095 * of[GIRTH], 0.35 * of[FOOT] + 0.03 * of[GIRTH]
     return 0.9 * of[HIP] + of[THIGH] + of[SHIN] + sole + of[SPINE_LOW] + of[SPINE_UP] + crown
@@ -72,7 +72,7 @@ def height_of(lengths: Float) -> float:
 def _offset(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
-    """(3, 12) an offset in a frame; each coordinate is a linear combination of the lengths."""
+    """Returns (3, 12) an offset in a frame. Each coordinate is a linear combination of the lengths."""
     made = np.zeros((3, len(LENGTHS)))
     for row, terms in enumerate((x, y, z)):
         for length, factor in (terms or {}).items():
@@ -81,7 +81,7 @@ def _offset(
 
 
 def _pivots() -> Float:
-    """(13, 3, 12) the pivot of each frame in its parent's frame."""
+    """Returns (13, 3, 12) the pivot of each frame in its parent's frame."""
     down_arm, down_thigh, down_shin = _offset(y={ARM: -1}), _offset(y={THIGH: -1}), _offset(y={SHIN: -1})
     shoulder = {side: _offset(x={SHOULDER: side}, y={SPINE_UP: 1, SHOULDER: -0.25}) for side in (1, -1)}
     hip = {side: _offset(x={HIP: side}, y={HIP: -0.9}) for side in (1, -1)}
@@ -106,10 +106,10 @@ def _pivots() -> Float:
 
 @dataclass(frozen=True)
 class Capsules:
-    """Tapered capsules, each fixed in one frame.
+    """Tapered capsules, each fixed to one frame.
 
     Attributes:
-        frame: (C,) the frame that carries it.
+        frame: (C,) the frame to which it is fixed.
         ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
         radii: (C, 2) metres at girth 1.
         joint: (C,) the joint that its observed points support.
@@ -122,7 +122,7 @@ class Capsules:
 
 
 def _capsules() -> Capsules:
-    """The capsules of the body's surface."""
+    """Returns the capsules of the body's surface."""
     rows: list[tuple[int, Float, Float, float, float, int]] = []
     for side in (1, -1):
         x = {HIP: 0.95 * side}
@@ -163,9 +163,9 @@ def _capsules() -> Capsules:
 
 
 def _joints() -> tuple[Int, Float]:
-    """(20,) frames and (20, 3, 12) offsets of the tracked joints.
+    """Returns (20,) frames and (20, 3, 12) offsets of the tracked joints.
 
-    A tracked joint lies some centimetres off the model's pivot: the back bends below the spine joint, and
+    A tracked joint is some centimetres away from the model's pivot. The back bends below the spine joint, and
     the middle of the head lies in front of the neck's end.
     """
     zero, wrist, hand = _offset(), _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1})
@@ -188,7 +188,7 @@ JOINT_FRAMES, JOINT_OFFSETS = _joints()
 
 
 def _degrees_of_freedom() -> tuple[Int, Int]:
-    """(27,) frames and (27,) local axes of the rotational degrees of freedom, frame by frame."""
+    """Returns (27,) frames and (27,) local axes of the rotational degrees of freedom, frame by frame."""
     rows = [(f, a) for f in range(13) for a in ((0,) if f in HINGES else (0, 1, 2))]
     return np.array([f for f, _ in rows]), np.array([a for _, a in rows])
 
@@ -196,11 +196,11 @@ def _degrees_of_freedom() -> tuple[Int, Int]:
 DOF_FRAME, DOF_AXIS = _degrees_of_freedom()
 """(27,) and (27,) see :func:`_degrees_of_freedom`."""
 DOFS = 3 + len(DOF_FRAME)
-"""The number of unknowns of a posture: translation first, then rotations."""
+"""The number of degrees of freedom of a posture: translation first, then rotations."""
 
 
 def _ancestry() -> Int:
-    """(13, 27) 1 where a rotational degree of freedom moves a frame."""
+    """Returns (13, 27) 1 if a rotational degree of freedom moves a frame."""
     moves = np.zeros((13, len(DOF_FRAME)), np.int64)
     for frame in range(13):
         ancestor = frame
@@ -215,7 +215,7 @@ MOVES = _ancestry()
 
 
 def _bone_frames() -> Int:
-    """(20,) the frame of the bone that ends at each joint."""
+    """Returns (20,) the frame of the bone that ends at each joint."""
     trunk = [PELVIS, PELVIS, CHEST, HEAD]
     arms = [CHEST, UPPER_ARM_L, FOREARM_L, FOREARM_L, CHEST, UPPER_ARM_R, FOREARM_R, FOREARM_R]
     legs = [PELVIS, THIGH_L, SHIN_L, FOOT_L, PELVIS, THIGH_R, SHIN_R, FOOT_R]
@@ -227,7 +227,10 @@ BONE_FRAMES = _bone_frames()
 
 
 def _frame_lengths() -> Int:
-    """(13, 1 + 12) by frame: the number of lengths that move its points, then these, the girth last."""
+    """Returns (13, 1 + 12) by frame: the number of lengths that move its points, then their indices.
+
+    The girth is the last one.
+    """
     table = np.zeros((13, 1 + len(LENGTHS)), np.int64)
     of_pivot = np.zeros((13, len(LENGTHS)), bool)
     for frame in range(13):

@@ -15,11 +15,11 @@ from enliven_edge.tracking.body_model.kinematics import capsules_into, carry_on,
 from enliven_edge.tracking.body_model.model import CHEST, PELVIS
 
 _BODY = (model.FRAME_PARENTS, model.PIVOTS)
-"""The arguments of :func:`frames_of` that the model gives."""
+"""The arguments of :func:`frames_of` that come from the model."""
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
-"""The arguments of :func:`_joints` that the model gives."""
+"""The arguments of :func:`_joints` that come from the model."""
 _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
-"""The arguments of :func:`capsules_of` that the model gives."""
+"""The arguments of :func:`capsules_of` that come from the model."""
 
 
 @dataclass
@@ -40,26 +40,26 @@ class Posture:
     )
 
     def copy(self) -> Posture:
-        """A posture of the same values, with arrays of its own."""
+        """Returns a deep copy."""
         return Posture(self.position.copy(), self.rotations.copy(), self.lengths.copy())
 
     def joints(self) -> Float:
-        """(20, 3) joint positions, world frame, metres."""
+        """Returns (20, 3) joint positions, world frame, metres."""
         return np.asarray(_joints(self.position, self.rotations, self.lengths, *_BODY, *_JOINTS))
 
     def orientations(self) -> Float:
-        """(20, 4) unit quaternions world_from_bone of the bone that ends at each joint.
+        """Returns (20, 4) unit quaternions world_from_bone of the bone that ends at each joint.
 
-        All are the identity for a person who stands upright facing +Z with hanging arms: bones of the limbs
+        All are the identity for a person that stands upright facing +Z with hanging arms. Bones of the limbs
         lie along -Y of their frame, those of the trunk along +Y, and +Z is the person's front.
         """
         state = (self.position, self.rotations, self.lengths)
         return np.asarray(_turns(*state, *_BODY, model.BONE_FRAMES))
 
     def capsules(self) -> tuple[Float, Float]:
-        """(C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres; not to be written into.
+        """Returns (C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres. Do not modify them.
 
-        Half of the calls ask for those of a posture that has not changed since the last one.
+        The result is cached, because half of the calls come for an unchanged posture.
         """
         state = (self.position.tobytes(), self.rotations.tobytes(), self.lengths.tobytes())
         if self._placed is None or self._placed[0] != state:
@@ -69,20 +69,23 @@ class Posture:
 
     @property
     def lowest(self) -> float:
-        """Metres above y = 0 of the lowest point of the surface: the sole of a person who stands."""
+        """Returns metres above y = 0 of the surface's lowest point: the sole of a standing person."""
         ends, radii = self.capsules()
         return float((ends[..., 1] - radii).min())
 
 
 def forward(position: Float, rotations: Float, lengths: Float) -> tuple[Float, Float]:
-    """World rotations (13, 3, 3) and pivots (13, 3) of the frames."""
+    """Returns world rotations (13, 3, 3) and pivots (13, 3) of the frames: forward kinematics."""
     world, pivots = frames_of(position, rotations, lengths, *_BODY)
     return world, pivots
 
 
 @njit(cache=True, nogil=True)
 def frames_of(position, rotations, lengths, parents, offsets):
-    """:func:`forward` for kernels; parents and offsets as of :func:`kinematics.forward_into`."""
+    """Computes :func:`forward` in kernels.
+
+    Parents and offsets are those of :func:`kinematics.forward_into`.
+    """
     count = len(parents)
     world, pivots = np.empty((count, 3, 3)), np.empty((count, 3))
     forward_into(world, pivots, position, rotations, lengths, parents, offsets)
@@ -91,11 +94,14 @@ def frames_of(position, rotations, lengths, parents, offsets):
 
 @njit(cache=True, nogil=True)
 def joints_into(joints, world, pivots, lengths, frames, local):
-    """Writes the (J, 3) places, world frame, of points that the body carries into ``joints``.
+    """Writes the (J, 3) world positions of points that are fixed to the body's frames into ``joints``.
 
     Args:
-        frames: (J,) the frame that carries each.
-        local: (J, 3, 12) its place there, linear in the lengths.
+        joints: (J, 3) the output, metres.
+        world, pivots: from :func:`frames_of`.
+        lengths: (12,) metres.
+        frames: (J,) the frame of each point.
+        local: (J, 3, 12) its position in that frame, linear in the lengths.
     """
     for j in range(len(frames)):
         f = frames[j]
@@ -111,7 +117,7 @@ def joints_into(joints, world, pivots, lengths, frames, local):
 
 @njit(cache=True, nogil=True)
 def _joints(position, rotations, lengths, parents, offsets, frames, local):
-    """(20, 3) see :meth:`Posture.joints`."""
+    """Computes (20, 3) for :meth:`Posture.joints`."""
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     joints = np.empty((len(frames), 3))
     joints_into(joints, world, pivots, lengths, frames, local)
@@ -120,7 +126,7 @@ def _joints(position, rotations, lengths, parents, offsets, frames, local):
 
 @njit(cache=True, nogil=True)
 def _turns(position, rotations, lengths, parents, offsets, bones):
-    """(20, 4) see :meth:`Posture.orientations`, w >= 0; ``bones`` are the frames of the bones."""
+    """Computes (20, 4) for :meth:`Posture.orientations`, w >= 0. ``bones`` are the frames of the bones."""
     world, _ = frames_of(position, rotations, lengths, parents, offsets)
     turns, out = np.empty((len(world), 4)), np.empty((len(bones), 4))
     for f in range(len(world)):
@@ -142,7 +148,7 @@ def capsules_of(position, rotations, lengths, parents, offsets, frames, local, t
 
 
 def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
-    """(3, 3) Rz(z) Ry(y) Rx(x): turns about the fixed x, then y, then z axis, radians."""
+    """Returns (3, 3) Rz(z) Ry(y) Rx(x): rotations about the fixed x, then y, then z axis, radians."""
     cx, sx, cy, sy, cz, sz = *_both(x), *_both(y), *_both(z)
     return np.array(
         [
@@ -154,20 +160,24 @@ def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
 
 
 def _both(angle: float) -> tuple[float, float]:
-    """Cosine and sine."""
+    """Returns cosine and sine."""
     return math.cos(angle), math.sin(angle)
 
 
 _CARRY_ON = 0.8
-"""Share of a frame's motion that is predicted for the next one: a whole one would overshoot at stops."""
+"""Fraction of a frame's motion that is predicted for the next frame. Predicting all of it would overshoot at
+stops."""
 _FASTEST_STEP = 0.1
-"""Metres of predicted motion in a frame at most: 3 m/s at 30 frames a second."""
+"""Maximum predicted motion per frame in metres: 3 m/s at 30 frames per second."""
 _FASTEST_TURN = 0.25
-"""Radians of predicted rotation of a joint in a frame at most: 7.5 rad/s at 30 frames a second."""
+"""Maximum predicted rotation of a joint per frame in radians: 7.5 rad/s at 30 frames per second."""
 
 
 def continued(before: Posture, now: Posture) -> Posture:
-    """The posture predicted for the next frame: the motion goes on, a little slower and never too fast."""
+    """Returns the posture predicted for the next frame.
+
+    The motion continues, slightly slower and with limited speed.
+    """
     made = now.copy()
     step = _CARRY_ON * (now.position - before.position)
     made.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
@@ -176,14 +186,14 @@ def continued(before: Posture, now: Posture) -> Posture:
 
 
 _LEANS = 0.15
-"""Sine of a trunk's usual lean backward: only more counts."""
+"""Sine of a trunk's usual backward lean. Only a larger lean counts."""
 _LIES = 0.4
-"""Sine of a trunk's rise below which it lies rather than leans."""
+"""Sine of a trunk's elevation below which it lies instead of leans."""
 
 
 @njit(cache=True, nogil=True)
 def chest_axes(rotations):
-    """Two unit vectors, world frame: towards the chest's left, and up along it.
+    """Returns two unit vectors, world frame: towards the chest's left, and up along it.
 
     Args:
         rotations: (13, 3, 3) parent_from_frame, of a posture.
@@ -194,10 +204,10 @@ def chest_axes(rotations):
 
 @njit(cache=True, nogil=True)
 def chest_axes_about(rotations):
-    """The same of the posture turned about (:func:`appearance.turned_about`), without making it.
+    """Returns the chest axes of the flipped posture (:func:`appearance.turned_about`) without creating it.
 
-    Mirrored left for right and turned half about the pelvis' upright axis, the chest is mirrored front for
-    back in the pelvis' frame.
+    The flip mirrors left and right and adds half a turn about the pelvis' upright axis. So the chest is
+    mirrored front to back in the pelvis' frame.
     """
     mirrored = rotations[CHEST].copy()
     for a in range(3):
@@ -208,14 +218,20 @@ def chest_axes_about(rotations):
 
 @njit(cache=True, nogil=True)
 def ahead_in_plan(left):
-    """The unit (x, z) direction that a chest faces, by the line of its shoulders: bent over or not."""
+    """Returns the unit (x, z) direction that a chest faces, from the line of its shoulders.
+
+    This works for a person that bends over, too.
+    """
     length = np.sqrt(left[0] * left[0] + left[2] * left[2]) + 1e-9
     return -left[2] / length, left[0] / length
 
 
 @njit(cache=True, nogil=True)
 def leaning_back(left, up):
-    """How far a chest leans backward, as the sine beyond what is usual: people bend forward."""
+    """Returns how far a chest leans backward, as the sine beyond the usual lean.
+
+    People bend forward instead.
+    """
     if up[1] < _LIES:
         return 0.0
     x, z = ahead_in_plan(left)

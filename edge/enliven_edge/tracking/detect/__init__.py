@@ -1,6 +1,4 @@
-"""Detection of a posture without the frame before: hypotheses from extremities and the network, judged by
-fits.
-"""
+"""Detection of a posture without a previous frame: hypotheses from extremities and the network, and fits."""
 
 import lazy_loader
 

@@ -29,7 +29,7 @@ from enliven_edge.tracking.frame import Observation
 
 
 def _capsule_parts() -> Float:
-    """Returns (C, 17): 1 where a capsule carries a part, else 0."""
+    """Returns (C, 17): 1 if a capsule belongs to a part, else 0."""
     carries = np.zeros((len(model.CAPSULES.frame), PARTS))
     for right in (0, 1):
         pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
@@ -47,15 +47,16 @@ def _capsule_parts() -> Float:
 
 
 CARRIES = _capsule_parts()
-"""(20, 17): 1 where a capsule of the model carries a part, else 0."""
+"""(20, 17): 1 if a capsule of the model belongs to a part, else 0."""
 _CARRIED = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CARRIES])
-"""(20, 2) the one or two parts that each capsule carries; -1 in the place of a second."""
+"""(20, 2) the one or two parts of each capsule. -1 instead of a missing second one."""
 _EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
-"""(20, 17) the same where left and right parts are taken for one."""
+"""(20, 17) the same with left and right parts treated as one."""
 _TO_THE_SENSOR = 0.5
-"""Log probability for facing the sensor, and against facing away, by habit: people look at it."""
+"""Prior log probability for facing the sensor, and against facing away. People usually look at it."""
 DISAGREEMENT = 4.0
-"""Square centimetres a point: cost where the network takes all points for other parts, as of a bad fit."""
+"""Cost in square centimetres per point if the network assigns all points to other parts: like that of a bad
+fit."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class EstimateAtPoints:
     Attributes:
         estimate: joints, spread, facing and parts.
         surface: (6, M) metres, the points of the observation, world frame, and their normals.
-        probabilities: (17, M) float32 of the parts at these points.
+        probabilities: (17, M) float32 probabilities of the parts at these points.
         rays: (M, 2) x/z and y/z of the points in the image.
     """
 
@@ -79,18 +80,18 @@ class EstimateAtPoints:
         return EstimateAtPoints(estimate, self.surface, estimate.parts_at(self.rays), self.rays)
 
     def thinned(self, step: int) -> EstimateAtPoints:
-        """Returns the same with every ``step``-th point."""
+        """Returns a copy with every ``step``-th point."""
         surface, shown = (
             np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
         )
         return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 
     def affinity(self, metres: float) -> Float32:
-        """Returns (20, M) metres to add to a point's distance from a capsule that it does not look like."""
+        """Returns (20, M) metres added to a point's distance from a capsule of another body part."""
         return np.asarray(_affinity(self.probabilities, CARRIES, np.float32(metres)))
 
     def sideless_affinity(self, metres: float) -> Float32:
-        """Returns the same with left and right parts taken for one."""
+        """Returns the same with left and right parts treated as one."""
         return np.asarray(_affinity(self.probabilities, _EITHER, np.float32(metres)))
 
 
@@ -110,11 +111,12 @@ def _shown_at(pixels, camera, parts, axes, centre, scale):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _affinity(shown, carries, metres):
-    """See :meth:`EstimateAtPoints.affinity`.
+    """Computes :meth:`EstimateAtPoints.affinity`.
 
     Args:
         shown: (P, M) float32 probabilities.
-        carries: (C, P) 1 where a capsule carries a part, else 0.
+        carries: (C, P) 1 if a capsule belongs to a part, else 0.
+        metres: the maximum.
     """
     out = np.empty((len(carries), shown.shape[1]), np.float32)
     for c in range(len(carries)):
@@ -142,17 +144,21 @@ def _rays(pixels, camera):
 def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
     """Returns the mean probability, over the points, of the part that the posture has there, in [0, 1].
 
-    Comparing it for a posture and the same turned about tells front from back, and left from right.
+    Comparing a posture with its flipped version distinguishes front from back, and left from right.
     """
     return float(_agreement(seen.surface, seen.probabilities, _CARRIED, *posture.capsules()))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _agreement(surface, shown, carries, ends, radii):
-    """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
+    """Computes :func:`agreement`.
+
+    Arguments are those of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
 
     Args:
-        carries: (C, N) the parts that each capsule carries, or -1.
+        surface, shown: the points and the probabilities of their parts.
+        carries: (C, N) the parts of each capsule, or -1.
+        ends, radii: the capsules.
     """
     which = np.empty(shown.shape[1], np.int32)
     nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
@@ -164,21 +170,21 @@ def _agreement(surface, shown, carries, ends, radii):
 
 
 def facing_score(seen: EstimateAtPoints, posture: Posture, eye: Float) -> float:
-    """Returns how likely the posture's facing is by the network: 0 for the likeliest way, else less.
+    """Returns how likely the posture's facing is for the network: 0 for the likeliest direction, else less.
 
-    A log probability, interpolated between the eight ways that the network tells apart. Of two equally likely
-    ways the one towards the sensor scores higher.
+    It is a log probability, interpolated between the eight directions of the network. Of two equally likely
+    directions the one towards the sensor scores higher.
     """
     return float(likely_to_face(seen.estimate.facing, facing(posture, eye)))
 
 
 @njit(cache=True, nogil=True)
 def likely_to_face(ways, angle):
-    """See :func:`facing_score`.
+    """Computes :func:`facing_score`.
 
     Args:
-        ways: (8,) log probabilities of the ways to face.
-        angle: radians, as of :func:`facing`.
+        ways: (8,) log probabilities of the facing directions.
+        angle: radians, as returned by :func:`facing`.
     """
     turns = angle * FACINGS / (2.0 * np.pi)
     before = int(np.floor(turns))
@@ -188,7 +194,7 @@ def likely_to_face(ways, angle):
 
 
 def facing(posture: Posture, eye: Float) -> float:
-    """Returns the radians in plan from facing the sensor to the chest's facing, anticlockwise from above."""
+    """Returns the chest's horizontal facing in radians: 0 towards the sensor, anticlockwise from above."""
     return float(_facing(posture.rotations, posture.position, eye))
 
 
@@ -199,7 +205,7 @@ def _facing(rotations, place, eye):
 
 
 def turned_about(posture: Posture) -> Posture:
-    """Returns the posture turned by 180 degrees about its trunk's axis, left and right limbs exchanged."""
+    """Returns the posture flipped: rotated by 180 degrees about its trunk's axis, with exchanged limbs."""
     made = posture.copy()
     made.rotations = joint_limits.mirrored(posture.rotations)
     made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)

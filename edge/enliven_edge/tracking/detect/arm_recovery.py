@@ -1,8 +1,8 @@
-"""Recovery of arms: where one is doubted, it is tried in other places at once, and the best one is fitted.
+"""Recovery of arms: a doubtful arm is tried in several other places, and the best place is fitted.
 
-A limb close before the trunk is caught in its surface: of the wrong arms in films of such limbs four in five
-cost more than the truth does, so the fit only has to be begun elsewhere. A few steps on a third of the points
-tell which place is worth a fit.
+A limb close to the front of the trunk can be captured by the trunk's surface. In films of such limbs four out
+of five wrong arms cost more than the true pose, so the fit only has to start elsewhere. A few steps on a
+third of the points show which place is worth a full fit.
 """
 
 from __future__ import annotations
@@ -18,29 +18,32 @@ from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 
 _WORSE = 1.12
-"""Times the usual energy of a person's frames from which both arms are doubted: most wrong ones exceed it."""
+"""Factor on the usual energy of a person's frames above which both arms are doubtful. Most wrong arms exceed
+it."""
 _FALLS = 0.2
-"""Share by which the usual energy follows a frame that costs less."""
+"""Rate at which the usual energy follows a frame that costs less."""
 _RISES = 0.01
-"""Share by which it follows a frame that costs more: slowly, or a wrong arm would become usual."""
+"""Rate at which it follows a frame that costs more. It is low, so that a wrong arm does not become usual."""
 _SIGNS = 2
-"""Signs of a wrong arm, of three: the frame costs more than usual, the arm is doubted, the network sees it
-elsewhere; one is enough without the network. Of 954 looks at one sign 142 were taken, and as many joints got
-worse as better; of 583 at two or three 191 were, and 70 frames got better for 21 that got worse."""
+"""Minimum number of signs of a wrong arm, out of three: the frame costs more than usual, the arm is doubtful,
+the network sees it elsewhere. Without the network one is enough. Of 954 attempts with one sign 142 were
+accepted, and as many joints got worse as better. Of 583 attempts with two or three signs 191 were accepted,
+and 70 frames got better while 21 got worse."""
 _GLANCES = 4
-"""Places looked at in a frame: with eight, hands gained 0.2 % and wrong joints were surer."""
+"""Places tried per frame. With eight, hands gained 0.2 %, but wrong joints had a higher confidence."""
 _RAREST = 3
-"""Frames between two looks at most while no place is hopeful."""
+"""Maximum number of frames between two attempts while no place is promising."""
 _GLANCE = 2
-"""Steps of a glance: with three arms were no better, with one they were worse."""
+"""Steps of a coarse trial. With three arms were no better, with one they were worse."""
 _THINNED = 3
-"""A glance uses one point of so many: it only compares."""
+"""A coarse trial uses every n-th point, because it only compares places."""
 _HOPEFUL = 0.97
-"""Times the present posture's energy after a glance up to which a place is worth a fit of all points."""
+"""Maximum energy after a coarse trial, relative to that of the present posture, for a place to be worth a fit
+of all points."""
 
 
 class ArmRecovery:
-    """Tries doubted arms of one person in other places, some of the places in each frame."""
+    """Tries doubtful arms of one person in other places, some of the places in each frame."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
@@ -58,10 +61,15 @@ class ArmRecovery:
         *,
         steps: int,
     ) -> tuple[Posture, FitReport] | None:
-        """Returns a fit of so many steps with an arm elsewhere that may be better; None: no place is hopeful.
+        """Returns a fit with an arm elsewhere that may be better. None if no place is promising.
 
         Args:
-            doubtful: limbs that are doubted already, legs among them.
+            observation: the observed person.
+            posture: the present posture.
+            report: of its fit.
+            doubtful: limbs that are already doubtful, including legs.
+            seen: the network's estimate; None without the network.
+            steps: steps of the full fit.
         """
         worse = self._costs_more_than_usual(report.energy)
         enough = 1 if seen is None else _SIGNS
@@ -85,7 +93,10 @@ class ArmRecovery:
         return self._fitter.fit(observation, best[0], iterations=steps)
 
     def _costs_more_than_usual(self, energy: float) -> bool:
-        """Takes in a frame's energy; returns whether it is well above what this person's frames cost."""
+        """Records a frame's energy.
+
+        Returns whether it is well above the usual energy of this person's frames.
+        """
         if np.isinf(self._usual):
             self._usual = energy
         step = energy - self._usual
@@ -94,6 +105,6 @@ class ArmRecovery:
 
 
 def _seen_elsewhere(posture: Posture, arm: Arm, seen: EstimateAtPoints | None) -> bool:
-    """Whether the network plainly sees a joint of an arm elsewhere."""
+    """Returns True if the network clearly sees a joint of an arm elsewhere."""
     joints: Float = posture.joints()
     return seen is not None and seen.estimate.count_apart(joints, ARM_JOINTS[arm]) > 0

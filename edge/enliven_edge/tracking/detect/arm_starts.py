@@ -1,4 +1,4 @@
-"""Other places for an arm: where the network sees it, at the surface, as the other arm, at what is proud."""
+"""Start poses for an arm: from the network, at the surface, mirrored from the other arm, at bulges."""
 
 from __future__ import annotations
 
@@ -18,42 +18,43 @@ from enliven_edge.tracking.frame import Observation
 Arm = tuple[int, ...]
 """The two frames of an arm."""
 Start = Callable[[], Posture]
-"""Makes a posture to begin from: only some are looked at in a frame."""
+"""Creates a posture to start from. It is lazy, because only some are tried in a frame."""
 ARM_JOINTS: dict[Arm, Int] = {
     (model.UPPER_ARM_L, model.FOREARM_L): np.array([Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]),
     (model.UPPER_ARM_R, model.FOREARM_R): np.array([Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]),
 }
-"""The joints of either arm beyond its shoulder."""
+"""The joints of each arm beyond its shoulder."""
 _RADIUS = 0.035
-"""Metres from an arm's surface to its middle: of a wrist."""
+"""Metres from an arm's surface to its axis: the radius of a wrist."""
 _FARTHEST = 0.25
-"""Metres by which depth may move a joint along its ray: more is another part of the body."""
+"""Maximum shift in metres of a joint along its ray towards the measured depth. Depth farther away is another
+part of the body."""
 _DEEPER = 0.03
-"""Metres behind the surface from which a joint counts as fitted too deep: less is the fit's noise."""
+"""Metres behind the surface above which a joint counts as fitted too deep. Less is noise of the fit."""
 _STEPS = 8
-"""Steps of aligning an arm: the rest of the body stays, so few are enough."""
+"""Steps of aligning an arm. Few are enough, because the rest of the body stays."""
 _WIDTH = 0.3
-"""Metres beyond which a target is doubted: about a forearm."""
+"""Robust width of a target in metres: about a forearm."""
 _HELD = 0.1
-"""Weight of each target, the joints of the rest of the body among them."""
+"""Weight of each target, including the joints of the rest of the body."""
 _STANDS_OUT = 0.04
-"""Metres outside the whole model from which a point is proud: clothes and the fit's error stay within."""
+"""Metres outside the whole model above which a point protrudes. Clothes and the fit's error stay within."""
 _BEHIND = (0.06, 0.3)
-"""Metres behind a point within which the trunk is looked for."""
+"""Interval in metres behind a point in which its ray must hit the trunk."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 _GROUP = 0.16
-"""Metres about a point that stands out within which others are of the same forearm."""
+"""Radius in metres around a protruding point in which other points belong to the same forearm."""
 _FEWEST = 8
-"""Points of a group at the least: of 500 points a hand has about as many."""
+"""Minimum number of points of a group. Of 500 points a hand has about as many."""
 _LONG = 0.14
-"""Metres of a group's length from which it shows a forearm's direction: a hand is shorter."""
+"""Minimum length in metres of a group to show a forearm's direction. A hand is shorter."""
 
 
 def arm_starts(
     observation: Observation, posture: Posture, seen: EstimateAtPoints | None, arms: list[Arm]
 ) -> list[Start]:
-    """Returns what makes the posture with one of some arms in another place, for each arm and each place."""
+    """Returns functions that create the posture with one arm elsewhere, for each arm and each place."""
     joints, view = posture.joints(), observation.view
     eye = view.world_from_camera[:3, 3]
     starts: list[Start] = []
@@ -74,7 +75,10 @@ def arm_starts(
 
 
 def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Posture:
-    """Returns the posture with an arm's elbow, wrist and hand brought to (3, 3) places; NaN for none."""
+    """Returns the posture with an arm's elbow, wrist and hand moved to (3, 3) places.
+
+    A joint with NaN is ignored.
+    """
     targets, weights = joints.copy(), np.full(len(joints), _HELD)
     for joint, place in zip(ARM_JOINTS[arm], places, strict=True):
         if np.isnan(place).any():
@@ -86,7 +90,7 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
 
 
 def _as_the_other(posture: Posture, arm: Arm) -> Posture:
-    """Returns the posture with an arm held as the other one, mirrored."""
+    """Returns the posture with an arm posed as the mirror image of the other one."""
     made, index = posture.copy(), list(arm)
     made.rotations[index] = mirrored(posture.rotations)[index]
     return made
@@ -94,9 +98,9 @@ def _as_the_other(posture: Posture, arm: Arm) -> Posture:
 
 @njit(cache=True, nogil=True)
 def _at_surface(view, joints):
-    """Returns (N, 3) joints, each moved along its ray to just behind the person's surface there.
+    """Returns (N, 3) joints, each moved along its ray to just behind the person's surface.
 
-    Where the person is not seen there, or far from it, the joint stays.
+    If the person is not visible there, or its surface is too far away, the joint stays.
     """
     depth, mask, pose = view.depth, view.mask, view.world_from_camera
     fx, fy, cx, cy = view.camera
@@ -116,7 +120,7 @@ def _at_surface(view, joints):
         if abs(along - here[2]) >= _FARTHEST:
             continue
         for a in range(3):
-            # The sensor and the joint are on one line with the place on the surface.
+            # The sensor, the joint and the place on the surface are on one line.
             made[n, a] = pose[a, 3] + (joints[n, a] - pose[a, 3]) * (along / here[2])
     return made
 
@@ -124,7 +128,10 @@ def _at_surface(view, joints):
 def _where_it_stands_out(
     observation: Observation, posture: Posture, joints: Float, arms: list[Arm]
 ) -> list[Start]:
-    """Returns what makes the posture with a forearm along the points that stand out, either way about."""
+    """Returns functions that create the posture with a forearm along the protruding points.
+
+    Both directions of the forearm are tried.
+    """
     out = _before_trunk(observation, posture)
     if len(out) < _FEWEST:
         return []
@@ -152,7 +159,7 @@ def _where_it_stands_out(
 
 @njit(cache=True, nogil=True)
 def fullest_ball(points, radius):
-    """(M,) which of (M, 3) points are within a radius of the one that has most others about it."""
+    """Returns (M,) the points of (M, 3) within a radius of the point that has most others around it."""
     most, best, square = 0, 0, radius * radius
     x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     for i in range(len(points)):
@@ -170,9 +177,9 @@ def fullest_ball(points, radius):
 
 
 def _before_trunk(observation: Observation, posture: Posture) -> Float32:
-    """Returns the (N, 3) points that stand out of the whole model, on rays that meet its trunk behind them.
+    """Returns the (N, 3) points that protrude from the whole model, on rays that hit the trunk behind them.
 
-    Furniture beside a person, and another person's arm, stand out too, but beside the trunk.
+    Furniture next to a person, and another person's arm, protrude too, but next to the trunk.
     """
     ends, radii = posture.capsules()
     out = observation.points[standing_out(observation.points, ends, radii) > _STANDS_OUT]

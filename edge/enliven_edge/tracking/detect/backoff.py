@@ -1,4 +1,4 @@
-"""A wait between trials that grows while they find nothing."""
+"""Exponential backoff: a wait between trials that grows while they fail."""
 
 from __future__ import annotations
 
@@ -6,28 +6,30 @@ import numpy as np
 
 
 class Backoff:
-    """Says when to run the next of one kind of trial.
+    """Decides when to run the next trial of one kind.
 
     Attributes:
-        longest: frames between two trials, at most.
+        longest: maximum number of frames between two trials.
     """
 
     def __init__(self, longest: int, worse: float = 1.2) -> None:
-        """
+        """Sets the limits.
+
         Args:
-            worse: times the badness of the last failed trial above which to try at once.
+            longest: maximum number of frames between two trials.
+            worse: factor on the badness of the last failed trial above which to try at once.
         """
         self.longest = longest
         self._worse = worse
         self._wait, self._since, self._in_vain = 1, 0, np.inf
 
     def is_due(self, badness: float) -> bool:
-        """Whether to try in this frame; call it once in every frame that is bad."""
+        """Returns True if a trial should run in this frame. Call it once in every bad frame."""
         self._since += 1
         return self._since >= self._wait or badness > self._worse * self._in_vain
 
     def tried(self, badness: float, *, better: bool) -> None:
-        """Takes in the result of a trial in a frame so bad: whether it found something better."""
+        """Records the result of a trial in a frame of this badness: whether it found something better."""
         self._since = 0
         self._wait = 1 if better else min(2 * self._wait, self.longest)
         self._in_vain = np.inf if better else badness

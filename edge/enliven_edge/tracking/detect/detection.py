@@ -1,8 +1,8 @@
 """Detection: finds a person's posture in one frame by fitting several hypotheses and keeping the best.
 
-With the network, its estimates for each likely facing are the first hypotheses, and it takes part in the
-ranking. Without it, or in addition, standing postures and a bank of others are brought to the extremities of
-the surface.
+With the network, its estimates for each likely facing are the first hypotheses, and it contributes to the
+ranking. Without it, or in addition, standing postures and a bank of others are aligned with the extremities
+of the surface.
 """
 
 from __future__ import annotations
@@ -24,58 +24,64 @@ from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.work_budget import Steps
 
 _REFINED = 3
-"""Hypotheses that are refined. Of eight, wrongly turned ones won on real shots: coarse fits tell front from
-back better."""
+"""Hypotheses that are refined. With eight, flipped ones won on real shots, because coarse fits distinguish
+front from back better."""
 _SAME = 0.12
-"""Metres: hypotheses with every pair of joints nearer than this would end in the same fit."""
+"""Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
+the same fit."""
 _LIKELIEST = 3
-"""Likeliest facings to condition the network on, besides none and the opposite: each costs a run."""
+"""Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
+costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
-"""(12,) weights that hold the lengths in a refinement: loosely, as the person is not measured yet."""
+"""(12,) weights of the lengths in a refinement. They are low, because the person is not measured yet."""
 _COARSE_POINTS = 160
-"""Points of the coarse fits of a followed person: a third of all, as the fits are only compared."""
+"""Points of the coarse fits of a tracked person: a third of all, because the fits are only compared."""
 _FIRST_POINTS = 250
-"""The same of a new person: half of all, as no posture is known that would do where all of these are bad."""
+"""The same for a new person: half of all, because there is no present posture to keep if all of these are
+bad."""
 _COARSE_STEPS = 8
-"""Steps of a coarse fit: with four to six the tuning set lost half a percent of its joints."""
+"""Steps of a coarse fit. With four to six the tuning set lost half a percent of its joints."""
 _WIDE = 0.25
-"""Metres: the robust width of coarse fits, as a limb of a hypothesis may be off by as much."""
+"""Robust width of coarse fits in metres. A limb of a hypothesis may be wrong by as much."""
 _GLANCE = 2
-"""Steps after which the worse half of the hypotheses is dropped: it hardly ever wins."""
+"""Steps after which the worse half of the hypotheses is dropped. It hardly ever wins."""
 _MIDDLE_POINTS = 250
-"""Points of the first half of a refinement of a followed person: half of all tell which one is hopeless."""
+"""Points of the first half of a refinement of a tracked person. Half of all show which hypothesis is
+hopeless."""
 _LEFT = 1.6
-"""Times the least energy from which a half refined hypothesis is dropped as hopeless."""
+"""Factor on the lowest energy above which a half refined hypothesis is dropped as hopeless."""
 _HALF_STEPS = 15
-"""Steps of either half of a refinement: the fit has settled by then."""
+"""Steps of each half of a refinement. The fit has converged by then."""
 _HALF_WIDTH = 0.12
-"""Metres: the robust width of the first half, between that of a coarse fit and that of the ordinary one."""
+"""Robust width of the first half in metres, between that of a coarse fit and that of the ordinary fit."""
 _HALF_AFFINITY = 0.4
-"""Share of the affinity in the first half of a refinement: the surface takes over from the network."""
+"""Factor on the affinity in the first half of a refinement: the surface takes over from the network."""
 _PROMISING = 1.0
-"""Share of the present cost below which a hypothesis is refined: one no better hardly ever wins."""
+"""Fraction of the present cost below which a hypothesis is refined. One that is no better hardly ever
+wins."""
 _AFFINITY = 0.15
-"""Metres: how far the part that a point looks like outweighs its place in coarse fits."""
+"""Affinity in coarse fits in metres: the added distance between a point and a capsule of another body
+part."""
 _BANKED = 8
-"""Hypotheses taken from the bank where there is no network, the most alike first: each costs a coarse fit."""
+"""Hypotheses from the bank if there is no network, the most similar first. Each costs a coarse fit."""
 _BANKED_BESIDES = 3
-"""Hypotheses taken from the bank beside the network's, which are better."""
+"""Hypotheses from the bank in addition to the network's, which are better."""
 _SUPPOSED = 1
-"""Coarse fits: the cost of running the network for one likely facing."""
+"""Cost of running the network for one likely facing, in coarse fits."""
 _POSED = 1
-"""Coarse fits: the cost of turning the network's estimates into postures of one build."""
+"""Cost of turning the network's estimates into postures of one build, in coarse fits."""
 _ENDS = 3
-"""Coarse fits: the cost of the geodesic extremities."""
+"""Cost of the geodesic extremities, in coarse fits."""
 _BANK = 4
-"""Coarse fits: the cost of comparing the bank with the points."""
+"""Cost of comparing the bank with the points, in coarse fits."""
 _REFINEMENT = 2
-"""Coarse fits: the cost of half a refinement of one hypothesis."""
+"""Cost of half a refinement of one hypothesis, in coarse fits."""
 _GLANCED = 0.33
-"""Coarse fits to all points: the cost of the first steps of one."""
+"""Cost of the first steps of a coarse fit, as a fraction of a coarse fit to all points."""
 _RANKED = 0.67
-"""The same: the cost of the other steps."""
+"""The same for the other steps."""
 _PER_FIT = 0.3
-"""Share of the cost of a step that does not depend on the number of points."""
+"""Fraction of the cost of a step that does not depend on the number of points."""
 
 
 def detect(
@@ -87,23 +93,27 @@ def detect(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
-    """Finds the posture that explains an observation best, from no other frame; in parts.
+    """Finds the posture that explains an observation best, without another frame.
 
-    A short coarse fit of every hypothesis ranks them, and the best three are refined to all points.
+    It is a generator that yields its costs.
+
+    A short coarse fit of every hypothesis ranks them, and the best three are refined with all points.
 
     Args:
+        fitter: fits the hypotheses.
+        observation: the observed person.
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
         seen: the network's estimate of this observation; None without the network.
         by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
-        lengths: (12,) metres, of this person where they are known already.
+        lengths: (12,) metres, of this person if they are known already.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _FIRST_POINTS)
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
     kept = _best_distinct(ranked, _REFINED)
     best = yield from _refined(fitter, observation, seen, kept, height)
-    # A front is easily taken for a back: the best is tried turned about as well.
+    # Front and back are easily confused, so the flipped best posture is tried as well.
     other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
@@ -119,13 +129,14 @@ def detect_another(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Finds a posture that may explain an observation better than ``now``, in parts; None: there is none.
+    """Finds a posture that may explain an observation better than ``now``. None if there is none.
 
-    The present posture is fitted as coarsely as all others. A hypothesis that is no better then is hardly
-    ever better in the end, so it is not refined.
+    It is a generator that yields its costs. The present posture is fitted as coarsely as all others. A
+    hypothesis that is no better at that stage is hardly ever better in the end, so it is not refined.
 
     Args:
-        seen, by_facing, eye, height, lengths: as of :func:`detect`.
+        fitter, observation, seen, eye, height, by_facing, lengths: as in :func:`detect`.
+        now: the present posture.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
@@ -141,7 +152,7 @@ def detect_another(
 
 
 class _Coarse:
-    """Fits hypotheses in a few steps, to some of the points, to tell good ones from bad ones."""
+    """Fits hypotheses in a few steps, to some of the points, to separate good ones from bad ones."""
 
     def __init__(
         self,
@@ -159,9 +170,11 @@ class _Coarse:
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
     def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
-        """Returns the costs and postures of the better half of some hypotheses, in parts.
+        """Returns the costs and postures of the better half of some hypotheses.
 
-        A hypothesis among the worse half after a few steps hardly ever wins.
+        It is a generator that yields its costs.
+
+        A hypothesis that is in the worse half after a few steps hardly ever wins.
         """
         glanced, ranked = [], []
         for start in starts:
@@ -174,14 +187,14 @@ class _Coarse:
         return ranked
 
     def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
-        """What a hypothesis costs after so many steps, and its posture."""
+        """Returns the cost of a hypothesis after the given number of steps, and its posture."""
         fit = self._fitter.fit
         posture, report = fit(self._observation, start, iterations=steps, width=_WIDE)
         return report.energy + oddness(self._seen, posture, self._eye, self._height), posture
 
 
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
-    """Returns the cheapest postures, leaving out each that is much like a cheaper one."""
+    """Returns the cheapest postures without those that are similar to a cheaper one."""
     kept: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
@@ -208,10 +221,16 @@ def estimates_by_facing(
 def _starts(
     observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
 ) -> Steps[list[Posture]]:
-    """Returns the hypotheses to begin from: by the network, standing, and of the bank; in parts.
+    """Returns the initial hypotheses: from the network, standing, and from the bank.
+
+    It is a generator that yields its costs.
 
     Args:
-        lengths: (12,) metres, of this person; None: of an average person, and of one as tall as what is seen.
+        observation: the observed person.
+        by_facing: the network's estimates.
+        eye: (3,) the sensor's position, world frame.
+        height: metres.
+        lengths: (12,) metres, of this person; None: of an average person, and of one of the visible height.
     """
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else likely_builds(observation, height)
@@ -232,11 +251,15 @@ def _refined(
     height: float,
     points: int | None = None,
 ) -> Steps[tuple[float, Posture, FitReport]]:
-    """Fits some hypotheses to the end, lengths too; returns the best with its cost; in parts.
+    """Fits some hypotheses completely, including lengths. Returns the best with its cost.
+
+    It is a generator that yields its costs.
 
     Args:
-        points: how many the first half of the fit uses, after which a much worse one is dropped; None: all,
-            and none is dropped.
+        fitter, observation, seen, height: as in :func:`detect`.
+        starts: the hypotheses.
+        points: number of points in the first half of the fit, after which a much worse hypothesis is dropped;
+            None: all points, and none is dropped.
     """
     few, guide = observation, seen
     if points is not None:
@@ -262,5 +285,5 @@ def _refined(
 
 
 def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
-    """Returns the observation with affinities: points prefer the limbs that they look like, left or right."""
+    """Returns the observation with affinities: points prefer the limbs of their body part, left or right."""
     return observation if seen is None else observation.guided(seen.sideless_affinity(metres))

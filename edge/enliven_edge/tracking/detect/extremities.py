@@ -1,8 +1,8 @@
-"""Geodesic extremities of a person's surface: hands, feet and head are farthest from the trunk along it.
+"""Geodesic extremities of a person's surface: hands, feet and head are farthest along it from the trunk.
 
-After Plagemann et al. 2010: the point with the longest shortest path over the surface from its middle, then
-the one farthest from both, and so on. A jump in depth may be crossed at a price, so that a forearm held
-before the chest is far from it although it is near in the image.
+After Plagemann et al. 2010: the first extremity has the longest shortest path over the surface from its
+middle. The next one is farthest from both, and so on. A depth edge may be crossed at a price. So a forearm
+held in front of the chest is far from the chest although it is near in the image.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ from enliven.kernels import njit
 from enliven_edge.tracking.frame import world_points
 
 _NODES = 1200
-"""Pixels that the surface is thinned to, about: 2 to 3 cm apart on a person, enough to find a hand."""
+"""Approximate number of pixels to which the surface is thinned: 2 to 3 cm apart on a person, enough to find a
+hand."""
 _PENALTY = 1.0
-"""Metres that a path over a jump in depth costs: longer than the way round an arm held before the chest."""
+"""Cost in metres of a path across a depth edge: longer than the way around an arm held in front of the
+chest."""
 
 
 @dataclass(frozen=True)
@@ -38,17 +40,19 @@ class Extremities:
 def extremities(
     z: Float, mask: Bool, camera: Float, pose: Float, count: int = 6, nearest: float = 0.25
 ) -> Extremities:
-    """Finds at most ``count`` extremities, each farther than ``nearest`` metres from all before it.
+    """Finds at most ``count`` extremities, each farther than ``nearest`` metres from all previous ones.
 
     Args:
         z: (h, w) metres along the optical axis.
         mask: (h, w) the person's pixels.
         camera: (4,) fx, fy, cx, cy in pixels of this image.
         pose: (4, 4) world_from_camera.
+        count: maximum number of extremities.
+        nearest: metres along the surface.
     """
     step = max(1, int(np.sqrt(np.count_nonzero(mask) / _NODES)))
     depth = np.ascontiguousarray(z[::step, ::step])
-    # One layout for all steps: a kernel is compiled, or loaded, anew for each.
+    # Use one memory layout for all steps. Numba compiles or loads a kernel again for each layout.
     thinned = _solid(depth, np.ascontiguousarray(mask[::step, ::step]), step)
     if not thinned.any():
         return Extremities(np.zeros((0, 3)), np.zeros(0))
@@ -73,7 +77,7 @@ def extremities(
 
 
 def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
-    """(h, w, 3) world-frame points of every ``step``-th pixel."""
+    """Returns (h, w, 3) world-frame points of every ``step``-th pixel."""
     fx, fy, cx, cy = camera
     ray = np.empty((*z.shape, 2))
     ray[..., 0] = (np.arange(z.shape[1]) * float(step) - cx) / fx
@@ -83,13 +87,16 @@ def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
 
 @njit(cache=True, nogil=True, inline="always")
 def _jumps(here, there, step):
-    """Whether two depths, metres, ``step`` pixels apart are not of one surface."""
+    """Returns True if two depths in metres, ``step`` pixels apart, are not on one surface."""
     return abs(there - here) > step * (0.02 + 0.008 * here * here)
 
 
 @njit(cache=True, nogil=True)
 def _solid(z, mask, step):
-    """(h, w) the masked pixels with three neighbours on the same surface: no stray depth at an edge."""
+    """Returns (h, w) the masked pixels with three neighbours on the same surface.
+
+    It removes stray depth at edges.
+    """
     height, width = mask.shape
     out = np.zeros((height, width), np.bool_)
     for v in range(height):
@@ -105,11 +112,15 @@ def _solid(z, mask, step):
 
 @njit(cache=True, nogil=True)
 def spread(points, z, mask, step, source, distance):
-    """Dijkstra from one more source: lowers ``distance`` (h, w), metres, where the new way is shorter.
+    """Runs Dijkstra's algorithm from one more source: lowers ``distance`` where the new path is shorter.
 
     Args:
-        step: pixels of the working image between neighbours, for what is a jump.
+        points: (h, w, 3) metres.
+        z: (h, w) metres.
+        mask: (h, w) the surface.
+        step: distance of neighbours in pixels of the working image, for detecting depth edges.
         source: row * w + column.
+        distance: (h, w) metres, updated.
     """
     height, width = mask.shape
     heap_key, heap_cell = np.empty(9 * height * width), np.empty(9 * height * width, np.int64)

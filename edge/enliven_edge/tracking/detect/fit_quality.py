@@ -1,6 +1,6 @@
-"""How well a fitted posture explains its frame, how odd it is, and whether it faces the wrong way.
+"""The quality of a fitted posture: its explanation of the frame, its plausibility, and its facing.
 
-Front and back look alike, so evidence of the facing is averaged over many frames: the network's estimate, the
+Front and back look alike. So evidence of the facing is averaged over many frames: the network's estimate, the
 direction of walking, and that people bend forward.
 """
 
@@ -30,24 +30,27 @@ from enliven_edge.tracking.fit import FitReport
 from enliven_edge.tracking.frame import Observation
 
 _MEMORY = 15.0
-"""Frames over which the evidence is averaged: half a second, longer than the network errs in one posture."""
+"""Frames over which the evidence is averaged: half a second, longer than the network's errors in one posture
+last."""
 _FIRST_VERDICT = 12
-"""Frames of evidence before the first verdict: fewer say little of the mean."""
+"""Minimum number of frames of evidence before the first decision. With fewer the mean is unreliable."""
 _SETTLED = 1.0
-"""Log probability by which a facing must beat its opposite to be settled."""
+"""Minimum lead of a facing over its opposite to be settled, as a log probability."""
 _WRONG = -2.6
-"""Log probability against its opposite below which a facing is wrong: far below 0, as no person may be turned
-about without strong evidence."""
+"""Log probability relative to its opposite below which a facing is wrong. It is far below 0, because a person
+must not be flipped without strong evidence."""
 _WRONG_ALL_THE_SAME = -3.5
-"""The same for a facing that was settled before, which needs more evidence yet."""
+"""The same limit for a facing that was settled before, which needs even more evidence."""
 _STROLL = 0.45
-"""Metres a second from which walking tells the facing: slower, people also step sideways and back."""
+"""Minimum walking speed in metres per second that indicates the facing. At lower speeds people also step
+sideways and back."""
 _WALK = 0.9
-"""Metres a second from which walking says all it can: a slow walk ahead."""
+"""Walking speed in metres per second with full weight: a slow walk ahead."""
 _FORWARD = 4.5
-"""Log probability of facing the way of a walk: more than makes a facing wrong, so that a walk decides."""
+"""Log probability of facing the direction of a walk. It exceeds the limit of a wrong facing, so that a walk
+decides."""
 _UPRIGHT = 15.0
-"""Log probability against leaning backward, times the sine: people bend forward, not backward."""
+"""Log probability against leaning backward, per unit of its sine. People bend forward, not backward."""
 
 
 class Facing:
@@ -59,11 +62,13 @@ class Facing:
         self._settled = False
 
     def is_wrong(self, seen: EstimateAtPoints, posture: Posture, eye: Float, velocity: Float) -> bool:
-        """Whether the posture has been facing the wrong way for a while.
+        """Returns True if the posture has been facing the wrong way for a while.
 
         Args:
+            seen: the network's estimate of the frame.
+            posture: the fitted posture.
             eye: (3,) the sensor, world frame.
-            velocity: (3,) metres a second of the hip centre.
+            velocity: (3,) metres per second of the hip centre.
         """
         ways = seen.estimate.facing
         advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
@@ -80,20 +85,20 @@ class Facing:
 
 @njit(cache=True, nogil=True)
 def backward(rotations):
-    """See :func:`posture.leaning_back`; of (13, 3, 3) rotations."""
+    """Computes :func:`posture.leaning_back` of (13, 3, 3) rotations."""
     left, up = chest_axes(rotations)
     return leaning_back(left, up)
 
 
 @njit(cache=True, nogil=True)
 def _advantage(rotations, place, eye, velocity, ways):
-    """Returns the log probability of a posture's facing less that of its opposite, by one frame.
+    """Returns the log probability of a posture's facing minus that of its opposite, in one frame.
 
     Args:
-        rotations: (13, 3, 3) and
-        place: (3,) of the posture.
-        eye, velocity: as of :meth:`Facing.is_wrong`.
-        ways: (8,) log probabilities of the ways to face.
+        rotations: (13, 3, 3) of the posture.
+        place: (3,) position of the posture.
+        eye, velocity: as in :meth:`Facing.is_wrong`.
+        ways: (8,) log probabilities of the facing directions.
     """
     left, up = chest_axes(rotations)
     other_left, other_up = chest_axes_about(rotations)
@@ -105,10 +110,10 @@ def _advantage(rotations, place, eye, velocity, ways):
 
 @njit(cache=True, nogil=True)
 def _walking(velocity, ahead):
-    """Returns how plainly a person walks ahead, in [-1, 1]; -1: plainly backward.
+    """Returns how clearly a person walks ahead, in [-1, 1]. -1: clearly backward.
 
     Args:
-        velocity: (3,) metres a second.
+        velocity: (3,) metres per second.
         ahead: the unit (x, z) direction of the facing.
     """
     speed = np.sqrt(velocity[0] ** 2 + velocity[2] ** 2)
@@ -119,33 +124,39 @@ def _walking(velocity, ahead):
 
 
 _FACING = 0.6
-"""Square centimetres a point: cost of a less likely facing, for each unit of log probability."""
+"""Cost of a less likely facing in square centimetres per point, per unit of log probability."""
 _BACKWARD = 12.0
-"""Square centimetres a point: cost of leaning backward, times the sine: people bend forward."""
+"""Cost of leaning backward in square centimetres per point, per unit of its sine. People bend forward."""
 _STATURE = 2.0
-"""Square centimetres a point: cost of the unlikeliest stature; less than of a posture that explains badly."""
+"""Cost of the unlikeliest stature in square centimetres per point. It is less than that of a posture that
+explains the frame badly."""
 _SPREAD = 0.15
-"""Metres from the likeliest stature at which a third of that is paid: about two deviations of adults."""
+"""Metres from the likeliest stature at which a third of that cost applies: about two standard deviations of
+adults."""
 _SHORTEST = 0.9
-"""Metres: the least height of what is seen for it to be taken for a standing person's, a child's."""
+"""Minimum visible height in metres to be taken for the height of a standing person: a child."""
 _TALLEST = 2.1
-"""Metres: the greatest height of what is seen for it to be a person's, and not raised arms."""
+"""Maximum visible height in metres to be a person's height. A higher one includes raised arms."""
 _ALIKE = 0.08
-"""Share by which two statures may differ to be searched as one: 14 cm of 1.72 m, which a fit makes up for."""
+"""Maximum relative difference of two statures that are searched as one: 14 cm of 1.72 m, which a fit can
+compensate."""
 
 
 def cost(
     report: FitReport, posture: Posture, seen: EstimateAtPoints | None, eye: Float, height: float
 ) -> float:
-    """Returns the whole cost of a fitted posture, square centimetres a point; comparable within one frame."""
+    """Returns the total cost of a fitted posture, square centimetres per point.
+
+    Costs are comparable within one frame.
+    """
     return report.energy + oddness(seen, posture, eye, height)
 
 
 def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height: float) -> float:
-    """Returns the cost of a posture without depth, square centimetres a point.
+    """Returns the cost of a posture apart from depth, square centimetres per point.
 
-    It adds up points that the network takes for other parts, a facing that it does not see, leaning backward,
-    and a stature far from the likeliest.
+    It is the sum of four costs: points that the network assigns to other parts, a facing that the network
+    does not see, leaning backward, and a stature far from the likeliest.
     """
     unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
     stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * float(backward(posture.rotations))
@@ -156,14 +167,15 @@ def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height:
 
 
 def quality(report: FitReport) -> float:
-    """Returns the share of points explained less the share of the model seen through, up to 1."""
+    """Returns the fraction of points explained minus the fraction of the model seen through, up to 1."""
     return report.explained - report.seen_through
 
 
 def likely_builds(observation: Observation, height: float) -> list[Float]:
-    """Returns (12,) lengths of one or two builds: of the likeliest height, and of the height that is seen.
+    """Returns (12,) lengths of one or two builds: of the likeliest height, and of the visible height.
 
-    A lower height may be a child's, or an adult's who crouches; a higher one a tall person's, or raised arms.
+    A lower visible height may be that of a child, or of an adult that crouches. A higher one may be that of a
+    tall person, or of raised arms.
     """
     seen = float(observation.crown[1]) + 0.01
     if observation.cut or not _SHORTEST < seen < _TALLEST:

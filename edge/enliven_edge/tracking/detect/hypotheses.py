@@ -1,4 +1,4 @@
-"""Postures that a detection begins from: as the network sees it, standing in many ways, a bank of others."""
+"""Initial postures of a detection: as the network sees it, standing in many ways, and a bank of others."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
 
 _DOUBTED = 0.3
-"""Metres beyond which a joint is doubted while the model is brought to it."""
+"""Robust width in metres of the joints with which the model is aligned."""
 _STEPS = 10
 """Steps of aligning a posture that is near."""
 _STEPS_FROM_STANDING = 20
-"""Steps of aligning a posture that begins relaxed: its limbs have farther to go."""
+"""Steps of aligning a posture that starts relaxed. Its limbs have farther to go."""
 
 
 def posed(estimate: Estimate, lengths: Float) -> Posture:
-    """Returns a posture of (12,) lengths with its joints at the estimate's, begun from standing relaxed."""
+    """Returns a posture of (12,) lengths, aligned with the estimate's joints from a relaxed start."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
     return aligned_to(start, estimate, _STEPS_FROM_STANDING)
 
 
 def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
-    """Brings a posture to the estimate's joints, weighted by how sure each is; keeps its lengths."""
+    """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     made, _ = align(
         posture,
@@ -73,19 +73,19 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Radians from facing the sensor of the two postures turned aside: short of hiding an arm."""
+"""Radians from facing the sensor of the two postures turned sideways: just short of hiding an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-"""Radians from facing the sensor that each posture of the bank is tried at: a quarter turn apart."""
+"""Radians from facing the sensor at which each posture of the bank is tried: a quarter turn apart."""
 _THINNED = 100
-"""Points that a posture of the bank is compared with: enough to rank it."""
+"""Number of points with which a posture of the bank is compared: enough to rank it."""
 _FARTHEST_POINT = 0.4
-"""Metres at which a point's distance from a posture is clipped: one stray point must not decide."""
+"""Metres to which a point's distance from a posture is clipped, so that one stray point does not decide."""
 BEHIND_SURFACE = 0.1
-"""Metres from the seen surface back to the middle of a standing body: half of a trunk's depth."""
+"""Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
 """Metres from the median of all points back to the middle of a body in another posture."""
 _BEHIND_TIP = 0.04
-"""Metres from a seen extremity back to the middle of a hand, foot or head's top."""
+"""Metres from a visible extremity back to the middle of a hand, foot or the head's top."""
 
 
 def _bent(
@@ -99,7 +99,7 @@ def _bent(
     arm_forward: float = 0.0,
     elbow: float = 0.4,
 ) -> Float:
-    """Returns the (13, 3, 3) posture of some angles of trunk and legs, left and right, radians."""
+    """Returns the (13, 3, 3) posture for some angles of trunk and legs, left and right, in radians."""
     rotations = standing(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
     rotations[model.PELVIS], rotations[model.CHEST] = rotation(x=pitch), rotation(x=bend)
     for side, thigh in enumerate((model.THIGH_L, model.THIGH_R)):
@@ -110,7 +110,7 @@ def _bent(
 
 
 def _bank() -> list[Float]:
-    """Returns postures crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
+    """Returns postures: crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
     both = [
         _bent(pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8),
         _bent(pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4),
@@ -135,9 +135,10 @@ BANK = _bank()
 
 
 def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
-    """Returns standing postures under the crown: six ways to hold the arms, and two turned to the sides.
+    """Returns standing postures below the crown: six ways to hold the arms, and two turned to the sides.
 
     Args:
+        observation: the observed person.
         eye: (3,) the sensor's position, world frame.
         lengths: (12,) metres, of this person or an average one.
     """
@@ -152,7 +153,7 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
-    """Returns so many postures of the bank, those most like the points, brought to the extremities."""
+    """Returns the ``most`` postures of the bank that fit the points best, aligned with the extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
@@ -171,12 +172,12 @@ def banked_starts(
 
 
 def _towards(eye: Float, centre: Float) -> float:
-    """Returns the radians about +Y from +Z to the direction of the eye."""
+    """Returns the angle about +Y in radians from +Z to the direction of the eye."""
     return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
 
 
 def _turned(rotations: Float, yaw: float) -> Float:
-    """Returns the (13, 3, 3) posture turned about the vertical."""
+    """Returns the (13, 3, 3) posture rotated about the vertical."""
     made = rotations.copy()
     made[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
     return made
@@ -204,7 +205,7 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     tops = (ends[..., 1] + radii).max(1)
     highest = int(np.argmax(tops))
     crown = observation.crown
-    # A head is the crown's neighbour sideways; a raised hand is not.
+    # A head is horizontally near the middle of the body. A raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
     head = np.array([under, crown[1] - tops[highest], 0.0])
     away = centre - observation.view.world_from_camera[:3, 3]
@@ -215,12 +216,16 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
 
 
 def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
-    """Returns (N, 3) positions that bring middle, top and bottom of N postures to those of the points.
+    """Returns (N, 3) positions that align middle, top and bottom of N postures with those of the points.
 
-    They are moved back from the seen surface.
+    They are moved back from the visible surface.
 
     Args:
-        ends: (N, C, 2, 3) the capsules of the postures about the origin, of (C, 2) radii.
+        points: (M, 3) metres.
+        centre: (3,) the median of the points.
+        ends: (N, C, 2, 3) the capsules of the postures about the origin.
+        radii: (C, 2) their radii.
+        eye: (3,) the sensor's position.
     """
     away = centre - eye
     away[1] = 0.0
@@ -244,13 +249,14 @@ def _end_anchors() -> tuple[Int, Float]:
 
 _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
-"""(1, 3, 12) the offset of the hip centre in the pelvis: none."""
+"""(1, 3, 12) the offset of the hip centre in the pelvis: zero."""
 _FARTHEST = 0.45
-"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another's."""
+"""Maximum distance in metres between a limb and its extremity: a forearm and a hand. A farther one belongs to
+another limb."""
 
 
 def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
-    """Moves head, hands and feet of a posture to the extremities matched to them at the least distance."""
+    """Moves head, hands and feet of a posture to their extremities, assigned at the least total distance."""
     if len(ends.points) == 0:
         return posture
     capsules, _ = posture.capsules()

@@ -1,8 +1,8 @@
-"""Recovery: a limb or body that explains the frame badly is tried elsewhere, one proposal a frame.
+"""Recovery: a limb or body that explains the frame badly is tried elsewhere, one proposal per frame.
 
-Nearest-surface fitting cannot bring back a limb that has been caught by another one, nor a body that faces
-the wrong way, because every pixel of the real one is explained by something else nearby. A proposal that
-starts elsewhere can; it is taken where it explains the frame better.
+Fitting to the nearest surface cannot recover a limb that was captured by another one, nor a body that faces
+the wrong way. Every pixel of the real limb is then explained by another nearby part. A proposal that starts
+elsewhere can recover it. It is accepted if it explains the frame better.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _ARM_POSES = (
     standing(arm_raise=2.5, elbow=0.4),
     standing(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
 )
-"""Forearm forward, hanging, out, forward, overhead, hand at the face. The limb as it was when last sure, and
-the other side's mirror image, are tried before these."""
+"""Forearm forward, hanging, out, forward, overhead, hand at the face. Two other poses are tried before these:
+the limb's last confident pose, and the other side's mirror image."""
 _LEG_POSES = (
     standing(),
     standing(hip=1.4, knee=1.5),
@@ -48,35 +48,38 @@ _OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist()
 _DOUBTFUL = 0.5
 """Confidence of a limb's outer capsules below which the limb is tried elsewhere."""
 _SURE = 0.9
-"""Confidence of a limb's outer capsules above which its pose is remembered as one to try."""
+"""Confidence of a limb's outer capsules above which its pose is remembered for later proposals."""
 _BETTER = 0.985
-"""Share of the cost that a moved limb must fall below: less is the noise of the fit."""
+"""Fraction of the cost below which a moved limb is accepted. Smaller gains are noise of the fit."""
 _MUCH_BETTER = 0.8
-"""Share of the cost that a moved body must fall below: a wrong one is better by chance now and then."""
+"""Fraction of the cost below which a moved body is accepted. A wrong body is sometimes better by chance."""
 _LOSES = 0.03
-"""Share of the points that a better posture may leave unexplained more than before: a leg that is seen was
-given up because the network, which knew no such kick, put it elsewhere."""
+"""Maximum additional fraction of points that a better posture may leave unexplained. Otherwise a visible leg
+was given up because the network, which had not learnt such a kick, put it elsewhere."""
 _STEPS = 6
-"""Steps of the fit of a proposal: as many as of the ordinary fit, to be compared with it."""
+"""Steps of the fit of a proposal. They equal those of the ordinary fit, so that both are comparable."""
 _WIDE_STEPS = 6
-"""Steps of the wide fit before that, of a whole body."""
+"""Steps of the preceding wide fit of a whole body."""
 _WIDE = 0.25
-"""Metres: the robust width of the wide fit, as a limb of a proposal may be off by as much."""
+"""Robust width of the wide fit in metres. A limb of a proposal may be wrong by as much."""
 _RAREST = 4
-"""Frames between two whole bodies proposed in vain, at most: a person who falls must be caught soon."""
+"""Maximum number of frames between two failed proposals of a whole body. A person that falls must be caught
+soon."""
 _RAREST_LIMB = 6
-"""Frames between two limbs tried elsewhere in vain, at most, where the network sees all joints in place:
-of 1,445 tries in such frames 237 were taken, and limbs were off as often after them as before."""
+"""Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
+trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
 _BADLY = 0.9
-"""Share of the points explained (less what was seen through) below which the whole body is doubted."""
+"""Fraction of the points explained (minus the fraction seen through) below which the whole body is
+doubtful."""
 _YAWS = (0.8, -0.8)
-"""Radians by which a whole body is tried turned: half a right angle to either side, never to the back."""
+"""Rotations in radians at which a whole body is tried: about half a right angle to either side, never to the
+back."""
 _ANKLE = 0.04
-"""Metres above the floor of the lowest joint, a foot's, of a body that is put there standing."""
+"""Height above the floor in metres of the lowest joint, a foot's, of a proposed standing body."""
 
 
 class PoseRecovery:
-    """Proposes other places for arms in every frame, for doubtful limbs and the whole body in turn."""
+    """Proposes other places for arms in every frame, and for doubtful limbs and the whole body in turn."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
@@ -99,6 +102,9 @@ class PoseRecovery:
         """Returns the posture, or one with a doubtful part elsewhere if that explains the frame better.
 
         Args:
+            observation: the observed person.
+            posture: the fitted posture.
+            report: of its fit.
             confidence: (C,) of every capsule, in [0, 1].
             seen: the network's estimate of the frame; None without the network.
             arms: whether there is time to try arms elsewhere.
@@ -149,19 +155,19 @@ class PoseRecovery:
         seen: EstimateAtPoints | None,
         share: float,
     ) -> bool:
-        """Whether a posture costs less than ``share`` of another, both without the temporal term."""
+        """Returns True if a posture costs less than ``share`` of another, both without the temporal term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
         return after < share * before and same.explained - tried[1].explained <= _LOSES
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
-        """Returns the limbs that explain little of the frame; remembers the poses of the sure ones."""
+        """Returns the limbs that explain little of the frame. Remembers the poses of confident limbs."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():
             sure = min(sure_of[c] for c in capsules)
             if sure > _SURE:
-                # Its frames follow each other: a slice is cheaper than a list of them.
+                # The frames of a limb are contiguous, and a slice is cheaper than a list of indices.
                 self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
             elif sure < _DOUBTFUL:
                 doubtful.append(limb)
@@ -170,13 +176,13 @@ class PoseRecovery:
     def _where_seen(
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints
     ) -> tuple[Posture, FitReport]:
-        """Brings the posture to the joints that the network sees, then fits it."""
+        """Aligns the posture with the joints that the network sees, then fits it."""
         return self._fitter.fit(observation, aligned_to(posture, seen.estimate), iterations=_STEPS)
 
     def _elsewhere(
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints | None
     ) -> tuple[Posture, FitReport]:
-        """Fits the next proposal of a whole body, widely, then closely."""
+        """Fits the next proposal of a whole body, first with a wide and then with the usual robust width."""
         proposal = next(self._proposals, None)
         if proposal is None:
             self._proposals = whole_bodies(observation, posture, seen)
@@ -199,16 +205,17 @@ class PoseRecovery:
 
 
 def cost(report: FitReport, posture: Posture, seen: EstimateAtPoints | None) -> float:
-    """Returns square centimetres a point: the fit's energy and the disagreement with the network."""
+    """Returns the fit's energy plus the disagreement with the network, square centimetres per point."""
     return report.energy + (0.0 if seen is None else DISAGREEMENT * (1.0 - agreement(seen, posture)))
 
 
 def whole_bodies(
     observation: Observation, posture: Posture, seen: EstimateAtPoints | None
 ) -> Iterator[Posture]:
-    """Yields proposals of a whole body: as the network sees it, turned a little, and standing.
+    """Yields proposals of a whole body: as the network sees it, rotated a little, and standing.
 
-    Never half a turn: a body looks nearly the same from the back, and no person turns that far in a frame.
+    It never yields a rotation by 180 degrees. A body looks nearly the same from the back, and people do not
+    turn that far in a frame.
     """
     if seen is not None:
         proposed = posed(seen.estimate, posture.lengths)
@@ -224,7 +231,7 @@ def whole_bodies(
 
 
 def _same_way(one: Posture, other: Posture) -> bool:
-    """Whether two postures face within a right angle of each other, by hips and by shoulders."""
+    """Returns True if two postures face within a right angle of each other, by hips and by shoulders."""
     turns = [
         (p.rotations[model.PELVIS], p.rotations[model.PELVIS] @ p.rotations[model.CHEST])
         for p in (one, other)
@@ -233,7 +240,7 @@ def _same_way(one: Posture, other: Posture) -> bool:
 
 
 def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
-    """Returns a person who stands where the points are, turned to ``facing`` radians."""
+    """Returns a person that stands at the place of the points, with the heading ``facing`` in radians."""
     made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
     away = centre - observation.view.world_from_camera[:3, 3]

@@ -1,5 +1,6 @@
-"""The network that finds joints, body parts and facing in one depth image of a person, and its input and
-output.
+"""The pose network, with its input and output.
+
+It finds joints, body parts and facing in a person's depth image.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """The network's input: an upright crop around a person, metric at the person's depth.
 
-Four channels: the person, their depth, their height above the floor, and where nothing can be known because
-something nearer hides it, nothing was measured, or the image ends. Upright and in metres, so that people look
-alike near and far, under sensors that hang upside down, and to any lens.
+It has four channels: the person, the depth, the height above the floor, and unknown pixels. Pixels are
+unknown if a nearer object hides the person, nothing was measured, or the image ends. The crop is upright and
+in metres. So people look alike near and far, with a sensor that hangs upside down, and with any lens.
 """
 
 from __future__ import annotations
@@ -17,43 +17,49 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 
 ROWS = 80
-"""Cells from top to bottom of a crop, fixed by the network: a person with raised arms fits."""
+"""Cells from top to bottom of a crop, fixed by the network. A person with raised arms fits."""
 COLUMNS = 64
-"""Cells from left to right of a crop, fixed by the network: outstretched arms fit."""
+"""Cells from left to right of a crop, fixed by the network. Outstretched arms fit."""
 _SMALLEST = 0.02
-"""Metres a cell at the person's depth, at least: a finer crop shows no more than the sensor measures."""
+"""Minimum size of a cell in metres at the person's depth. A finer crop shows no more than the sensor
+measures."""
 _LARGEST = 0.036
-"""Metres a cell at the person's depth, at most: 80 of them are a tall person's height with arms raised."""
+"""Maximum size of a cell in metres at the person's depth. 80 of them are a tall person's height with raised
+arms."""
 _MARGIN = 1.2
-"""Size of a crop in sizes of what is seen of the person: a limb that is missed at first still lies inside."""
+"""Size of a crop relative to the visible part of the person, so that a limb that was missed at first is still
+inside."""
 CHANNELS = 4
-"""Channels of a crop: the person, the depth, the height above the floor, and where nothing is known."""
+"""Channels of a crop: the person, the depth, the height above the floor, and the unknown fraction."""
 _SAMPLES = 500
-"""Pixels that a person's place and size are found by: enough for percentiles, and quick to sort."""
+"""Number of pixels that determine a person's place and size: enough for percentiles, and quick to sort."""
 _OUTLIERS = 0.01
-"""Share of these samples left out at each end, against stray depth at edges."""
+"""Fraction of these samples dropped at each end, against wrong depth at edges."""
 _HANGING_LEVEL = 0.2
-"""Length in the image of the world's unit up vector below which no direction is upright: seen from above."""
+"""Length of the projected world up vector below which no image direction is upright, because the view is from
+above."""
 _BEFORE = 0.1
-"""Metres before the person's middle from which depth may hide the person; nearer, it is beside."""
+"""Metres in front of the person's middle beyond which depth may hide the person. Other depth is next to the
+person."""
 _NEAREST = 0.1
-"""Metres before the sensor at which a joint is at the least: nearer, it would be beside or behind it."""
+"""Minimum distance of a joint in front of the sensor in metres. A nearer one would be next to or behind the
+sensor."""
 _GROUND = 0.08
-"""Metres above the floor below which depth hides no person: it is the floor before the feet."""
+"""Metres above the floor below which depth cannot hide a person: it is the floor in front of the feet."""
 
 
 @dataclass(frozen=True)
 class Crop:
-    """A person's crop, and the place of its coordinates in the camera's frame.
+    """A person's crop, and the transform from its coordinates to the camera's frame.
 
     Crop coordinates are metres: right and down from the crop's middle, in the plane at ``depth``, and away
     from that plane.
 
     Attributes:
-        image: (4, 80, 64) float32: the share of each cell that is the person; their depth behind
-            ``depth`` and their height above the floor, metres, times that share; the share that is unknown.
-        depth: metres along the optical axis of the person's middle.
-        cell: metres a cell, in the plane at ``depth``.
+        image: (4, 80, 64) float32. The fraction of each cell that is the person; the depth behind ``depth``
+            and the height above the floor, both in metres times that fraction; the unknown fraction.
+        depth: depth of the person's middle along the optical axis in metres.
+        cell: size of a cell in metres, in the plane at ``depth``.
         axes: (2, 2) the crop's right and down in the image.
         centre: (2,) the crop's middle along them, at unit depth.
     """
@@ -66,7 +72,7 @@ class Crop:
 
     @property
     def place(self) -> tuple[Float, Float, float]:
-        """The axes, the middle and the cells a unit at unit depth, as :func:`cells_at` takes them."""
+        """Returns the axes, the middle and the cells per unit at unit depth, for :func:`cells_at`."""
         return self.axes, self.centre, self.depth / self.cell
 
     def cells(self, rays: Float) -> Float:
@@ -74,13 +80,13 @@ class Crop:
         return np.asarray(cells_at(rays, *self.place))
 
     def to_camera(self, points: Float) -> Float:
-        """Returns (N, 3) points in the camera's frame of (N, 3) crop coordinates."""
+        """Returns (N, 3) points in the camera's frame from (N, 3) crop coordinates."""
         return np.asarray(_to_camera(points, self.depth, self.centre, self.axes))
 
 
 @njit(cache=True, nogil=True)
 def _to_camera(points, depth, centre, axes):
-    """See :meth:`Crop.to_camera`; nothing is nearer than ``_NEAREST``."""
+    """Computes :meth:`Crop.to_camera`. The depth is at least ``_NEAREST``."""
     out = np.empty((len(points), 3))
     for i in range(len(points)):
         right, down = points[i, 0] / depth + centre[0], points[i, 1] / depth + centre[1]
@@ -93,7 +99,7 @@ def _to_camera(points, depth, centre, axes):
 
 @njit(cache=True, nogil=True)
 def cells_at(rays, axes, centre, scale):
-    """See :meth:`Crop.cells`."""
+    """Computes :meth:`Crop.cells`."""
     out = np.empty((len(rays), 2))
     for i in range(len(rays)):
         for a in range(2):
@@ -112,12 +118,13 @@ def crop_person(
     """Returns the crop around the masked person.
 
     Args:
-        z: (h, w) metres along the optical axis; 0 where nothing is known.
-        mask: (h, w) the person's pixels, one at least.
+        z: (h, w) metres along the optical axis; 0 where unknown.
+        mask: (h, w) the person's pixels, at least one.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4), the floor at y = 0.
-        shift: (4,) metres by which the crop is off, and the logarithm by which it is too large, for training.
-        raised: metres by which the floor is taken to be lower than it is, for training.
+        shift: (4,) for training: displacement of the crop in metres (3), and the logarithm of its additional
+            scale.
+        raised: for training: metres added to the height above the floor.
     """
     axes = _upright(world_from_camera)
     low, high, depth = _extent(z, mask, camera, axes)
@@ -132,7 +139,7 @@ def crop_person(
 
 
 def _upright(world_from_camera: Float) -> Float:
-    """Returns (2, 2): right and down in the image of a person who stands upright in the world."""
+    """Returns (2, 2): right and down in the image for a person that stands upright in the world."""
     x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
     length = math.hypot(x, y)
     if length < _HANGING_LEVEL:
@@ -142,7 +149,7 @@ def _upright(world_from_camera: Float) -> Float:
 
 
 def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
-    """Returns the person's (2,) least and (2,) greatest along the axes at unit depth, and median depth."""
+    """Returns the person's (2,) minimum and maximum along the axes at unit depth, and its median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]
     first = int(_OUTLIERS * count)
@@ -151,7 +158,7 @@ def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _samples(z, mask, camera, axes):
-    """(3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
+    """Returns (3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
     pixels, width = pixels_of(mask), mask.shape[1]
     some = pixels[:: max(1, len(pixels) // _SAMPLES)]
     out = np.empty((3, len(some)))
@@ -166,7 +173,7 @@ def _samples(z, mask, camera, axes):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
-    """The four channels, each cell by the pixels nearest to its four quarters' middles."""
+    """Fills the four channels. Each cell averages the nearest pixels at the centres of its four quarters."""
     rows, columns = image.shape[1:]
     size, rise = cell / depth, pose[1]
     z, mask, shape = z.ravel(), mask.ravel(), z.shape
@@ -194,10 +201,10 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _aim(rays, pixels, down, size, camera, axes, centre, shape):
-    """The rays, x/z and y/z, of a row of quarters ``down`` from the middle, and the pixels that they meet.
+    """Computes the rays, x/z and y/z, of a row of quarter cells ``down`` from the middle, and their pixels.
 
-    Into (2, J) and (J,): a pixel's place in reading order, -1 outside the image. Apart from what the pixels
-    show, so that many are computed at once.
+    The results go into (2, J) and (J,): a pixel's flat index, -1 outside the image. The loop does not depend
+    on the image's contents, so that the compiler can vectorise it.
     """
     height, width = shape
     fx, fy, cx, cy = camera

@@ -1,4 +1,4 @@
-"""Runs the shipped network: from a frame the joints, the spread of each, the facing and the body parts."""
+"""Runs the shipped network: it estimates joints, their uncertainty, the facing and the body parts."""
 
 from __future__ import annotations
 
@@ -20,29 +20,30 @@ from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.estimator.part_map import parts_at_rays
 
 _DISTANCE = 3.0
-"""Mean distance, in units of its scale, of the distribution that the network learns: in space the density
-falls off exponentially with the distance, and the mean of that is 3."""
+"""Mean distance of the distribution that the network learns, in units of its scale. In space the density
+falls off exponentially with the distance, so the mean is 3."""
 _FARTHEST = 1.0
-"""Metres of spread that are reported at most: a joint farther off than this is simply not known."""
+"""Maximum reported spread in metres. A joint with a larger error is simply unknown."""
 _SUREST = 0.03
-"""Metres of spread below which a joint's weight grows no more: the network is no better than that."""
+"""Spread in metres below which a joint's weight does not increase. The network is not more accurate."""
 _USUAL = 0.05
-"""Metres of spread at which a joint weighs one twentieth of all."""
+"""Spread in metres at which a joint has one twentieth of the total weight."""
 _SUREST_BESIDE_DEPTH = 0.05
-"""The same as ``_SUREST`` beside depth, which knows better: limbs of real people are off by more than the
-spread says, and at 3 cm the network pulled elbows off arms that were seen."""
+"""The same as ``_SUREST`` for a fit to depth, which is more accurate. Limbs of real people deviate by more
+than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
-"""(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
+"""(20,) factors on that weight. Legs are found by their surface, and the network easily confuses a crouch
+with a kneel."""
 _DOUBTED = 3.0
-"""Spreads: the robust width of a joint, beyond which the network is taken to be wrong: three sigma."""
+"""Robust width of a joint in spreads, beyond which the network is taken to be wrong: three sigma."""
 _WIDTHS = (0.12, 0.4)
-"""Metres: least and greatest robust width, as the spread itself is off now and then."""
+"""Minimum and maximum robust width in metres, because the spread itself is sometimes wrong."""
 _APART = 0.08
-"""Metres from the network's joint up to which a fitted one is not elsewhere: both are off by centimetres."""
+"""Metres from the network's joint within which a fitted joint agrees. Both have errors of centimetres."""
 _ALL = np.arange(len(Joint))
-"""The numbers of all joints."""
+"""The indices of all joints."""
 _SPREADS = 1.5
-"""Spreads from the network's joint from which a fitted one is plainly elsewhere."""
+"""Distance from the network's joint, in spreads, beyond which a fitted joint clearly disagrees."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,11 @@ class Estimate:
     Attributes:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
         spread: (20,) metres: the mean error of each joint that the network expects.
-        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_in_plan`; they do not
-            depend on the facing that the estimate was conditioned on.
+        facing: (8,) log probabilities of the facing directions, see :func:`labels.facing_in_plan`. They do
+            not depend on the conditioning facing of the estimate.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
         crop: the network's input.
-        person_probability: in [0, 1], that the crop shows a person and no thing.
+        person_probability: in [0, 1], that the crop shows a person and not an object.
     """
 
     joints: Float
@@ -68,12 +69,12 @@ class Estimate:
 
     @property
     def landmarks(self) -> Float:
-        """(20, 5) places, weights and robust widths of the joints, as ``terms.near_landmarks`` takes them."""
+        """Returns (20, 5) places, weights and robust widths of the joints, for ``terms.near_landmarks``."""
         return self._landmarks(_SUREST)
 
     @property
     def guides(self) -> Float:
-        """(20, 5) the same for a fit to depth, which knows better where a joint is."""
+        """Returns (20, 5) the same with lower weights, for a fit to depth, which is more accurate."""
         return self._landmarks(_SUREST_BESIDE_DEPTH)
 
     def _landmarks(self, surest: float) -> Float:
@@ -81,17 +82,17 @@ class Estimate:
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
     def count_apart(self, joints: Float, which: Int = _ALL) -> int:
-        """Returns how many of (20, 3) joints, or of ``which``, are plainly elsewhere than here."""
+        """Returns how many of (20, 3) joints, or of ``which``, clearly disagree with the estimate."""
         return int(_apart(joints, self.joints, self.spread, which))
 
     def parts_at(self, rays: Float) -> Float32:
-        """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
+        """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, interpolated bilinearly."""
         return np.asarray(parts_at_rays(self.parts, rays, *self.crop.place))
 
 
 @njit(cache=True, nogil=True)
 def _landmarks(joints, spread, surest, trust):
-    """(J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
+    """Computes (J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
     out = np.empty((len(joints), 5))
     low, high = _WIDTHS
     for j in range(len(joints)):
@@ -105,7 +106,7 @@ def _landmarks(joints, spread, surest, trust):
 
 @njit(cache=True, nogil=True)
 def _apart(joints, seen, spread, which):
-    """See :meth:`Estimate.count_apart`."""
+    """Computes :meth:`Estimate.count_apart`."""
     count = 0
     for j in which:
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
@@ -115,13 +116,13 @@ def _apart(joints, seen, spread, which):
 
 
 class PoseEstimator:
-    """Runs a network with ONNX Runtime on one core; safe to call from several threads."""
+    """Runs a network with ONNX Runtime on one core. Safe to call from several threads."""
 
     def __init__(self, path: Path) -> None:
         """Reads a network.
 
         Raises:
-            InputError: where its file is missing or damaged.
+            InputError: if its file is missing or damaged.
         """
         onnxruntime = load_onnxruntime()
         options = onnxruntime.SessionOptions()
@@ -129,7 +130,7 @@ class PoseEstimator:
         options.log_severity_level = 3
         try:
             self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-        except Exception:  # ONNX Runtime has no common error
+        except Exception:  # ONNX Runtime has no common base class of errors
             raise InputError(
                 "the network cannot be read",
                 where=str(path),
@@ -140,7 +141,9 @@ class PoseEstimator:
         """Runs the network on one crop, conditioned on each of some facings in turn.
 
         Args:
-            facings: radians from facing the sensor, anticlockwise from above; None: not known.
+            crop: the network's input.
+            world_from_camera: (4, 4) the camera's pose.
+            facings: radians relative to facing the sensor, anticlockwise from above; None: unknown.
         """
         condition = np.array(
             [[0.0, 0.0, crop.cell] if f is None else [math.cos(f), math.sin(f), crop.cell] for f in facings],
@@ -159,19 +162,22 @@ class PoseEstimator:
     def estimate(
         self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
     ) -> Estimate:
-        """Runs the network on the masked person; arguments as of :func:`crop_person`, facing in radians."""
+        """Runs the network on the masked person.
+
+        Arguments are those of :func:`crop_person`, and the facing in radians.
+        """
         crop = crop_person(z, mask, camera, world_from_camera)
         return self.estimates(crop, world_from_camera, [facing])[0]
 
 
 @njit(cache=True, nogil=True)
 def _decoded(here, spread, facing, pose):
-    """Decodes the network's output: joints, spread, facing and person probability, as of :class:`Estimate`.
+    """Decodes the network's output: joints, spread, facing and person probability, as in :class:`Estimate`.
 
     Args:
         here: (20, 3) metres, the joints in the camera's frame.
         spread: (20,) float32 logarithms of the joints' scales, metres.
-        facing: (9,) float32 logits of the ways to face, and of being no person.
+        facing: (9,) float32 logits of the facing directions, and of not being a person.
         pose: (4, 4) world_from_camera.
     """
     world, off = np.empty(here.shape), np.empty(len(here))
@@ -186,16 +192,16 @@ def _decoded(here, spread, facing, pose):
 
 @njit(cache=True, nogil=True)
 def _log_softmax(logits):
-    """(N,) log probabilities, float64, of (N,) float32 logits."""
+    """Returns (N,) log probabilities, float64, of (N,) float32 logits."""
     shifted = logits.astype(np.float64) - np.float64(logits.max())
     return shifted - np.log(np.exp(shifted).sum())
 
 
 @lru_cache(maxsize=1)
 def shipped_estimator() -> PoseEstimator:
-    """Returns the network that ``enliven train-estimator`` trained.
+    """Returns the network that was trained by ``enliven train-estimator``.
 
     Raises:
-        InputError: where its file is missing or damaged.
+        InputError: if its file is missing or damaged.
     """
     return PoseEstimator(ESTIMATOR)

@@ -1,4 +1,4 @@
-"""The labels that the network learns: body parts and ways to face."""
+"""The labels that the network learns: body parts and facing directions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.kernels import njit
 
 
 class BodyPart(IntEnum):
-    """Regions of the body's surface; left and right are the person's own."""
+    """Regions of the body's surface. Left and right are the person's own."""
 
     HEAD = 0
     CHEST_LEFT = 1
@@ -33,19 +33,20 @@ class BodyPart(IntEnum):
 
 PARTS = len(BodyPart)
 NOBODY = 255
-"""The label of a pixel that shows no part: the largest that fits a byte."""
+"""The label of a pixel without a body part: the largest value of a byte."""
 FACINGS = 8
-"""Ways to face that the network tells apart, every 45 degrees."""
+"""Number of facing directions that the network distinguishes, one every 45 degrees."""
 MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 """(17,) the part on the other side of the body."""
 
 
 @njit(cache=True, nogil=True)
 def facing_in_plan(left, place, eye):
-    """Returns the radians in plan from facing the sensor to the person's facing, anticlockwise from above.
+    """Returns the person's horizontal facing in radians: 0 towards the sensor, anticlockwise from above.
 
     Args:
-        left: (3,) towards the person's left, world frame: unlike the front it stays level in a bend.
+        left: (3,) towards the person's left, world frame. Unlike the front direction it stays level in a
+            bend.
         place, eye: (3,) metres, of the person and the sensor.
     """
     return np.arctan2(-left[2], left[0]) - np.arctan2(eye[0] - place[0], eye[2] - place[2])

@@ -1,6 +1,6 @@
-"""What the network sees at points: its map of the parts, read between the cells, compiled.
+"""Samples the network's map of body parts at points, with bilinear interpolation, compiled.
 
-Row by row of a part, so that many points are read at once.
+It works row by row of a part, so that the compiler can vectorise the loops.
 """
 
 from __future__ import annotations
@@ -11,27 +11,30 @@ from enliven.kernels import njit
 from enliven_edge.tracking.estimator.crop import COLUMNS, cells_at
 
 _LEAST = np.float32(-87.0)
-"""Exponent below which a number of single precision is 0 but for its smallest."""
+"""Exponent below which e^x underflows in single precision."""
 _PER_DOUBLING = np.float32(1.0 / np.log(2.0))
-"""Doublings in a factor of e."""
+"""Doublings per factor of e: log2(e)."""
 _DOUBLING = np.log(2.0)
 _DOUBLING_ROUND = np.float32(round(_DOUBLING * 512) / 512)
-"""Its upper bits: times a whole number below 2^14 it is exact in single precision."""
+"""Upper bits of log(2). The product with a whole number below 2^14 is exact in single precision."""
 _DOUBLING_REST = np.float32(_DOUBLING - round(_DOUBLING * 512) / 512)
 _TERMS = tuple(np.float32(1.0 / n) for n in (720.0, 120.0, 24.0, 6.0, 2.0))
-"""Factors of the sixth to the second power in the exponential's series, for half a doubling at most."""
+"""Coefficients of the sixth to the second power in the exponential's series, for half a doubling at most."""
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)
-"""Of a number of single precision: the exponent of 1, and the bits below the exponent."""
+"""Exponent bias of single precision, and the number of mantissa bits below the exponent."""
 
 
 @njit(cache=True, nogil=True)
 def parts_at_rays(logits, rays, axes, centre, scale):
-    """(P, M) float32 probabilities of P parts at M rays: softmax over the logits between four cells.
+    """Returns (P, M) float32 probabilities of P parts at M rays.
+
+    They are a softmax over bilinearly interpolated logits.
 
     Args:
         logits: (P, h, w) float32.
         rays: (M, 2) x/z and y/z.
-        axes, centre, scale: as of :meth:`Crop.cells`, which says where a ray meets the crop.
+        axes, centre, scale: from :attr:`Crop.place`; they map a ray to cells of the crop, see
+            :meth:`Crop.cells`.
     """
     rows, columns = logits.shape[1:]
     places = np.empty(len(rays), np.int32)
@@ -51,7 +54,7 @@ def parts_at_rays(logits, rays, axes, centre, scale):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _read(out, row, places, right, down, columns):
-    """A map's values at (M,) places, and shares of a cell to the right and down from there, into ``out``."""
+    """Interpolates a map bilinearly at (M,) cells plus fractions to the right and down, into ``out``."""
     for i in range(len(out)):
         at = np.uintp(places[i])
         a, b = row[at], row[at + np.uintp(1)]
@@ -62,7 +65,7 @@ def _read(out, row, places, right, down, columns):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _softmax(logits):
-    """Makes (P, M) logits probabilities of each column, in place."""
+    """Replaces (P, M) logits by the probabilities of each column, in place."""
     most, total = logits[0].copy(), np.zeros(logits.shape[1], np.float32)
     for p in range(1, len(logits)):
         row = logits[p]
@@ -83,9 +86,11 @@ def _softmax(logits):
 
 @njit(cache=True, nogil=True, inline="always")
 def exponential(x):
-    """e to the power of a float32 from -87 to 87, by its series, to 3e-7 of it; as e^-87 below.
+    """Returns e^x of a float32 from -87 to 87 by its series, with a relative error of 3e-7.
 
-    Without a call, so that many are computed at once.
+    Below -87 it returns e^-87.
+
+    It makes no call, so that the compiler can vectorise it.
     """
     x = max(x, _LEAST)
     doublings = np.float32(np.floor(x * _PER_DOUBLING + np.float32(0.5)))

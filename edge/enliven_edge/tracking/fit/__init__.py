@@ -1,4 +1,4 @@
-"""The fit of the body model to a depth image: damped Gauss-Newton over data, prior and landmark terms."""
+"""The fit of the body model to a depth image: damped Gauss-Newton with data, prior and landmark terms."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""Alignment of the body model with a few targets: damped Gauss-Newton of anchors on its bones, compiled.
+"""Alignment of the body model with a few targets: compiled damped Gauss-Newton on points fixed to its bones.
 
-It uses no surface and no silhouette. It takes a posture from anywhere to about where a person's head, hands
-and feet were seen, so that the fit proper can begin.
+It uses neither surface nor silhouette. It moves a posture from anywhere to about the observed places of a
+person's head, hands and feet, so that the actual fit can begin.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from enliven_edge.tracking.fit.normal_equations import add_place, carried, empty
 from enliven_edge.tracking.fit.structures import PlacedFrames
 
 _ENOUGH = 1e-3
-"""Share of the energy that a step must gain for another one to be worth it: the fit proper does the rest."""
+"""Minimum gain of a step as a fraction of the energy to try another step. The actual fit does the rest."""
 _RANGES = 100.0
-"""Weight of the joints' ranges, square centimetres a square radian."""
+"""Weight of the joint limits, square centimetres per square radian."""
 _EASE = model.by_frame(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
-"""(13,) weights of standing relaxed, square centimetres a square radian: few targets say little of the trunk,
-and nothing holds the direction that the pelvis faces."""
+"""(13,) weights of the relaxed posture, square centimetres per square radian. Few targets constrain the trunk
+little. The pelvis' heading is free."""
 _SKELETON = (
     model.FRAME_PARENTS,
     model.PIVOTS,
@@ -39,9 +39,9 @@ _SKELETON = (
     model.DOF_AXIS,
     model.FRAME_LENGTHS,
 )
-"""The arguments of the compiled alignment that the model gives."""
+"""The arguments of the compiled alignment that come from the model."""
 _LIMITS = (joint_limits.MIDDLE, joint_limits.REACH, joint_limits.RELAXED, _EASE)
-"""The middle and the reach of the joints' ranges, the relaxed posture and its weights."""
+"""The middle and half width of the joint ranges, the relaxed posture and its weights."""
 
 
 def align(
@@ -54,17 +54,19 @@ def align(
     width: float = 0.2,
     iterations: int = 20,
 ) -> tuple[Posture, float]:
-    """The posture near ``start`` with its anchors at the targets and its lengths kept; and its energy.
+    """Returns the posture near ``start`` with its anchors at the targets and its old lengths, and its energy.
 
     Args:
-        frames: (A,) the frame that carries each anchor.
-        local: (A, 3, 12) where it is in that frame, linear in the lengths.
+        start: the initial posture.
+        frames: (A,) the frame of each anchor.
+        local: (A, 3, 12) the anchor's position in that frame, linear in the lengths.
         targets: (A, 3) metres, world frame.
-        weights: (A,) how sure each target is; 0 for none.
-        width: metres beyond which a target is doubted.
+        weights: (A,) confidence of each target; 0 to ignore it.
+        width: robust width in metres: a larger residual counts less.
+        iterations: maximum number of steps.
     """
     made = start.copy()
-    sure = np.ascontiguousarray(weights)  # a column's view would be compiled, and loaded, a second time
+    sure = np.ascontiguousarray(weights)  # Numba would compile and load a second version for a column's view
     energy = _align(
         made.position, made.rotations, made.lengths, frames, local, targets, sure, width, _SKELETON,
         _LIMITS, iterations,
@@ -76,7 +78,7 @@ def align(
 def _align(
     position, rotations, lengths, frames, local, targets, weights, width, skeleton, limits, iterations
 ):
-    """Levenberg-Marquardt, the posture in place; returns the energy."""
+    """Minimises the energy with Levenberg-Marquardt, updating the posture in place. Returns the energy."""
     matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
     trial_matrix, trial_gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
     step, factor = np.empty(model.DOFS), np.empty((model.DOFS, model.DOFS))
@@ -110,7 +112,10 @@ def _align(
 
 @njit(cache=True, nogil=True)
 def _normal_equations(matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits):
-    """Writes the normal equations of targets, joint ranges and relaxation; returns the energy, square cm."""
+    """Writes the normal equations of targets, joint ranges and relaxation.
+
+    Returns the energy in square centimetres.
+    """
     frames, local, targets, weights = wanted
     parents, offsets, moves, dof_frame, dof_axis, lengths_of = skeleton
     middle, reach, rest, ease = limits

@@ -1,13 +1,13 @@
-"""The data term of the fit, compiled: it draws the surface of the body to the observed points.
+"""The data term of the fit, compiled: it pulls the surface of the body to the observed points.
 
-A point on a capsule with the axis s + t d, outward normal n and parameter t has the residual r = distance -
-radius, which falls by n . dx where the axis moves by dx and by dR where the radius R grows. The points of a
-capsule enter the normal equations only by the weighted moments
+Consider a point on a capsule with the axis s + t d, outward normal n and parameter t. Its residual is r =
+distance - radius. The residual falls by n . dx if the axis moves by dx, and by dR if the radius R grows. The
+points of a capsule enter the normal equations only by the weighted moments
 
     sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
 
-the wrench (n, (s + t d) cross n) is linear in n and t n, and the motion by a bone's length is linear along
-the axis. So a point costs a few products, and the rest is done once a capsule.
+The reason is that the wrench (n, (s + t d) cross n) is linear in n and t n. The motion by a bone's length is
+linear along the axis. So a point costs a few products, and the rest is done once per capsule.
 """
 
 from __future__ import annotations
@@ -21,15 +21,19 @@ from enliven_edge.tracking.fit.normal_equations import of_frame
 
 @njit(cache=True, nogil=True)
 def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
-    """Adds the term that draws every observed point and the surface of its nearest capsule together.
+    """Adds the term that pulls every observed point and the surface of its nearest capsule together.
 
-    ``support`` (C,) receives the number of points that each capsule explains within ``width``.
-    Returns (energy, share of the points that are explained).
+    ``support`` (C,) receives the number of points that each capsule explains within ``width``. Returns
+    (energy, fraction of the points that are explained).
 
     Args:
-        sums: as :func:`normal_equations.empty_sums` makes them.
-        seen, affinity: as :func:`capsules.nearest_capsules` takes them.
+        sums: as returned by :func:`normal_equations.empty_sums`.
+        seen, affinity: in the form of :func:`capsules.nearest_capsules`.
         surface: a :class:`~enliven_edge.tracking.fit.structures.CapsuleSurface`.
+        weight: the weight of the term.
+        width: robust width in metres.
+        side: see :func:`capsules.nearest_capsules`.
+        support: (C,) receives point counts.
     """
     ends, radii, capsule_frame, tug = surface.ends, surface.radii, surface.frame, sums.tug
     many = max(1, seen.shape[1])
@@ -63,7 +67,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
 
 @njit(cache=True, nogil=True)
 def _by_capsule(which, seen, count):
-    """(3, M) the points sorted by capsule, and (C + 1,) the first point of each capsule."""
+    """Returns (3, M) the points sorted by capsule, and (C + 1,) the first point of each (counting sort)."""
     first = np.zeros(count + 1, np.int64)
     for c in which:
         first[c + 1] += 1
@@ -80,16 +84,20 @@ def _by_capsule(which, seen, count):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def _moments(squares, firsts, powers, points, here, axis, width):
-    """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
+    """Computes the moments of a capsule's points with robust weights.
 
-    Written out in single precision, so that many points are summed at once: most of a fit is spent here.
+    Returns (energy, points within ``width``).
+
+    It is written out in single precision so that the compiler vectorises the sums. Most of a fit is spent
+    here.
 
     Args:
         squares: (3, 3, 3) receives sum w t^k n n'.
         firsts: (5, 3) receives sum w t^k n for k = 0, 1, 2 and sum w r t^k n for k = 0, 1.
         powers: (5,) receives sum w t^k and sum w r t^k likewise.
-        points: (3, M) float32, of all capsules: a part of each row would not be known to lie side by side.
-        here: the first point of the capsule, and the one after its last.
+        points: (3, M) float32, of all capsules. The compiler would not know that a slice of each row is
+            contiguous.
+        here: the first point of the capsule, and the end of its points.
         axis: (2, 3) and (2,) the capsule's ends and radii.
         width: float32 metres.
     """
@@ -103,18 +111,21 @@ def _moments(squares, firsts, powers, points, here, axis, width):
     xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
     rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
     for i in range(here[0], here[1]):
+        # The residual: the distance from the axis minus the radius there.
         a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
         t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
         a, b, c = a - t * dx, b - t * dy, c - t * dz
         length = np.sqrt(a * a + b * b + c * c) + np.float32(1e-9)
         scale = one / length
         residual = length - start - t * growth
+        # The Geman-McClure energy and weight.
         ratio = residual / width
         kept = one / (one + ratio * ratio)
         energy += residual * residual * kept
         within += one if abs(residual) < width else zero
         w = kept * kept
         a, b, c = a * scale, b * scale, c * scale
+        # The weighted sums.
         wt = w * t
         wtt, wr = wt * t, w * residual
         wrt = wr * t
@@ -142,7 +153,7 @@ def _moments(squares, firsts, powers, points, here, axis, width):
 
 @njit(cache=True, nogil=True, inline="always")
 def _fill_square(out, xx, xy, xz, yy, yz, zz):
-    """A symmetric (3, 3)."""
+    """Fills a symmetric (3, 3) matrix."""
     out[0, 0], out[0, 1], out[0, 2] = xx, xy, xz
     out[1, 0], out[1, 1], out[1, 2] = xy, yy, yz
     out[2, 0], out[2, 1], out[2, 2] = xz, yz, zz
@@ -150,7 +161,10 @@ def _fill_square(out, xx, xy, xz, yy, yz, zz):
 
 @njit(cache=True, nogil=True, inline="always")
 def _cross(a, x, y, z):
-    """(3,) a cross (x, y, z), as a tuple: a view of an array's row would be counted, which takes longer."""
+    """Returns (3,) a cross (x, y, z) as a tuple.
+
+    A view of an array's row would be reference-counted, which is slower.
+    """
     return a[1] * z - a[2] * y, a[2] * x - a[0] * z, a[0] * y - a[1] * x
 
 
@@ -160,7 +174,8 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):
 
     ``room`` (2, 3, 3) is overwritten.
     """
-    # By rows of n: u[a] = sum w n_a (x cross n), v the same with t; what is turned twice follows from both.
+    # By rows of n: u[a] = sum w n_a (x cross n), and v the same with t. Both give the block of x cross n with
+    # itself.
     u, v = room[0], room[1]
     for a in range(3):
         p, q, r = squares[1, a, 0], squares[1, a, 1], squares[1, a, 2]
@@ -188,12 +203,16 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):
 def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, room):
     """Adds the terms of a capsule's points in the lengths.
 
-    A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of
-    the residual. Kept by length: sum w n (that), and the same with t.
+    A length moves the axis by g + t h and makes the surface thicker by b + t e. The residual changes by the
+    product of n with (g + t h), plus b + t e. For each length the kernel keeps the sum of w n times this
+    change, and the same with t.
 
     Args:
-        axis: start and way (3,), (2, 3, L) their ends' derivatives, (2,) the radii's by the girth.
-        lengths: which ones move the capsule, the girth last.
+        cross, own, tug: the sums to extend, see :class:`~enliven_edge.tracking.fit.structures.FrameSums`.
+        squares, firsts, powers: from :func:`_moments`, scaled by the weight.
+        axis: start and way (3,), (2, 3, L) their ends' derivatives, (2,) the radii's derivatives by the
+            girth.
+        lengths: the lengths that move the capsule, the girth last.
         room: (2, L, 3) is overwritten.
     """
     start, way, by_ends, growth = axis
@@ -201,6 +220,7 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, r
     here, beyond = room[0], room[1]
     for m in range(count):
         p = lengths[m]
+        # The gradient, and the sums ``here`` and ``beyond`` of this length.
         thick = growth[0] if p == model.GIRTH else 0.0
         more = growth[1] - growth[0] if p == model.GIRTH else 0.0
         tug[p] -= thick * powers[3] + more * powers[4]
@@ -213,11 +233,13 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, r
                 g, h = by_ends[0, b, p], by_ends[1, b, p] - by_ends[0, b, p]
                 here[m, a] += squares[0, a, b] * g + squares[1, a, b] * h
                 beyond[m, a] += squares[1, a, b] * g + squares[2, a, b] * h
+        # The block of this length with the pose.
         about = _cross(start, here[m, 0], here[m, 1], here[m, 2])
         along = _cross(way, beyond[m, 0], beyond[m, 1], beyond[m, 2])
         for a in range(3):
             cross[a, p] += here[m, a]
             cross[3 + a, p] += about[a] + along[a]
+        # The block of this length with the lengths up to it.
         for n in range(m + 1):
             q, value = lengths[n], 0.0
             for a in range(3):

@@ -1,7 +1,7 @@
-"""The articulated fit: damped Gauss-Newton of the body model on what one depth frame shows.
+"""The articulated fit: damped Gauss-Newton of the body model on the observation of one depth frame.
 
-After Ganapathi et al. 2012 (ray-constrained ICP): points to surfaces, and the surface kept out of the space
-that the camera saw through.
+After Ganapathi et al. 2012 (ray-constrained ICP): points are matched to surfaces, and the surface is kept out
+of the free space through which the camera saw.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
 _STIFF = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
-"""(13,) factors on ``FitSettings.temporal``: the trunk turns less between two frames than the limbs do."""
+"""(13,) factors on ``FitSettings.temporal``: the trunk rotates less between two frames than the limbs."""
 _RELAXED = model.by_frame(
     1.0, {model.PELVIS: 0.0, model.CHEST: 12.0, model.HEAD: 6.0, model.FOOT_L: 3.0, model.FOOT_R: 3.0}
 )
-"""(13,) factors on ``FitSettings.rest``: depth says least of the back, the head and the feet, and nothing
-holds the direction that the pelvis faces."""
+"""(13,) factors on ``FitSettings.rest``. Depth constrains the back, the head and the feet least. The pelvis'
+heading is free."""
 
 
 def _touching_pairs() -> Int:
-    """(K, 2) pairs of capsules that must stay apart: an arm and the torso, arm or thigh, leg and leg."""
+    """Returns (K, 2) pairs of capsules that must stay apart.
+
+    An arm stays apart from the torso, the other arm and the thigh; the legs stay apart from each other.
+    """
     frame = model.CAPSULES.frame
     groups = {
         "torso": [c for c, f in enumerate(frame) if f in (model.PELVIS, model.CHEST, model.HEAD)],
@@ -50,7 +53,7 @@ def _touching_pairs() -> Int:
 
 
 def shape() -> FitModel:
-    """The body model as the compiled fit takes it."""
+    """Returns the body model in the form that the compiled fit takes."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
     surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
@@ -58,13 +61,13 @@ def shape() -> FitModel:
 
 
 _LOW = 0.65
-"""Height of the hips over the length of a leg below which the hips of a known person bend farther. With the
-wider range for people who stand, too, four people side by side lost 4 % of their joints."""
+"""Height of the hips relative to leg length below which the hips of a tracked person bend farther. If the
+wider range also applied to standing people, four people next to each other lost 4 % of their joints."""
 _SHAPE = shape()
 _NO_LENGTHS = np.zeros(0)
 """The weights of no lengths: they are frozen."""
 _LOOSE = np.zeros(13)
-"""(13,) weights of the prediction's rotations where there is none."""
+"""(13,) zero weights of the prediction's rotations, used without a prediction."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +75,12 @@ class FitReport:
     """How well a posture explains a frame.
 
     Attributes:
-        energy: the minimised energy, square centimetres a point.
-        explained: the share of the person's points within the robust width of the model.
-        support: (C,) observed points that each capsule explains.
-        violated: (C,) the share of each capsule that the camera saw through.
-        information: (30, 30) the upper triangle of the Gauss-Newton matrix of the frame alone, without what
-            time predicts, with the lengths frozen.
+        energy: the minimised energy, square centimetres per point.
+        explained: the fraction of the person's points within the robust width of the model.
+        support: (C,) number of observed points that each capsule explains.
+        violated: (C,) the fraction of each capsule through which the camera saw.
+        information: (30, 30) the upper triangle of the Gauss-Newton matrix of the frame alone, without the
+            temporal prior, with the lengths frozen.
     """
 
     energy: float
@@ -88,17 +91,18 @@ class FitReport:
 
     @property
     def seen_through(self) -> float:
-        """The share of the whole surface that the camera saw through."""
+        """Returns the fraction of the whole surface through which the camera saw."""
         return sum(self.violated.tolist()) / len(self.violated)
 
 
 class Fitter:
-    """Fits the model to observations; keeps nothing between calls but its settings, held for each width.
+    """Fits the model to observations. Between calls it keeps only its settings, prepared for each width.
 
     Attributes:
         has_floor: whether limbs stay above y = 0. A guessed floor must not shorten legs.
-        limber: the same for people who are followed: once they are low, their hips bend as far as when knees
-            are drawn up. A search does without, since one limber body explains two people side by side.
+        limber: the fitter for people that are already tracked. If their hips are low, the hips bend as far as
+            with drawn-up knees. A search does not use this range, because one limber body could explain two
+            people next to each other.
     """
 
     def __init__(self, settings: FitSettings, strict: Fitter | None = None) -> None:
@@ -119,13 +123,15 @@ class Fitter:
         width: float | None = None,
         proportions: Float | None = None,
     ) -> tuple[Posture, FitReport]:
-        """The posture near ``start`` that explains the observation best, and a report.
+        """Returns the posture near ``start`` that explains the observation best, and a report.
 
         Args:
-            predicted: the posture that time suggests; None where nothing is known (detection).
-            iterations: Gauss-Newton steps, the setting's where None.
-            width: metres at which residuals are doubted, the setting's where None.
-            proportions: (12,) weights that hold the lengths at ``start``'s; fixed where None.
+            observation: the observed person.
+            start: the initial posture.
+            predicted: the posture that the temporal prior expects; None in detection.
+            iterations: maximum Gauss-Newton steps; None: from the settings.
+            width: robust width in metres; None: from the settings.
+            proportions: (12,) weights that keep the lengths near ``start``'s; None: fixed lengths.
         """
         made = start.copy()
         prior = self._prior(start, predicted, proportions)
@@ -141,19 +147,22 @@ class Fitter:
     def _prior(
         self, start: Posture, predicted: Posture | None, proportions: Float | None
     ) -> tuple[Float, Float, Float, Float]:
-        """The prior's part that changes from fit to fit, prediction and proportions: see :func:`minimise`."""
+        """Returns the variable part of the prior, prediction and proportions: see :func:`minimise`."""
         firmness = _NO_LENGTHS if proportions is None else proportions
         if predicted is None:
             return start.rotations, _LOOSE, start.lengths, firmness
         return predicted.rotations, self._stiffness, start.lengths, firmness
 
     def _bends_far(self, posture: Posture) -> bool:
-        """Whether hips have the wider range: a followed person crouches, kneels or sits on the floor."""
+        """Returns True if hips have the wider range: a tracked person crouches, kneels or sits."""
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
         return self._strict is not None and float(posture.position[1]) < _LOW * leg
 
     def _constants_of(self, width: float | None, bends_far: bool) -> Held:
-        """The lasting part, with weights and body, for a width in metres; the setting's where None."""
+        """Returns the constant data, with weights and body, for a width in metres.
+
+        The default is the width in the settings.
+        """
         width = float(self.settings.width if width is None else width)
         has_floor = self.has_floor if self._strict is None else self._strict.has_floor
         key = width, has_floor, bends_far

@@ -1,6 +1,6 @@
 """Levenberg-Marquardt over all terms of the fit, in one compiled loop.
 
-The unknowns are translation (3), rotations (27) and, while the person's build is not settled, lengths (12).
+The unknowns are translation (3), rotations (27) and, until the person's build is settled, lengths (12).
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from enliven_edge.tracking.fit.structures import BodyState, FitPrior
 from enliven_edge.tracking.fit.terms import assemble
 
 _ENOUGH = 1e-4
-"""Share of the energy that a step must gain for another one to be worth it."""
+"""Minimum gain of a step as a fraction of the energy to try another step."""
 _LARGEST_TURN = 0.5
-"""Radians of rotation of a joint in one step at most: beyond, the linearisation does not hold."""
+"""Maximum rotation of a joint per step in radians. Beyond it the linearisation does not hold."""
 FIRST_DAMPING = 1e-2
-"""Damping of the first step, as a share of the matrix's diagonal: nearly a Gauss-Newton step."""
+"""Damping of the first step, as a fraction of the matrix's diagonal: nearly a Gauss-Newton step."""
 RAISE = 8.0
-"""Factor on the damping after a step that was rejected."""
+"""Factor on the damping after a rejected step."""
 LOWER = 4.0
-"""Divisor of the damping after a step that was accepted."""
+"""Divisor of the damping after an accepted step."""
 LEAST_DAMPING = 1e-6
-"""Damping at the least: less changes no step."""
+"""Minimum damping. Less does not change a step."""
 MOST_DAMPING = 1e4
-"""Damping beyond which no step lowers the energy any more."""
+"""Maximum damping. Beyond it no step lowers the energy any more."""
 
 
 @njit(cache=True, nogil=True)
@@ -33,16 +33,17 @@ def minimise(
     position, rotations, lengths, observed, constants, predicted, stiffness, reference, firmness, iterations,
     support, violated, information,
 ):  # fmt: skip
-    """Moves the posture (in place) to lower energy; returns (energy, explained).
+    """Moves the posture (in place) to lower energy. Returns (energy, explained).
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
         observed, constants: a :class:`SeenPerson` and :class:`FitConstants`, held.
-        predicted, stiffness, reference, firmness: as of :class:`FitPrior`.
-        support: (C,) receives the points that each capsule explains.
-        violated: (C,) receives the share of each capsule that was seen through.
-        information: (30, 30) receives the upper triangle of the Gauss-Newton matrix where the posture ends,
-            of translation and rotations alone, without what time predicts.
+        predicted, stiffness, reference, firmness: see :class:`FitPrior`.
+        iterations: maximum number of steps.
+        support: (C,) receives the number of points that each capsule explains.
+        violated: (C,) receives the fraction of each capsule through which the camera saw.
+        information: (30, 30) receives the upper triangle of the Gauss-Newton matrix at the final posture, of
+            translation and rotations alone, without the temporal prior.
     """
     seen, c = observed.values, constants.values
     shape, weights = c.shape, c.weights
@@ -57,16 +58,19 @@ def minimise(
     energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
     damping = FIRST_DAMPING
     for _ in range(iterations):
+        # Propose a step, and compute the energy and the normal equations after it.
         solve_damped(step, factor, matrix, gradient, damping)
         moved = stepped(position, rotations, lengths, step, shape.dof_frame, shape.dof_axis)
         lower, better = assemble(
             trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
         )
+        # Reject a step that does not lower the energy, and raise the damping.
         if not lower < energy:
             damping *= RAISE
             if damping > MOST_DAMPING:
                 break
             continue
+        # Accept the step, and swap the normal equations instead of computing them again.
         gain = energy - lower
         copy_row(position, moved[0])
         for f in range(len(rotations)):
@@ -79,6 +83,7 @@ def minimise(
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
         if gain < _ENOUGH * energy:
             break
+    # The information matrix of the frame: without the temporal prior, which only adds to the diagonal.
     for i in range(model.DOFS):
         for j in range(i, model.DOFS):
             information[i, j] = matrix[i, j]
@@ -89,9 +94,11 @@ def minimise(
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def cholesky(factor, matrix, damping):
-    """The upper factor U of M + damping diag(M) + 0.001 = U'U; only upper triangles are read and written.
+    """Computes the upper Cholesky factor U of M + damping diag(M) + 0.001 = U'U.
 
-    Row by row, and of four earlier rows at once: a row is then read and written a quarter as often.
+    It uses only upper triangles.
+
+    It subtracts four earlier rows at once, so that each row is read and written a quarter as often.
     """
     count = len(matrix)
     for i in range(count):
@@ -117,7 +124,7 @@ def cholesky(factor, matrix, damping):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def solve_damped(step, factor, matrix, gradient, damping):
-    """step = -(M + damping diag(M) + 0.001)^-1 gradient; only M's upper triangle is read."""
+    """Computes step = -(M + damping diag(M) + 0.001)^-1 gradient. Reads only M's upper triangle."""
     count = len(gradient)
     cholesky(factor, matrix, damping)
     for i in range(count):
@@ -137,7 +144,7 @@ def solve_damped(step, factor, matrix, gradient, damping):
 
 @njit(cache=True, nogil=True)
 def stepped(position, rotations, lengths, step, dof_frame, dof_axis):
-    """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
+    """Returns (position, rotations, lengths) after a step, which is limited to half a radian per joint."""
     largest = 1e-9
     for k in range(3, model.DOFS):
         largest = max(largest, abs(step[k]))

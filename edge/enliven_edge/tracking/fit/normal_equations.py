@@ -1,15 +1,15 @@
-"""The normal equations of a body of frames, from sums by frame.
+"""The normal equations of an articulated body, from sums by frame.
 
-A residual r of a point x that a frame carries changes by n . dx, with a vector n. When the frame moves by the
-twist (v, w) about the world's origin, this change is phi . (v, w), with the wrench
+A residual r of a point x that is fixed to a frame changes by n . dx, with a vector n. If the frame moves by
+the twist (v, w) about the world's origin, this change is phi . (v, w), with the wrench
 
     phi = (n, x cross n),
 
-and when a bone's length p moves the point by dx/dp, it is l_p = n . dx/dp. So the terms of the fit add
-only phi phi', r phi and their like with l to the sums of the frame; and as phi is in the world's frame, what
-an unknown moves has the sums of its frame and of all frames beyond it (composite rigid bodies, Walker and
-Orin 1982). Two unknowns share the points of the one farther out, so the normal equations are gathered from
-the sums once, however many residuals there are.
+and if a bone's length p moves the point by dx/dp, the change is l_p = n . dx/dp. So the terms of the fit add
+only phi phi', r phi and the corresponding products with l to the sums of the frame. As phi is in the world's
+frame, an unknown has the sums of its frame and of all descendants. This is the method of composite rigid
+bodies (Walker and Orin 1982). Two unknowns share the points of the frame farther from the root. So the normal
+equations are gathered from the sums once, independent of the number of residuals.
 """
 
 from __future__ import annotations
@@ -21,15 +21,17 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.fit.structures import FrameSums
 
 _MOVES = 3
-"""Unknowns of the translation; rotations follow, then lengths."""
+"""Number of unknowns of the translation. Rotations follow, then lengths."""
 
 
 @njit(cache=True, nogil=True)
 def empty_sums(frames, lengths):
-    """The sums of no residuals, for so many frames and lengths; 0 lengths where they are frozen.
+    """Returns zero sums for the given numbers of frames and lengths.
+
+    The number of lengths is 0 if they are frozen.
 
     Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums
-    of phi phi', r phi and phi l', and of all frames together those of l l' and r l.
+    of phi phi', r phi and phi l', and over all frames those of l l' and r l.
     """
     total, pull = np.zeros((frames, 6, 6)), np.zeros((frames, 6))
     own, tug = np.zeros((lengths, lengths)), np.zeros(lengths)
@@ -41,10 +43,14 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):
     """Adds a residual along one direction to the sums.
 
     Args:
+        sums: the sums, modified in place.
+        frame: the frame to which the point is fixed.
         normal: (3,) n, world frame.
         point: (3,) metres, world frame.
-        stretch: (L,) the residual's derivatives by the lengths; (0,) where they are frozen.
+        stretch: (L,) the residual's derivatives by the lengths; (0,) if they are frozen.
         lengths_of: (F, 1 + 12) as in ``model.FRAME_LENGTHS``.
+        residual: metres.
+        weight: the weight of the squared residual.
     """
     total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
     moved = of_frame(lengths_of, frame, len(tug))
@@ -69,9 +75,13 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
     """Adds the three residuals of a point with a target to the sums.
 
     Args:
+        sums: the sums, modified in place.
+        frame: the frame to which the point is fixed.
         point: (3,) metres, world frame.
-        apart: (3,) metres, the point less its target.
-        stretch: (3, L) the point's derivatives by the lengths; (3, 0) where they are frozen.
+        apart: (3,) metres, the point minus its target.
+        stretch: (3, L) the point's derivatives by the lengths; (3, 0) if they are frozen.
+        lengths_of: (F, 1 + 12) as in ``model.FRAME_LENGTHS``.
+        weight: the weight of the squared residuals.
     """
     total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
     moved = of_frame(lengths_of, frame, len(tug))
@@ -100,19 +110,22 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
 
 @njit(cache=True, nogil=True)
 def of_frame(lengths_of, frame, lengths):
-    """The lengths that move the points of a frame; none where all are frozen."""
+    """Returns the lengths that move the points of a frame. Empty if all are frozen."""
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
 @njit(cache=True, nogil=True)
 def gather(matrix, gradient, sums, body):
-    """Adds the sums to the normal equations, the upper triangle of the matrix; the sums are used up.
+    """Adds the sums to the normal equations, the upper triangle of the matrix. It modifies the sums.
 
     Args:
+        matrix, gradient: the normal equations, modified in place.
+        sums: from the terms.
         body: the frames of a posture.
     """
     world, pivots, dof_frame, parents = body.world, body.pivots, body.dof_frame, body.parents
     total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
+    # Add the sums of each frame to its parent's, from the leaves to the root.
     for f in range(len(world) - 1, 0, -1):
         parent = parents[f]
         for i in range(6):
@@ -123,6 +136,7 @@ def gather(matrix, gradient, sums, body):
                 cross[parent, i, p] += cross[f, i, p]
     turns = _turns(world, pivots, dof_frame, body.dof_axis)
     _gather_turns(matrix, gradient, total, pull, turns, body.moves, dof_frame)
+    # The lengths: with themselves, with the translation, and with the rotations.
     first = _MOVES + len(turns)
     for p in range(len(tug)):
         gradient[first + p] += tug[p]
@@ -139,7 +153,7 @@ def gather(matrix, gradient, sums, body):
 
 @njit(cache=True, nogil=True)
 def _turns(world, pivots, dof_frame, dof_axis):
-    """(K, 6) the twist of every rotational unknown: about its axis, through its frame's pivot."""
+    """Returns (K, 6) the twist of every rotational unknown: about its axis, through its frame's pivot."""
     out = np.empty((len(dof_frame), 6))
     for k in range(len(dof_frame)):
         f, axis = dof_frame[k], dof_axis[k]
@@ -152,7 +166,10 @@ def _turns(world, pivots, dof_frame, dof_axis):
 
 @njit(cache=True, nogil=True)
 def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
-    """Adds the part of translation and rotations; ``total`` and ``pull`` are of all that a frame moves."""
+    """Adds the part of translation and rotations.
+
+    ``total`` and ``pull`` include all descendants of a frame.
+    """
     product = np.empty(6)
     for a in range(_MOVES):
         gradient[a] += pull[0, a]
@@ -178,11 +195,16 @@ def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
 
 @njit(cache=True, nogil=True)
 def point_row(row, scale, frame, point, normal, local, body):
-    """Adds scale * normal . d(point)/d(unknowns) to the row, for a point carried by a frame.
+    """Adds scale * normal . d(point)/d(unknowns) to the row, for a point fixed to a frame.
 
     Args:
+        row: (U,) the row, modified in place. It has no entries for frozen lengths.
+        scale: the factor.
+        frame: the frame to which the point is fixed.
+        point: (3,) metres, world frame.
+        normal: (3,) world frame.
         local: (3, 12) derivative of the point, in its frame, by the lengths.
-        body: the frames of a posture; the row has no places for the lengths where they are frozen.
+        body: the frames of a posture.
     """
     world, pivots, by_length, dof_frame = body.world, body.pivots, body.by_length, body.dof_frame
     for a in range(3):
@@ -210,7 +232,7 @@ def point_row(row, scale, frame, point, normal, local, body):
 
 @njit(cache=True, nogil=True)
 def robust(residual, width):
-    """Geman-McClure: the energy r^2 / (1 + (r / width)^2) and its weight in iterated least squares."""
+    """Returns the Geman-McClure energy r^2 / (1 + (r / width)^2), and its weight for least squares."""
     ratio = residual / width
     w = 1.0 / (1.0 + ratio * ratio)
     return residual * residual * w, w * w
@@ -218,7 +240,7 @@ def robust(residual, width):
 
 @njit(cache=True, nogil=True)
 def carried(point, frame, local, lengths, body):
-    """Writes the (3,) place of a point that a frame carries, linear in the lengths, into ``point``."""
+    """Writes the (3,) world position of a point fixed to a frame, linear in the lengths, into ``point``."""
     world, pivots = body.world, body.pivots
     for a in range(3):
         point[a] = pivots[frame, a]
@@ -232,7 +254,7 @@ def carried(point, frame, local, lengths, body):
 
 @njit(cache=True, nogil=True)
 def ends_by_length(out, body, capsule_frame, capsule_local):
-    """(C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
+    """Writes (C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
     for c in range(len(capsule_frame)):
         for e in range(2):
             by_length(out[c, e], capsule_frame[c], capsule_local[c, e], body)
@@ -240,7 +262,7 @@ def ends_by_length(out, body, capsule_frame, capsule_local):
 
 @njit(cache=True, nogil=True)
 def by_length(out, frame, local, body):
-    """(3, L) the derivatives by the lengths of a point that is (3, 12) in its frame, into ``out``."""
+    """Writes (3, L) the derivatives by the lengths of a point that is (3, 12) in its frame into ``out``."""
     world, of_pivot, lengths_of = body.world, body.by_length, body.lengths_of
     out[:] = 0.0
     for p in of_frame(lengths_of, frame, out.shape[1]):
@@ -252,7 +274,10 @@ def by_length(out, frame, local, body):
 
 @njit(cache=True, nogil=True)
 def stretch_into(out, normal, by_ends, t, frame, lengths_of):
-    """(L,) normal . d(point)/d(length), a share t along a capsule, into ``out``; not by the girth."""
+    """Writes (L,) normal . d(point)/d(length) at a fraction t of a capsule into ``out``.
+
+    The girth is left out.
+    """
     out[:] = 0.0
     for p in of_frame(lengths_of, frame, len(out)):
         for a in range(3):

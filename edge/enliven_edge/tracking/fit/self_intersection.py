@@ -1,4 +1,4 @@
-"""The term of the fit that keeps limbs out of each other, compiled."""
+"""The term of the fit against self-intersection of limbs, compiled."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
         if _clear(ends[i], radii[i], ends[j], radii[j]):
             continue
         for s in range(samples):
+            # The sample on the first axis, and the nearest point of the second axis.
             t = (s + 0.5) / samples
             along, square = 0.0, 1e-12
             for a in range(3):
@@ -32,6 +33,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
             for a in range(3):
                 centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
                 square += (point[a] - centre[a]) ** 2
+            # The residual: how far the distance is below 85 % of the sum of both radii.
             reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
             reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
             distance = np.sqrt(square)
@@ -52,7 +54,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
 def _add_few(matrix, gradient, filled, values, count, residual, weight):
     """Adds one weighted residual to the upper triangle of the normal equations.
 
-    Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
+    Its row has only ``count`` non-zero entries: the ``values`` at the ascending indices ``filled``.
     """
     for m in range(count):
         i = filled[m]
@@ -64,7 +66,7 @@ def _add_few(matrix, gradient, filled, values, count, residual, weight):
 
 @njit(cache=True, nogil=True)
 def _clear(one, thick, other, broad):
-    """Whether two capsules are too far apart to meet, by the balls about them."""
+    """Returns True if the bounding balls of two capsules do not meet."""
     apart, first, second = 0.0, 0.0, 0.0
     for a in range(3):
         apart += (0.5 * (one[0, a] + one[1, a] - other[0, a] - other[1, a])) ** 2
@@ -76,14 +78,17 @@ def _clear(one, thick, other, broad):
 
 @njit(cache=True, nogil=True)
 def _parting_row(filled, values, first, second, normal, body):
-    """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
+    """Writes normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
 
-    An unknown that moves both points turns that line without making it longer, so only the unknowns that move
-    one of them count: a few for the forearm against the chest. Returns the number of filled entries.
+    An unknown that moves both points rotates that line without changing its length. So only the unknowns that
+    move one of them count: a few for the forearm against the chest. Returns the number of filled entries.
 
     Args:
+        filled, values: receive the indices and values of the non-zero entries.
         first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
-            lengths, and the share along it.
+            lengths, and the fraction along it.
+        normal: (3,) unit vector from the second point to the first.
+        body: the frames of a posture.
     """
     world, pivots, moves = body.world, body.pivots, body.moves
     one, point, by_one, t = first

@@ -1,6 +1,6 @@
-"""The named structures that the compiled fit takes: the body model, a posture of it, sums, prior and weights.
+"""The named structures of the compiled fit: body model, posture, sums, prior and weights.
 
-F frames, C capsules, K rotational unknowns, L lengths: 12, or 0 where they are frozen.
+F frames, C capsules, K rotational unknowns, L lengths: 12, or 0 if they are frozen.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enliven_edge.tracking.settings import FitSettings
 
 
 class FitModel(NamedTuple):
-    """The body model, the same in every fit; see :mod:`enliven_edge.tracking.body_model.model`."""
+    """The body model, the same in every fit. See :mod:`enliven_edge.tracking.body_model.model`."""
 
     parents: Int
     pivots: Float
@@ -39,7 +39,10 @@ class BodyState(NamedTuple):
 
 
 class PlacedFrames(NamedTuple):
-    """The frames of a posture: (F, 3, 3) turns, (F, 3) pivots in metres, (F, 3, L) those by the lengths."""
+    """The frames of a posture: (F, 3, 3) rotations and (F, 3) pivots in metres.
+
+    ``by_length`` (F, 3, L) are the derivatives of the pivots by the lengths.
+    """
 
     world: Float
     pivots: Float
@@ -76,9 +79,11 @@ class FrameSums(NamedTuple):
 
 
 class FitPrior(NamedTuple):
-    """What is expected besides the frame; ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
+    """The prior: the expectations besides the frame.
 
-    ``firmness`` (12,) are the weights of the ``reference`` lengths, or (0,) where the lengths are frozen.
+    ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
+
+    ``firmness`` (12,) are the weights of the ``reference`` lengths, or (0,) if the lengths are frozen.
     """
 
     predicted: Float
@@ -92,7 +97,7 @@ class FitPrior(NamedTuple):
 
 
 class FitConstants(NamedTuple):
-    """What all fits of one width have in common: the body, the weights, and the prior's lasting part."""
+    """The common data of all fits with one width: body, weights, and the constant part of the prior."""
 
     shape: FitModel
     weights: Any
@@ -104,9 +109,9 @@ class FitConstants(NamedTuple):
 
 _NAMES = tuple(field.name for field in fields(FitSettings))
 FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
-"""The numbers of :class:`FitSettings` by their names: a new setting is a weight that every term can take."""
+"""The numbers of :class:`FitSettings` by their names. A new setting is a weight that every term can use."""
 
 
 def weights_of(settings: FitSettings, width: float) -> Any:
-    """Returns the weights as the compiled fit takes them, all of one type, with another width."""
+    """Returns the weights in the form that the compiled fit takes, all of one type, with another width."""
     return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))._replace(width=width)

@@ -1,13 +1,13 @@
-"""The terms of the fit, compiled: each adds its squared residuals to the normal equations of Gauss-Newton.
+"""The terms of the fit, compiled: each adds its squared residuals to the Gauss-Newton normal equations.
 
-The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
-derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy.
-Residuals of points that a frame carries are added through the sums of :mod:`normal_equations`, the others
-directly.
+The unknowns are ordered translation (3), rotations (27), lengths (12). Consider a residual r with the row J
+of its derivatives and the weight w. It adds w J'J to the matrix, w J'r to the gradient and w r^2 to the
+energy. Residuals of points that are fixed to a frame are added through the sums of :mod:`normal_equations`,
+the others directly.
 
-The body, its surface, sums, prior and weights have their names in :mod:`structures`. :func:`assemble` adds up
-all terms: **a new term is a kernel and a line here, and a weight in** ``FitSettings``, which every term can
-take by its name. L lengths are 12, or 0 where they are frozen.
+The structures are named in :mod:`structures`: body, surface, sums, prior and weights. :func:`assemble` adds
+up all terms: **a new term is a kernel and a line here, and a weight in** ``FitSettings``, which every term
+can take by its name. L lengths are 12, or 0 if they are frozen.
 """
 
 from __future__ import annotations
@@ -39,35 +39,42 @@ from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 from enliven_edge.tracking.frame import nearest_pixel
 
 SQUARE_CM = 1e4
-"""Square centimetres of a square metre: energies are in them, residuals in metres."""
+"""Square centimetres per square metre: energies are in square centimetres, residuals in metres."""
 _SIDE = 0.04
-"""Metres of cost of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
+"""Cost in metres of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
 a forearm."""
 _FREE_WIDTH = 0.25
-"""Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
+"""Robust width of the free-space term in metres. A whole forearm may be in the wrong place."""
 _SAMPLES = np.int64(5)
-"""Points along a capsule that are tested for free space. A plain int would be a type of its own to Numba."""
+"""Points along a capsule that are tested for free space. A plain int would be a separate type for Numba."""
 _PAIR_SAMPLES = np.int64(3)
 """Points along the first capsule of a pair that are kept out of the second."""
 _APART = 0.02
-"""Weight of limbs that enter each other against that of all points together."""
+"""Weight of the self-intersection term relative to that of all points together."""
 _SCALE = 0.1
-"""Weight of a person's size over that of the proportions: people differ more in size."""
+"""Weight of a person's size relative to that of the proportions. People differ more in size."""
 _FLOOR_SLACK = 0.02
-"""Metres by which the floor may lie higher than where it was found."""
+"""Maximum error of the floor's height in metres: the floor may be this much higher than its estimate."""
 
 
 @njit(cache=True, nogil=True)
 def free_space(sums, surface, view, weight, width, samples, violated):
-    """Adds the term against limbs where the camera saw through, or in front of what it saw.
+    """Adds the free-space term against limbs in space through which the camera saw.
 
-    Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
-    nearest pixel of it, unless something nearer hides them or nothing is known there; inside it, a surface
-    that stands in front of the observed one is pushed back.
+    It also acts against limbs in front of the observed surface.
+
+    Points along every capsule's axis are projected into the image. Outside the person's silhouette they are
+    pulled to its nearest pixel, unless a nearer object hides them or the depth is unknown. Inside it, a
+    surface in front of the observed surface is pushed back.
 
     Args:
+        sums: the sums, modified in place.
+        surface: a :class:`~enliven_edge.tracking.fit.structures.CapsuleSurface`.
         view: an :class:`~enliven_edge.tracking.frame.ImageView`.
-        violated: (C,) receives the share of each capsule's samples seen through.
+        weight: the weight of the term.
+        width: robust width in metres.
+        samples: number of points per capsule.
+        violated: (C,) receives the fraction of each capsule's samples through which the camera saw.
     """
     ends, radii, by_ends, lengths_of = surface.ends, surface.radii, surface.by_ends, surface.lengths_of
     depth, mask, pose = view.depth, view.mask, view.world_from_camera
@@ -86,11 +93,13 @@ def free_space(sums, surface, view, weight, width, samples, violated):
             z = first[2] + t * (last[2] - first[2])
             if z < 0.2:
                 continue
+            # Project the sample into the image.
             u = int(np.floor(fx * (first[0] + t * (last[0] - first[0])) / z + cx + 0.5))
             v = int(np.floor(fy * (first[1] + t * (last[1] - first[1])) / z + cy + 0.5))
             if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0]:
                 continue
             seen, inside = depth[v, u], mask[v, u]
+            # Inside the silhouette: push the surface behind the observed depth, with a tolerance of 3 cm.
             if inside:
                 residual = seen - (z - radius) - 0.03
                 if residual <= 0.0:
@@ -98,6 +107,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):
                 for a in range(3):
                     normal[a] = -pose[a, 2]
             else:
+                # Outside: skip occluded and unknown pixels, and pull the rest towards the silhouette.
                 if seen == 0.0 or seen < z - radius - 0.05:
                     continue
                 near_v, near_u = nearest_pixel(v, u, view.nearest)
@@ -121,7 +131,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):
 
 @njit(cache=True, nogil=True)
 def _in_camera(out, pose, point):
-    """(3,) a point of the world in the frame of a camera at the (4, 4) pose, into ``out``."""
+    """Writes (3,) a world point in the frame of a camera at the (4, 4) pose into ``out``."""
     for a in range(3):
         out[a] = 0.0
         for b in range(3):
@@ -149,11 +159,15 @@ def above_floor(sums, surface, weight, slack):
 
 @njit(cache=True, nogil=True)
 def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
-    """Adds the term that draws joints p to their landmarks: weight w |p - landmark|^2, robustly.
+    """Adds the term that pulls joints p to their landmarks with a robust weight: w |p - landmark|^2.
 
     Args:
+        sums: the sums, modified in place.
         landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5) without landmarks.
         frames, local: (20,) and (20, 3, 12) the joints on the model.
+        lengths: (12,) metres.
+        body: the frames of a posture.
+        weight: the weight of the term.
     """
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, len(sums.tug)))
     energy = 0.0
@@ -176,13 +190,18 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
 
 @njit(cache=True, nogil=True)
 def hold_build(matrix, gradient, lengths, reference, firmness, scale):
-    """Adds the term that keeps proportions near the reference's, and the size ``scale`` times as firmly.
+    """Adds the term that keeps proportions near the reference's, and the size with a lower weight.
 
-    With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2;
-    the girth, which comes last, stands alone: f c^2.
+    The weight of the size is ``scale`` times that of the proportions.
+
+    With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2.
+    The girth, which comes last, has its own term f c^2.
 
     Args:
+        matrix, gradient: the normal equations, modified in place.
+        lengths, reference: (12,) metres.
         firmness: (12,) weights; the first is that of all bones.
+        scale: the relative weight of the size.
     """
     bones = len(lengths) - 1
     mean, energy, f = 0.0, 0.0, firmness[0]
@@ -222,7 +241,7 @@ def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_ax
 
 @njit(cache=True, nogil=True)
 def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):
-    """Adds the term that keeps rotations within their ranges: the excess beyond is a residual."""
+    """Adds the term that keeps rotations within their ranges: the excess beyond a range is a residual."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):
@@ -242,15 +261,18 @@ def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, 
 
 @njit(cache=True, nogil=True)
 def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):
-    """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained).
+    """Computes the normal equations (upper triangle) and the energy at a posture.
+
+    Returns (energy, explained).
 
     A term is one line here, one kernel above, and one weight in :class:`FitSettings`.
 
     Args:
+        matrix, gradient: receive the normal equations.
         state, shape, prior, weights: as in :mod:`enliven_edge.tracking.fit.structures`.
         seen: a :class:`~enliven_edge.tracking.frame.SeenPerson`.
-        support: (C,) receives the points that each capsule explains.
-        violated: (C,) receives the share of each capsule that was seen through.
+        support: (C,) receives the number of points that each capsule explains.
+        violated: (C,) receives the fraction of each capsule through which the camera saw.
     """
     rotations, lengths, free = state.rotations, state.lengths, len(prior.firmness)
     frame, axis = shape.dof_frame, shape.dof_axis
@@ -282,7 +304,10 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
 
 @njit(cache=True, nogil=True)
 def placed(state, shape, free):
-    """The frames and the surface of a posture, with so many lengths that are not frozen."""
+    """Returns the frames and the surface of a posture.
+
+    ``free`` is the number of lengths that are not frozen.
+    """
     rotations, lengths, frames = state.rotations, state.lengths, shape.capsule_frame
     world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
     forward_into(world, pivots, state.position, rotations, lengths, shape.parents, shape.pivots)

@@ -1,4 +1,4 @@
-"""A frame before anything is known of its content: checked, reduced, seen as points in the world."""
+"""A frame before its content is analysed: checked, reduced, and converted to points in the world."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Whether a frame is one that the tracker can use, and whether frames come in order and often enough."""
+"""Checks whether the tracker can use a frame, and whether frames arrive in order and often enough."""
 
 from __future__ import annotations
 
@@ -12,21 +12,25 @@ from enliven.health import HealthKind
 from enliven.person import J
 
 _REMEMBERED_NS = 1_500_000_000
-"""Nanoseconds over which rate and loss are measured: a change shows within two seconds."""
+"""Length in nanoseconds of the window over which frame rate and loss are measured. A change shows within two
+seconds."""
 _ENOUGH = 6
-"""Steps between frames from which rate and loss are told; a slow sensor keeps so many beyond that time."""
+"""Minimum number of frame intervals used to estimate frame rate and loss. For a slow sensor this many
+intervals are kept even if they are older than the window."""
 _NEW_CLOCK = 3
-"""Frames in a row from the past, in order among themselves, that tell of a clock set back: fewer are late."""
+"""Consecutive frames with old but increasing times after which the clock counts as set back. Fewer are late
+frames."""
 _LONGEST_STEP_NS = 2_000_000_000
-"""Nanoseconds: a longer step is a pause of the stream, not frames that were lost."""
+"""Maximum interval between frames in nanoseconds. A longer interval is a pause of the stream, not lost
+frames."""
 
 
 class FrameTiming:
-    """Judges frames by their times: in order or not, at which rate, how many are missing.
+    """Checks the order of frames by their times, and measures the frame rate and the share of missing frames.
 
     Attributes:
-        late: frames that came out of order so far; the caller drops them.
-        repeated: frames in a row with the time of the frame before.
+        late: number of frames that came out of order; the caller drops them.
+        repeated: consecutive frames with the same time as the previous frame.
     """
 
     def __init__(self) -> None:
@@ -39,7 +43,7 @@ class FrameTiming:
         self._lost = 0.0
 
     def admit(self, time_ns: int) -> bool:
-        """Whether a frame is newer than all before, or the first of a clock that was set back."""
+        """Returns True if a frame is newer than all before, or the first after the clock was set back."""
         newest = self._newest
         if newest is not None and time_ns == newest:
             self.repeated += 1
@@ -59,23 +63,26 @@ class FrameTiming:
 
     @property
     def rate(self) -> float | None:
-        """Frames a second by the sensor's own clock, over the last 1.5 s; None before there are enough."""
+        """Returns frames per second by the sensor's own clock over the last 1.5 s.
+
+        None before there are enough frames.
+        """
         return self._rate
 
     @property
     def lost(self) -> float:
-        """The share of the frames that seem to be missing between those that came."""
+        """Returns the estimated share of frames that are missing between the received ones."""
         return self._lost
 
     def _set_back(self, time_ns: int) -> bool:
-        """Whether the clock starts anew: several frames from the past, one after the other."""
+        """Returns True if the clock has restarted: several old frames arrived in increasing order."""
         if self._behind and time_ns <= self._behind[-1]:
             self._behind.clear()
         self._behind.append(time_ns)
         return len(self._behind) == _NEW_CLOCK
 
     def _measure(self) -> None:
-        """Rate and loss over the last frames."""
+        """Updates rate and loss from the last frame intervals."""
         while len(self._steps) > _ENOUGH and sum(self._steps) > _REMEMBERED_NS:
             self._steps.popleft()
         count = len(self._steps)
@@ -84,25 +91,26 @@ class FrameTiming:
             return
         ordered = sorted(self._steps)
         self._rate = 1e9 * count / sum(ordered)
-        # A frame on time follows after the shortest step, were it not for the jitter of the sensor's clock.
+        # A short interval is close to the true period. The shortest one may be too short because of clock
+        # jitter, so take the lowest eighth.
         period = ordered[count // 8]
         due = sum(round(step / period) for step in self._steps)
         self._lost = 1.0 - count / max(count, due)
 
 
 _NEW_SIZE_FRAMES = 5
-"""Frames in a row of another size after which the sensor is taken to have changed its mode: a driver that
-restarts lets through one or two of the old or of a half mode."""
+"""Consecutive frames with another size after which that size is accepted as the sensor's new mode. A driver
+that restarts lets through one or two frames of the old or of an incomplete mode."""
 _SMALLEST = 16
-"""Pixels of an image's side at the least: a smaller image shows no person."""
+"""Minimum side of an image in pixels. A smaller image shows no person."""
 _LARGEST = 8192
-"""Pixels of an image's side at the most: no depth camera has more."""
+"""Maximum side of an image in pixels. No depth camera has more."""
 Flaw = tuple[HealthKind, str]
-"""What kind of trouble, and why, without the full stop."""
+"""The kind of problem and its reason, without a full stop."""
 
 
 class FrameCheck:
-    """Says why a frame cannot be used; remembers the size of the frames before."""
+    """Decides why a frame cannot be used. It remembers the size of the previous frames."""
 
     def __init__(self) -> None:
         self._size: tuple[int, int] | None = None
@@ -110,14 +118,14 @@ class FrameCheck:
         self._count = 0
 
     def flaw(self, frame: Frame) -> Flaw | None:
-        """Why the frame cannot be used, or None."""
+        """Returns why the frame cannot be used, or None if it can."""
         why = flaw_of(frame)
         if why:
             return HealthKind.BAD_FRAME, why
         return self._resized(frame) if isinstance(frame, DepthFrame) else None
 
     def _resized(self, frame: DepthFrame) -> Flaw | None:
-        """The flaw of a frame with another size than those before; a size that stays is accepted."""
+        """Returns the flaw of a frame with a new size, or None. A size that stays is accepted."""
         height, width = frame.depth.shape
         size = (width, height)
         if self._size is None or size == self._size:
@@ -133,7 +141,7 @@ class FrameCheck:
 
 
 def flaw_of(frame: Frame) -> str:
-    """What is wrong with a frame by itself, or an empty string."""
+    """Returns the fault of a single frame, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
         return "it is neither an image nor a list of bodies"
     if type(frame.time_ns) is not int or abs(frame.time_ns) >= TIME_LIMIT_NS:

@@ -1,4 +1,4 @@
-"""A frame in the world, and the points, normals and silhouette of a person in it, at working resolution."""
+"""A frame in the world, and a person's points, normals and silhouette in it, at working resolution."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven_edge.tracking.frame.reduction import reduce_depth
 
 
 class WorkingCamera:
-    """The camera of the reduced image, with its rays; made once for a sensor.
+    """The camera of the reduced image with its rays. Created once per sensor.
 
     Attributes:
-        stride: full-resolution pixels a working pixel.
-        intrinsics: of the reduced image.
+        stride: full-resolution pixels per working pixel along each axis.
+        intrinsics: the intrinsics of the reduced image.
         ray: (h, w, 2) x/z and y/z of every working pixel.
     """
 
@@ -34,7 +34,7 @@ class WorkingCamera:
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
-        """(h, w) metres along the optical axis; 0 where nothing is known."""
+        """Returns (h, w) metres along the optical axis. 0 where the depth is unknown."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
 
@@ -45,7 +45,7 @@ class ImageView(NamedTuple):
     Attributes:
         depth: (h, w) metres, 0 where unknown.
         mask: (h, w) the person's pixels.
-        nearest: (h, w) of :func:`nearest_columns`.
+        nearest: (h, w) the result of :func:`nearest_columns`.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4) the camera's pose.
     """
@@ -58,7 +58,7 @@ class ImageView(NamedTuple):
 
 
 class SeenPerson(NamedTuple):
-    """An observation as the compiled fit takes it; ``points`` are (6, M), with their normals."""
+    """An observation in the form that the compiled fit takes. ``points`` are (6, M), with their normals."""
 
     points: Float32
     affinity: Float32
@@ -68,17 +68,17 @@ class SeenPerson(NamedTuple):
 
 @dataclass(frozen=True)
 class Observation:
-    """The person in one frame.
+    """The observation of a person in one frame.
 
     Attributes:
         points: (M, 3) float32 metres, world frame, on the person's surface.
-        surface: (6, M) the same points and their outward unit normals, as :func:`side_by_side` makes it.
+        surface: (6, M) the same points and their outward unit normals, from :func:`side_by_side`.
         pixels: (M, 2) row and column of the points in the working image.
-        view: the image that it was seen in.
-        cut: whether the person runs out of the image at its lower border.
-        affinity: (C, M) float32 metres added to the distance of a point from a capsule that it does not look
-            like; (0, 0) without an estimate.
-        landmarks: (20, 5) as ``terms.near_landmarks`` takes them; (0, 5) without landmarks.
+        view: the depth image of the person.
+        cut: whether the person extends beyond the lower border of the image.
+        affinity: (C, M) float32 metres added to a point's distance from a capsule if the network assigns the
+            point to another body part; (0, 0) without an estimate.
+        landmarks: (20, 5) in the form that ``terms.near_landmarks`` takes; (0, 5) without landmarks.
     """
 
     points: Float32
@@ -91,35 +91,38 @@ class Observation:
 
     @property
     def seen(self) -> SeenPerson:
-        """The observation as the compiled fit takes it."""
+        """Returns the observation in the form that the compiled fit takes."""
         return SeenPerson(self.surface, self.affinity, self.view, self.landmarks)
 
     @cached_property
     def held(self) -> Held:
-        """The same, looked at once for all fits."""
+        """Returns the observation unpacked once for all fits."""
         return hold(self.seen)
 
     def guided(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
-        """The same with other affinities, and with other landmarks unless they are None."""
+        """Returns a copy with other affinities, and with other landmarks unless they are None."""
         told = self.landmarks if landmarks is None else landmarks
         return Observation(self.points, self.surface, self.pixels, self.view, self.cut, affinity, told)
 
     def thinned(self, step: int) -> Observation:
-        """The same with every ``step``-th of the points."""
+        """Returns a copy with every ``step``-th point."""
         points, pixels = np.ascontiguousarray(self.points[::step]), np.ascontiguousarray(self.pixels[::step])
         surface, affinity = (np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.affinity))
         return Observation(points, surface, pixels, self.view, self.cut, affinity, self.landmarks)
 
     @property
     def crown(self) -> Float:
-        """(3,) metres, world frame: the mean of the topmost points, of the head or a raised hand."""
+        """Returns (3,) metres, world frame: the mean of the topmost points, on the head or a raised hand."""
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
 
 
 @njit(cache=True, nogil=True)
 def side_by_side(points, normals):
-    """(6, M) float32 of (M, 3) points and (M, 3) normals: a row a number, to look at many at once."""
+    """Returns (6, M) float32 from (M, 3) points and (M, 3) normals: one row per coordinate.
+
+    This layout lets the compiler vectorise loops over the points.
+    """
     out = np.empty((6, len(points)), np.float32)
     for i in range(len(points)):
         for a in range(3):
@@ -128,13 +131,13 @@ def side_by_side(points, normals):
 
 
 def world_points(z: Float, ray: Float, world_from_camera: Float) -> Float:
-    """(h, w, 3) world-frame points of an image of (h, w) metres along the optical axis."""
+    """Returns (h, w, 3) world-frame points of an image of (h, w) metres along the optical axis."""
     return np.asarray(_world_points(z, ray, np.ascontiguousarray(world_from_camera)))
 
 
 @njit(cache=True, nogil=True)
 def _world_points(z, ray, pose):
-    """Every pixel's ray scaled by its depth and moved by the (4, 4) pose."""
+    """Scales every pixel's ray by its depth and transforms it by the (4, 4) pose."""
     height, width = z.shape
     out = np.empty((height, width, 3))
     for v in range(height):
@@ -147,7 +150,10 @@ def _world_points(z, ray, pose):
 
 @njit(cache=True, nogil=True)
 def nearest_columns(mask):
-    """(h, w) int16 the masked column nearest to every pixel in its row, the left one of two; -1: none is."""
+    """Returns (h, w) int16: for every pixel, the nearest masked column in its row. -1 if the row has none.
+
+    Of two equally near columns it is the left one.
+    """
     height, width = mask.shape
     out = np.empty((height, width), np.int16)
     for v in range(height):
@@ -161,7 +167,7 @@ def nearest_columns(mask):
         while not shown[first]:
             first += 1
         row[:first], last = first, first
-        # Only as far as the last one: beyond it lies nothing but its column.
+        # Stop at the last masked pixel. All pixels to its right get its column below.
         for u in range(first, width):
             if not shown[u]:
                 continue
@@ -179,7 +185,10 @@ def nearest_columns(mask):
 
 @njit(cache=True, nogil=True)
 def nearest_pixel(v, u, nearest):
-    """(row, column) of the masked pixel nearest to one, from :func:`nearest_columns`; -1 where none is."""
+    """Returns (row, column) of the nearest masked pixel, from :func:`nearest_columns`.
+
+    Both are -1 if there is none.
+    """
     height = nearest.shape[0]
     best, row, column = 1 << 60, -1, -1
     for step in range(height):
@@ -198,12 +207,14 @@ def nearest_pixel(v, u, nearest):
 def observe(
     z: Float, surface: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
 ) -> Observation:
-    """The observation of the masked person.
+    """Returns the observation of the masked person.
 
     Args:
         z: (h, w) metres along the optical axis.
         surface: (h, w, 3) the same pixels in the world frame.
         mask: (h, w) the person's pixels.
+        camera: the working camera.
+        world_from_camera: (4, 4) the camera's pose.
         points: at most this many surface points are kept, spread evenly over the pixels.
     """
     found, both, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
@@ -214,7 +225,7 @@ def observe(
 
 @njit(cache=True, nogil=True)
 def _observed(surface, z, mask, eye, points):
-    """Points, points beside their normals, pixels and nearest columns, as of :class:`Observation`."""
+    """Returns points, points with their normals, pixels and nearest columns, as in :class:`Observation`."""
     pixels = sampled(mask, points)
     found, normals = surface_samples(surface, z, pixels, eye)
     return found, side_by_side(found, normals), pixels, nearest_columns(mask)
@@ -222,13 +233,13 @@ def _observed(surface, z, mask, eye, points):
 
 @njit(cache=True, nogil=True)
 def sampled(mask, points):
-    """(M, 2) rows and columns of at most so many masked pixels, evenly spread in reading order."""
+    """Returns (M, 2) rows and columns of at most ``points`` masked pixels, evenly spread in reading order."""
     pixels, width = pixels_of(mask), mask.shape[1]
     total = len(pixels)
     kept = min(points, total)
     out = np.empty((kept, 2), np.int64)
     for n in range(kept):
-        # Number floor((n + 1/2) total / kept): evenly spread, and never twice.
+        # Take index floor((n + 1/2) total / kept): evenly spread, and never twice.
         pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
         out[n, 0], out[n, 1] = pixel // width, pixel % width
     return out
@@ -236,10 +247,10 @@ def sampled(mask, points):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def surface_samples(points, z, pixels, eye):
-    """(M, 3) float32 points at M pixels, and their unit normals from differences across two pixels.
+    """Returns (M, 3) float32 points at M pixels, and their unit normals from central differences.
 
-    Normals face the eye. Where a neighbour is unknown or across a depth edge, the direction to the eye
-    stands in.
+    Normals face the eye. If a neighbour is unknown or across a depth edge, the direction to the eye is used
+    instead.
     """
     height, width = z.shape
     found, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
@@ -262,19 +273,19 @@ def surface_samples(points, z, pixels, eye):
 
 @njit(cache=True, nogil=True)
 def _between(a, b):
-    """The vector from one point to another."""
+    """Returns the vector from one point to another."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 @njit(cache=True, nogil=True)
 def _cross(a, b):
-    """a x b."""
+    """Returns the cross product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, nogil=True)
 def _turned_to(a, b):
-    """b, turned about where it points away from a."""
+    """Returns b, negated if it points away from a."""
     side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
     return side * b[0], side * b[1], side * b[2]
 
@@ -284,12 +295,12 @@ class FrameView:
     """One reduced depth frame in the world.
 
     Attributes:
-        time_ns: the sensor's clock.
-        z: (h, w) metres along the optical axis; 0 where nothing is known.
+        time_ns: the time by the sensor's clock.
+        z: (h, w) metres along the optical axis; 0 where unknown.
         points: (h, w, 3) the same pixels in the world frame, metres.
         camera: the working camera.
         world_from_camera: (4, 4) the pose of the sensor.
-        has_floor: whether the height above the floor is known, or else guessed from the people.
+        has_floor: whether the height above the floor is known; otherwise it is guessed from the people.
     """
 
     time_ns: int
@@ -307,5 +318,5 @@ class FrameView:
 
     @property
     def eye(self) -> Float:
-        """(3,) the sensor's position, world frame."""
+        """Returns (3,) the sensor's position, world frame."""
         return self.world_from_camera[:3, 3].copy()

@@ -1,4 +1,4 @@
-"""A depth image, reduced to the working resolution, and statistics of the whole one."""
+"""Reduces a depth image to the working resolution, and computes statistics of the full image."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from enliven.arrays import UInt16
 from enliven.kernels import njit
 
 _SAMPLES = 12_000
-"""Pixels that are looked at, about: enough for shares to a percent, at a fraction of the cost of all."""
+"""Approximate number of sampled pixels: enough for shares to one percent, at a fraction of the cost of all
+pixels."""
 _NEAR_MM = 300
-"""Millimetres: nearer depth is a hand or a cloth before the lens."""
+"""Minimum usable depth in millimetres. A nearer surface is a hand or a cloth in front of the lens."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class DepthSurvey:
 
 
 def survey(depth: UInt16) -> DepthSurvey:
-    """The survey of an (H, W) uint16 depth image in millimetres; 0 and 65535 are not known."""
+    """Returns the statistics of an (H, W) uint16 depth image in millimetres. 0 and 65535 are unknown."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))
     known, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
@@ -43,7 +44,7 @@ def survey(depth: UInt16) -> DepthSurvey:
 
 @njit(cache=True, nogil=True)
 def _survey(depth, step, near):
-    """Counts over every ``step``-th row and column, and an FNV-1a hash of those pixels."""
+    """Counts over every ``step``-th row and column, and computes an FNV-1a hash of those pixels."""
     height, width = depth.shape
     known, usable, speckle, count = 0, 0, 0, 0
     mark = np.uint64(14695981039346656037)
@@ -64,24 +65,25 @@ def _survey(depth, step, near):
 
 
 _SIDE = 3
-"""Samples of a block, along and across, that are looked at."""
+"""Samples per block, along each axis."""
 _NEAREST = np.uint16(0)
-"""Millimetres of a sample without a measurement; nothing known is as near."""
+"""Value of a sample without a measurement, in millimetres. No known sample is as near."""
 _FARTHEST = np.uint16(65535)
-"""Millimetres of a sample without a measurement in other sensors; nothing known is as far."""
+"""Value of a sample without a measurement on some other sensors, in millimetres. No known sample is as
+far."""
 
 
 @njit(cache=True, nogil=True)
 def reduce_depth(depth, stride, height, width):
-    """The lower median of up to nine known samples of every stride x stride block, in metres.
+    """Returns the lower median of up to nine known samples of every stride x stride block, in metres.
 
-    A median keeps a depth edge an edge, where a mean would invent points between the two sides. A whole row
-    of blocks is worked on at once: the inner loops are minima and maxima of rows.
+    A median keeps depth edges sharp, whereas a mean would invent points between the two sides. A whole row of
+    blocks is processed at once: the inner loops are minima and maxima of rows.
     """
     out = np.empty((height, width))
     step = max(1, stride // _SIDE)
     side = min(_SIDE, (stride + step - 1) // step)
-    # A small block has fewer samples: the missing ones are unknown.
+    # A small block has fewer samples. The missing ones stay 0, which is unknown.
     samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
     for v in range(height):
         for r in range(side):
@@ -99,10 +101,10 @@ def reduce_depth(depth, stride, height, width):
 
 @njit(cache=True, nogil=True)
 def _part_in_three(first, second, third, row):
-    """Every third of a row from its first, second and third on, each (width,): read as they lie, at once.
+    """Splits a row into its columns 0, 3, 6, ..., 1, 4, 7, ... and 2, 5, 8, ..., each (width,).
 
-    With a factor that the compiler knows it does so many at a time, three times as fast as one by one; 3 is
-    that of images of 640 columns.
+    With a constant stride the compiler can vectorise the loop, which is three times as fast. The stride is 3
+    for images of 640 columns.
     """
     for u in range(len(first)):
         first[u], second[u], third[u] = row[3 * u], row[3 * u + 1], row[3 * u + 2]
@@ -110,10 +112,10 @@ def _part_in_three(first, second, third, row):
 
 @njit(cache=True, nogil=True)
 def _balance(samples, odd):
-    """Makes every other unknown sample of each column of (9, width) the nearest and the rest the farthest.
+    """Replaces unknown samples of each column of (9, width) alternately by the minimum and the maximum.
 
-    A pair of them leaves the median of the known where it was, and an odd one makes it the lower one. With
-    no sample known the median is the nearest: unknown again.
+    A pair of them does not change the median of the known samples. A single one makes it the lower median. If
+    no sample is known, the median is the minimum, which is unknown again.
     """
     odd[:] = False
     for k in range(len(samples)):
@@ -127,10 +129,10 @@ def _balance(samples, odd):
 
 @njit(cache=True, nogil=True)
 def _medians(samples, out):
-    """(width,) metres: the median of each column of (9, width) millimetres.
+    """Returns (width,) metres: the median of each column of (9, width) millimetres.
 
-    Of three ordered triples: the median of the greatest of the least, the median of the middle ones, and the
-    least of the greatest.
+    The columns are sorted in three triples. The median of all nine is the median of three values: the
+    greatest of the minima, the median of the middle ones, and the least of the maxima.
     """
     a, b, c, d, e, f, g, h, i = (samples[0], samples[1], samples[2], samples[3], samples[4], samples[5],
                                  samples[6], samples[7], samples[8])  # fmt: skip
@@ -146,7 +148,7 @@ def _medians(samples, out):
 
 @njit(cache=True, nogil=True)
 def _ordered(a, b, c):
-    """Three numbers, the least first."""
+    """Returns three numbers in ascending order."""
     a, b = min(a, b), max(a, b)
     b, c = min(b, c), max(b, c)
     return min(a, b), max(a, b), c
@@ -154,7 +156,7 @@ def _ordered(a, b, c):
 
 @njit(cache=True, nogil=True)
 def known_pixels(z):
-    """The number of an (h, w) image's pixels that have depth."""
+    """Returns the number of pixels of an (h, w) image that have depth."""
     count = 0
     for v in range(z.shape[0]):
         for u in range(z.shape[1]):
@@ -164,7 +166,7 @@ def known_pixels(z):
 
 @njit(cache=True, nogil=True)
 def is_same(one, other):
-    """Whether two (h, w) images are equal; it ends with the first row that is not."""
+    """Returns True if two (h, w) images are equal. It stops at the first row that differs."""
     if one.shape != other.shape:
         return False
     for v in range(one.shape[0]):

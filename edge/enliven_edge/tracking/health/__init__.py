@@ -1,4 +1,4 @@
-"""The health of sensor and performance as the user reads it: states, what to do, and when to say so."""
+"""The health of sensor and performance as the user reads it: states, remedies, and when to report them."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Alarms with hysteresis in time, each with its sentence, severity and delay of ``messages.toml``."""
+"""Alarms with hysteresis in time, each with its sentence, severity and delay from ``messages.toml``."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from enliven.health import NO_PERFORMER, HealthKind, HealthState, Severity, wors
 
 @dataclass(frozen=True)
 class MessageTemplate:
-    """The message of one kind of trouble.
+    """The message of one kind of problem.
 
     Attributes:
-        severity: how grave it is.
-        what, mend: what is wrong and what to do, one sentence each, with the facts in braces.
-        raise_after, clear_after: seconds of trouble until it is reported, and without until it is over.
-        mend_made: what to do if the sensor is a recording or made up, and has no cable; empty: the same.
+        severity: how severe the problem is.
+        what, mend: the problem and the remedy, one sentence each, with the facts in braces.
+        raise_after, clear_after: seconds of trouble before it is reported, and seconds without trouble before
+            it is over.
+        mend_made: the remedy if the sensor is a recording or synthetic, and has no cable; empty: the same.
     """
 
     severity: Severity
@@ -38,21 +39,21 @@ def _read() -> dict[HealthKind, MessageTemplate]:
 
 
 HEALTH_MESSAGES = _read()
-"""The message of each kind; a test makes sure that every kind has one."""
+"""The message of each kind. A test checks that every kind has one."""
 
 
 log = logging.getLogger(__name__)
 
 Key = tuple[HealthKind, int]
-"""A kind of trouble, and the performer's id, or that of no performer."""
+"""A kind of problem, and the performer's id or ``NO_PERFORMER``."""
 
 
 class Alarm:
     """Raises and clears one alarm with hysteresis in time.
 
     Args:
-        raise_after: seconds of trouble until it is raised.
-        clear_after: seconds without trouble until it is cleared.
+        raise_after: seconds of trouble before it is raised.
+        clear_after: seconds without trouble before it is cleared.
 
     Attributes:
         active: whether it is raised.
@@ -67,10 +68,11 @@ class Alarm:
         self._right_ns: int | None = None
 
     def update(self, wrong: bool | None, time_ns: int) -> bool:
-        """Takes in a moment; returns whether the alarm is active now.
+        """Takes in the state at one moment. Returns whether the alarm is active now.
 
         Args:
-            wrong: whether there is trouble; None: it cannot be told, and nothing changes.
+            wrong: whether there is trouble; None: unknown, and nothing changes.
+            time_ns: the moment.
         """
         if wrong is None:
             return self.active
@@ -90,13 +92,13 @@ class Alarm:
 
 
 class Alarms:
-    """Keeps an alarm for each kind of trouble and performer, and logs each when it comes and goes.
+    """Keeps an alarm for each kind of problem and performer, and logs when each begins and ends.
 
     Args:
         sensor: the name of the sensor at the beginning of a sentence.
 
     Attributes:
-        is_device: whether the sensor is a device; a recording and a made-up performer have no cable.
+        is_device: whether the sensor is a device. A recording and a synthetic performer have no cable.
     """
 
     def __init__(self, sensor: str) -> None:
@@ -107,15 +109,19 @@ class Alarms:
 
     @property
     def states(self) -> list[HealthState]:
-        """What is wrong now, the gravest first."""
+        """Returns the current problems, the most severe first."""
         return worst_first([self._state(key) for key, held in self._held.items() if held[0].active])
 
     def note(
         self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
     ) -> None:
-        """Updates the alarm of one kind; ``wrong`` is None where it cannot be told.
+        """Updates the alarm of one kind. ``wrong`` is None if its state is unknown.
 
         Args:
+            kind: the kind of problem.
+            wrong: whether there is trouble.
+            now: nanoseconds.
+            performer: the performer's id, or ``NO_PERFORMER``.
             facts: the values in the message's sentence, kept from the last moment of trouble.
         """
         key = (kind, performer)
@@ -132,7 +138,10 @@ class Alarms:
     def between(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
-        """Whether a value is too low: below ``bad``, and then until it is above ``good``; None: not known."""
+        """Returns True if a value is too low, with hysteresis. None if the value is unknown.
+
+        It becomes too low below ``bad``, and stays so until it is above ``good``.
+        """
         if value is None:
             return None
         held = self._held.get((kind, performer))
@@ -149,7 +158,7 @@ class Alarms:
         self._logged = active
 
     def keep(self, present: set[int]) -> None:
-        """Drops the alarms of performers who are not present."""
+        """Drops the alarms of performers that are not present."""
         for key in [k for k in self._held if k[1] != NO_PERFORMER and k[1] not in present]:
             del self._held[key]
 

@@ -1,4 +1,4 @@
-"""Health by what a device reports of itself: its link, its temperature, and the direction of gravity."""
+"""Health from the device's own reports: its link, its temperature, and the direction of gravity."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
 _COOLER = 5.0
-"""Degrees Celsius below its limit at which a device is called hot, early enough to act."""
+"""Degrees Celsius below its limit at which a device counts as hot, early enough to act."""
 _LEVEL = 4.0
-"""Degrees between floor and accelerometer below which they agree again: mounting and bias are 1 to 3."""
+"""Angle in degrees between floor and accelerometer below which they agree again. Mounting error and bias are
+1 to 3 degrees."""
 _TILTED = 6.0
-"""Degrees between floor and accelerometer above which they disagree: a ramp or a table's edge was taken for
-the floor."""
+"""Angle in degrees between floor and accelerometer above which they disagree: a ramp or a table's edge was
+taken for the floor."""
 _OVERHEAD = -0.5
 """Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
@@ -26,8 +27,11 @@ def judge_condition(
     """Updates the alarms of a device.
 
     Args:
-        world_from_camera: (4, 4) pose of the sensor, by its floor or by the settings.
+        alarms: the alarms to update.
+        condition: the device's report.
+        world_from_camera: (4, 4) pose of the sensor, from its floor or the settings.
         floor_known: whether its floor was found.
+        now: nanoseconds, the sensor's clock.
     """
     alarms.note(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
     alarms.note(HealthKind.NOT_CALIBRATED, not condition.calibrated, now)

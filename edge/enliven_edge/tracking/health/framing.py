@@ -1,4 +1,4 @@
-"""Framing: whether performers touch, and whether the image cuts them off."""
+"""Framing: checks whether performers touch, and whether the image border cuts them off."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
 _TOUCH = 0.12
-"""Metres between joints of two people below which they touch: half of two limbs and a little air."""
+"""Maximum distance in metres between joints of two people that touch: half of two limbs and a little air."""
 _ARMS_LENGTHS = 2.5
-"""Metres between two people's hips, along each axis, beyond which no joints can touch."""
+"""Distance in metres between two people's hips, along each axis, beyond which no joints can touch."""
 _NEAREST = 0.05
-"""Metres along the optical axis, at least, for projecting a joint: it must not divide by 0."""
+"""Minimum depth in metres along the optical axis for projecting a joint. It avoids a division by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
 _NAMES = ("hips", "head", "feet", "feet")
@@ -21,7 +21,7 @@ _NAMES = ("hips", "head", "feet", "feet")
 
 
 def touching(bodies: list[Body]) -> tuple[int, ...]:
-    """Returns the ids of the first two people with touching joints; empty without such two."""
+    """Returns the ids of the first two people with touching joints, or an empty tuple."""
     for i, one in enumerate(bodies):
         for other in bodies[i + 1 :]:
             if np.abs(one.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
@@ -32,7 +32,12 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
 
 
 def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """Returns a watched joint outside the image, of (4, 3) camera frame, and the border; else empty."""
+    """Returns a watched joint outside the image and the border. Two empty strings if all are inside.
+
+    Args:
+        local: (4, 3) metres, the watched joints in the camera frame.
+        camera: the intrinsics.
+    """
     z = np.maximum(local[:, 2], _NEAREST)
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy

@@ -1,4 +1,4 @@
-"""The health monitor: tells what is wrong with the sensor, its images, and the places of the performers."""
+"""The health monitor: reports problems of the sensor, its images, and the places of the performers."""
 
 from __future__ import annotations
 
@@ -18,44 +18,48 @@ from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
 
 _FROZEN_FRAMES = 4
-"""Equal images in a row above which a sensor may be frozen: fewer may be chance."""
+"""Consecutive equal images above which a sensor may be frozen. Fewer may be chance."""
 _REPEATED = 8
-"""Frames in a row with the same time from which a sensor is frozen: it sends one frame again and again."""
+"""Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
+repeatedly."""
 _NORMAL_FALLS = 60.0
-"""Seconds in which less depth than before becomes the usual: a changed scene is no fault for ever."""
+"""Time constant in seconds for less depth to become the usual amount. A changed scene must not be a permanent
+fault."""
 _NORMAL_RISES = 0.5
-"""Weight of a frame with more depth than usual in the usual: it becomes the usual within some frames."""
+"""Weight of a frame with more depth than usual in the usual amount. It becomes the usual amount within a few
+frames."""
 _SLOW = 0.6
-"""Share of the promised frame rate below which a sensor is slow."""
+"""Fraction of the promised frame rate below which a sensor is slow."""
 _FAST_AGAIN = 0.75
-"""Share of the promised frame rate above which it is not slow any more: the alarm must not flicker."""
+"""Fraction of the promised frame rate above which it is no longer slow. The alarm must not flicker."""
 _DROPPED = 0.10
-"""Share of lost frames above which the message comes."""
+"""Fraction of lost frames above which the message appears."""
 _DROPPED_AGAIN = 0.05
-"""Share of lost frames below which the message goes: the alarm must not flicker."""
+"""Fraction of lost frames below which the message disappears. The alarm must not flicker."""
 _LATE_NS = 2_000_000_000
-"""Nanoseconds for which frames out of order are reported after the last of them: long enough to read."""
+"""Nanoseconds for which late frames are reported after the last of them: long enough to read."""
 _MOVED_NS = 3_000_000_000
 """Nanoseconds for which a moved sensor is reported after the last motion: long enough to read."""
 _COVERED = 0.04
-"""Share of usable depth below which the lens is covered: such a lens still shows some pixels."""
+"""Fraction of usable depth below which the lens is covered. A covered lens still shows some pixels."""
 _UNCOVERED = 0.10
-"""Share of usable depth above which the lens is free again."""
+"""Fraction of usable depth above which the lens is free again."""
 _SPECKLE = 0.09
-"""Share of small holes in the depth above which depth is missing: sunlight or another sensor's pattern."""
+"""Fraction of small holes in the depth above which depth is missing: sunlight, or another sensor's
+pattern."""
 _SPECKLE_GONE = 0.05
-"""Share of small holes in the depth below which the message goes."""
+"""Fraction of small holes in the depth below which the message disappears."""
 _DEPTH_BACK = 0.1
-"""Share of the usual depth that must be back above the limit for the message to go."""
+"""Fraction of the usual depth that must be available above the limit for the message to disappear."""
 _UNCLEAR_MARGIN = 0.1
 """Mean confidence above the limit at which a performer is clear again."""
 _PLACE_MARGIN = 0.1
-"""Metres inside a limit of the distance at which a performer stands well again: bodies sway."""
+"""Metres inside a distance limit at which a performer is in range again. Bodies sway."""
 
 
 @dataclass(frozen=True)
 class HealthSettings:
-    """The limits beyond which something is reported to be wrong."""
+    """The limits beyond which a problem is reported."""
 
     frame_rate: float = setting(
         30.0, "Frames a second that the sensor promises, where it does not say.", unit="Hz", low=0.1
@@ -73,13 +77,13 @@ class HealthSettings:
 
 @dataclass(frozen=True)
 class TrackerState:
-    """What the tracker reports of itself after a frame.
+    """The tracker's own report after a frame.
 
     Attributes:
         floor_known: whether the floor was found, or is in the settings.
-        room_age: seconds for which the room has been learnt.
+        room_age: age of the background model in seconds.
         moved: whether this frame showed that the sensor was moved.
-        joined: the ids of performers who cannot be told apart.
+        joined: the ids of performers that cannot be told apart.
     """
 
     floor_known: bool = True
@@ -92,13 +96,14 @@ class HealthMonitor:
     """Checks every frame before the tracker, and the bodies after it.
 
     Args:
-        fps: frames a second that the sensor promises; None: the settings' number.
+        settings: the limits; None: the defaults.
+        fps: frame rate that the sensor promises; None: the settings' value.
         far: metres beyond which depth is not used.
-        name: of the sensor, for edges with several.
+        name: name of the sensor, for edges with several sensors.
 
     Attributes:
-        late: frames out of order so far, which were not admitted.
-        fault: why the last frame or read was of no use, one sentence; empty if it was of use, or came late.
+        late: number of late frames up to now, which were not admitted.
+        fault: why the last frame or read was unusable, one sentence; empty if it was usable or late.
     """
 
     def __init__(
@@ -124,24 +129,28 @@ class HealthMonitor:
         self._moved_ns: int | None = None
 
     def follow_device(self, is_device: bool) -> None:
-        """Sets whether the sensor is a device: only then its cable, power and lens are worth a word."""
+        """Sets whether the sensor is a device.
+
+        Messages about cable, power and lens make sense only for a device.
+        """
         self._alarms.is_device = is_device
 
     @property
     def late(self) -> int:
-        """The number of frames that came out of order so far."""
+        """Returns the number of frames that have come out of order."""
         return self._rhythm.late
 
     @property
     def states(self) -> list[HealthState]:
-        """What is wrong now, the gravest first."""
+        """Returns the current problems, the most severe first."""
         return self._alarms.states
 
     def admit(self, frame: Frame, fps: float | None = None) -> bool:
         """Checks a frame before the tracker uses it.
 
         Args:
-            fps: frames a second that the sensor promises now; None: as before.
+            frame: the frame.
+            fps: frame rate that the sensor promises now; None: as before.
 
         Returns:
             whether the tracker should use it: False for a frame that is out of order, repeated or unusable.
@@ -171,7 +180,7 @@ class HealthMonitor:
         return good
 
     def failed(self, error: Exception) -> None:
-        """A read raised ``error`` in place of a frame."""
+        """Records that a read raised ``error`` instead of returning a frame."""
         why, mend = str(error) or "it gives no reason", ""
         if isinstance(error, EnlivenError):
             why, mend = error.what, error.mend
@@ -179,7 +188,7 @@ class HealthMonitor:
         self._note_fault(kind, why, mend)
 
     def silent(self, seconds: float) -> None:
-        """No frame has come for so long, by the wall clock."""
+        """Records that no frame has come for ``seconds``, by the wall clock."""
         wrong = seconds >= self.settings.silent
         self._alarms.note(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
         self._alarms.tell()
@@ -191,12 +200,13 @@ class HealthMonitor:
         world_from_camera: Float | None = None,
         tracker: TrackerState | None = None,
     ) -> None:
-        """Judges the tracker's result of a frame.
+        """Checks the tracker's result of a frame.
 
         Args:
+            frame: the frame.
             bodies: the performers, world frame, not mirrored.
-            world_from_camera: (4, 4) pose of the sensor; None: the places of the performers are not judged.
-            tracker: what the tracker reports of itself.
+            world_from_camera: (4, 4) pose of the sensor; None: the places of the performers are not checked.
+            tracker: the tracker's own report.
         """
         now = frame.time_ns
         if tracker is not None:
@@ -204,7 +214,7 @@ class HealthMonitor:
         together = (tracker.joined if tracker is not None else ()) or touching(bodies)
         names = " and ".join(str(i) for i in sorted(together))
         self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
-        # Confidence of sensors that track people themselves, or of fused ones, is not judged here.
+        # The confidence from sensors that track people themselves, or from fused ones, is not checked here.
         if isinstance(frame, DepthFrame):
             for body in bodies:
                 self._judge_body(body, now)
@@ -214,17 +224,18 @@ class HealthMonitor:
         self._alarms.tell()
 
     def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Judges what the device reports of itself, see :func:`judge_condition`; None: it reports nothing."""
+        """Checks the device's own report, see :func:`judge_condition`. None: there is no report."""
         if condition is not None:
             judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
     def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
-        """Updates the alarms of unusable frames and reads; ``kind`` None: the last one was of use."""
+        """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
         self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
-            # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
+            # A frame of any kind proves that the sensor is connected. A lost sensor leaves the state of its
+            # frames unknown.
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
             self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
         self._alarms.tell()
@@ -240,7 +251,7 @@ class HealthMonitor:
         self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
 
     def _judge_freeze(self, seen: DepthSurvey | None, now: int) -> None:
-        """Judges whether the same image, or the same time, comes again and again."""
+        """Checks whether the same image, or the same time, comes repeatedly."""
         if seen is not None:
             same = seen.mark == self._mark and seen.usable > 0
             self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
@@ -280,7 +291,7 @@ class HealthMonitor:
         self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
 
     def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
-        """Judges whether a performer is too near, too far, or cut off by the image's border."""
+        """Checks whether a performer is too near, too far, or cut off by the image border."""
         local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
         distance = float(local[0, 2])
         near, far = self.settings.near, self._far - self.settings.far_margin
@@ -292,7 +303,7 @@ class HealthMonitor:
         self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
 
     def _forget_times(self) -> None:
-        """Drops what was measured by the sensor's clock: it was set back."""
+        """Drops all measurements by the sensor's clock, because it was set back."""
         self._alarms.clear()
         self._late_ns = self._moved_ns = None
         self._same = 0

@@ -1,5 +1,6 @@
-"""What leaves the tracker: joints smoothed, limited in speed, kept on the floor and predicted by
-the delay.
+"""Post-processing: joints are smoothed, limited in speed, mirrored, and predicted by the delay.
+
+Foot contacts are detected.
 """
 
 import lazy_loader

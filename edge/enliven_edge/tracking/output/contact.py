@@ -1,4 +1,4 @@
-"""Foot contacts: the feet that stand on the floor, by height and speed, with hysteresis."""
+"""Foot contacts: detects which feet stand on the floor, by height and speed, with hysteresis."""
 
 from __future__ import annotations
 
@@ -10,28 +10,32 @@ from enliven.person import Joint
 from enliven_edge.tracking.settings import FootContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
-"""(2, 2) joints at ball and ankle of each foot: a foot stands on either."""
+"""(2, 2) the joints at ball and ankle of each foot. A foot stands on either."""
 _ABOVE = np.array([0.0, 0.06])
-"""(2,) metres of ball and ankle above the ball of a foot that stands."""
+"""(2,) height in metres of ball and ankle above the ball of a standing foot."""
 _FORGETS = 0.03
-"""Metres a second by which the height of a standing foot may rise, so that one low frame is not final."""
+"""Rate in metres per second at which a standing foot's ground height may rise, so that one low frame is not
+final."""
 _SPEED_CUTOFF = 6.0
-"""Hz of the low-pass on the speed of a foot: under the fit's noise, but a step begins within a few frames."""
+"""Cut-off in Hz of the low-pass on the speed of a foot. It suppresses the fit's noise, and a step still
+begins within a few frames."""
 _STEEP = 5.0
-"""Slope of the logistic from a foot's share of its limits to a probability: 0.92 at half of them."""
+"""Slope of the logistic function from a foot's fraction of its limits to a probability: 0.92 at half of
+them."""
 _LONGEST_GAP = 1.0
-"""Seconds without a frame after which nothing of the feet before holds."""
+"""Seconds without a frame after which the state of the feet is reset."""
 _SEEN = 0.1
-"""Confidence of a foot's joints from which its contact counts fully; below, in proportion."""
+"""Confidence of a foot's joints above which its contact counts fully. Below, it counts in proportion."""
 _LOW = 0.6
-"""Share of the greatest height below which a foot is taken to stand in its first frame."""
+"""Fraction of the maximum height below which a foot counts as standing in its first frame."""
 
 
 class FootContacts:
-    """Gives the probability that each foot of one person stands on the floor.
+    """Computes the probability that each foot of one person stands on the floor.
 
-    A foot's height is taken from where it stood before, because the fit puts soles a few centimetres too high
-    or too low. Hysteresis: a foot that stands must be clearly lifted or moved to leave.
+    A foot's height is measured relative to its last standing height, because the fit puts soles a few
+    centimetres too high or too low. Hysteresis: a standing foot must be clearly lifted or moved before it
+    counts as lifted.
     """
 
     def __init__(self, settings: FootContactSettings) -> None:
@@ -44,11 +48,12 @@ class FootContacts:
         self._time_ns = 0
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
-        """(2,) left and right, in [0, 1]; 0 for a foot that is not seen.
+        """Returns (2,) left and right, in [0, 1]. 0 for a foot that is not visible.
 
         Args:
             joints: (20, 3) metres, world frame, the floor at y = 0.
             confidence: (20,) of the joints.
+            time_ns: the sensor's clock.
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
@@ -60,15 +65,17 @@ class FootContacts:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis):
-    """Returns (2,), see :meth:`FootContacts.__call__`; updates the state of the feet by a frame, in place.
+    """Returns (2,), see :meth:`FootContacts.__call__`. Updates the state of the feet by a frame, in place.
 
     Args:
-        last: (2, 2, 3) metres, the last places of the points of the feet.
-        speed: (2, 2) metres a second, low-passed.
+        joints: (20, 3) metres, world frame.
+        confidence: (20,) of the joints.
+        last: (2, 2, 3) metres, the last positions of the points of the feet.
+        speed: (2, 2) metres per second, low-passed.
         ground: (2, 2) metres, the height of the points while they stand.
         stands: (2,) whether each foot stood.
-        seconds: since the last frame; 0 where there is none.
-        floor, lift, fastest, hysteresis: as of :class:`FootContactSettings`.
+        seconds: time since the last frame; 0 without a last frame.
+        floor, lift, fastest, hysteresis: from :class:`FootContactSettings`.
     """
     out = np.empty(2)
     if seconds == 0.0:
@@ -92,7 +99,7 @@ def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, l
 
 @njit(cache=True, nogil=True)
 def _begin(joints, speed, ground, stands, floor):
-    """Sets the state of the feet in a first frame: a low foot stands, and stands where it is."""
+    """Initialises the state of the feet in a first frame: a low foot stands at its current height."""
     for foot in range(2):
         stands[foot] = False
         for k in range(2):
@@ -103,7 +110,7 @@ def _begin(joints, speed, ground, stands, floor):
 
 @njit(cache=True, nogil=True)
 def _go_on(joints, last, speed, ground, seconds, floor):
-    """Updates the low-passed speed of the feet, and the lowest height that they were at of late."""
+    """Updates the low-passed speed of the feet, and their recent minimum height."""
     follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF * seconds))
     for foot in range(2):
         for k in range(2):

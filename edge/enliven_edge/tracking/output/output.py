@@ -1,7 +1,7 @@
-"""Turns the fits of the people in view into the bodies that leave the tracker.
+"""Turns the fits of the people in view into the output bodies of the tracker.
 
-The steps: replace NaN, limit the speed, smooth, detect foot contacts, predict, mirror. Every step is per
-person and may be off; with smoothing 0 and no other step on, the fit leaves unchanged.
+The steps: replace NaN, limit the speed, smooth, detect foot contacts, predict, mirror. Every step works per
+person and may be off. With smoothing 0 and no other step on, the fit is output unchanged.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, 
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGOTTEN_NS = 10_000_000_000
-"""Nanoseconds after which a person out of view is forgotten: it frees memory, filters reset before."""
+"""Nanoseconds after which the state of a person out of view is deleted, to free memory. The filters are reset
+earlier."""
 _LONGEST_LATENCY = 0.3
-"""Seconds of measured latency that are predicted at most, the bound of the setting ``predict``."""
+"""Maximum measured latency in seconds that is predicted: the bound of the setting ``predict``."""
 _MOST_AMOUNTS = 64
-"""People with an amount of smoothing of their own: viewers may name any number of ids."""
+"""Maximum number of people with their own smoothing amount, because viewers may send any number of ids."""
 _LEAST = 1e-3
-"""Amounts of smoothing below this are 0: the filter divides by the amount."""
+"""Smoothing amounts below this count as 0, because the filter divides by the amount."""
 
 
 class Output:
-    """Smooths, predicts and mirrors any number of bodies, of the tracker or of any other source.
+    """Smooths, predicts and mirrors any number of bodies, from the tracker or any other source.
 
     Attributes:
-        latency: seconds from the sensor's frame to the published pose, as the edge measures them; predicted
-            by where the settings say so.
+        latency: seconds from the sensor's frame to the published pose, measured by the edge. It is the
+            prediction time if the settings say "measured".
     """
 
     def __init__(self, settings: TrackerSettings | None = None) -> None:
@@ -44,7 +45,7 @@ class Output:
         self._time_ns: int | None = None
 
     def smooth(self, person: int, amount: float | None) -> None:
-        """Sets the amount of smoothing of one performer from now on; None: the settings' own."""
+        """Sets the amount of smoothing of one performer from now on. None: the settings' amount."""
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
@@ -55,20 +56,20 @@ class Output:
             self._people[person].set_amount(self.amount(person))
 
     def amount(self, person: int) -> float:
-        """Returns the amount of smoothing of a performer; 0 is off."""
+        """Returns the amount of smoothing of a performer. 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
         return amount if amount >= _LEAST else 0.0
 
     @property
     def ahead(self) -> float:
-        """Seconds by which the joints are predicted."""
+        """Returns the prediction time of the joints in seconds."""
         wanted = self.settings.output.predict
         return min(max(self.latency, 0.0), _LONGEST_LATENCY) if wanted == "measured" else float(wanted)
 
     def __call__(
         self, bodies: list[Body], time_ns: int, world_from_camera: Float | None = None
     ) -> list[Body]:
-        """Returns the bodies as they leave the tracker.
+        """Returns the output bodies of the tracker.
 
         Args:
             bodies: the fits of one frame, world frame.
@@ -83,7 +84,7 @@ class Output:
         return made
 
     def forget(self) -> None:
-        """Forgets all people; the next bodies are not smoothed with earlier ones."""
+        """Forgets all people. The next bodies are not smoothed together with earlier ones."""
         self._people.clear()
 
     def _person(self, person: int) -> _Person:
@@ -92,7 +93,7 @@ class Output:
         return self._people[person]
 
     def _forget(self, time_ns: int) -> None:
-        """Forgets people out of view for long; all people where the clock was set back."""
+        """Forgets people that are out of view for long, and all people if the clock was set back."""
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
@@ -139,11 +140,11 @@ class _Person:
 
 
 def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
-    """Returns a (3,) point and (3,) unit normal of the upright plane through the sensor's line of sight."""
+    """Returns a (3,) point and (3,) unit normal of the vertical plane through the sensor's line of sight."""
     if world_from_camera is None:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])
     forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])
     length = float(np.linalg.norm(forward))
-    if length < 0.1:  # it looks straight down: the world's own x
+    if length < 0.1:  # it looks straight down: take the world's x
         return world_from_camera[:3, 3], np.array([1.0, 0.0, 0.0])
     return world_from_camera[:3, 3], np.array([-forward[2], 0.0, forward[0]]) / length

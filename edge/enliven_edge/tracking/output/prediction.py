@@ -1,4 +1,4 @@
-"""Prediction: extrapolates the joints to the time when the picture is seen."""
+"""Prediction: extrapolates the joints to the time at which the picture is displayed."""
 
 from __future__ import annotations
 
@@ -11,22 +11,24 @@ from enliven_edge.tracking.output.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)
 _CUTOFF = 3.0
-"""Hz of the low-pass on the speeds: the prediction multiplies their noise, and must not shake."""
+"""Cut-off in Hz of the low-pass on the speeds. The prediction multiplies their noise, and must not jitter."""
 _FASTEST = 6.0
-"""Metres a second that a joint is extrapolated at, at most: a fast hand; faster is mostly a bad frame."""
+"""Maximum speed in metres per second of the extrapolation of a joint: a fast hand. Higher speeds are mostly
+bad frames."""
 _FASTEST_TURN = 10.0
-"""Radians a second that a bone is extrapolated at, at most: a fast forearm; faster is mostly a bad frame."""
+"""Maximum angular speed in radians per second of the extrapolation of a bone: a fast forearm. Higher speeds
+are mostly bad frames."""
 _MOVES = 0.5
-"""Metres a second at which half of a filter's delay is made up for: a joint that rests must not shake, and
-what it lags by is nothing. On the tuning sequences a lag of 16 ms becomes 8 at 2 % more jitter."""
+"""Speed in metres per second at which half of a filter's delay is compensated. A joint at rest must not
+jitter, and has no visible lag. On the tuning sequences a lag of 16 ms becomes 8 ms with 2 % more jitter."""
 _TURNS = 3.0
-"""Radians a second, the same of a bone that turns."""
+"""The same for the rotation of a bone, in radians per second."""
 _LONGEST_GAP = 0.5
-"""Seconds between two frames beyond which no speed is taken from them."""
+"""Maximum seconds between two frames for a speed to be computed from them."""
 
 
 class Predictor:
-    """Extrapolates one person's joints and orientations by their smoothed speeds; bones keep their length."""
+    """Extrapolates one person's joints and orientations by their smoothed speeds. Bones keep their length."""
 
     def __init__(self) -> None:
         self._joints: Float | None = None
@@ -47,8 +49,12 @@ class Predictor:
         """Returns (20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``.
 
         Args:
-            delay: (20,) seconds by which the joints lie behind already, made up for where they move.
-            turn_delay: (20,) seconds, the same of the orientations.
+            joints: (20, 3) metres.
+            turns: (20, 4) unit quaternions, or None.
+            time_ns: the sensor's clock.
+            seconds: the prediction time.
+            delay: (20,) present lag of the joints in seconds. It is compensated for moving joints.
+            turn_delay: (20,) seconds, the same for the orientations.
         """
         passed = (time_ns - self._time_ns) * 1e-9
         if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
@@ -69,11 +75,15 @@ class Predictor:
 
 @njit(cache=True, nogil=True)
 def foreseen_places(joints, before, speed, delay, passed, seconds):
-    """(J, 3) where joints are after some seconds, by their (J, 3) speeds, which this frame changes.
+    """Returns (J, 3) the predicted joints, and updates their (J, 3) speeds with this frame.
 
     Args:
-        before: (J, 3) of the frame ``passed`` seconds before; 0: there is none, and nothing moves.
-        delay: (J,) seconds that are made up for where a joint moves.
+        joints: (J, 3) metres.
+        before: (J, 3) the joints of the previous frame.
+        speed: (J, 3) metres per second, updated.
+        delay: (J,) seconds that are compensated for moving joints.
+        passed: seconds since the previous frame; 0: there is none, and nothing moves.
+        seconds: the prediction time.
     """
     share = _share(passed)
     for j in range(len(joints)):
@@ -85,7 +95,7 @@ def foreseen_places(joints, before, speed, delay, passed, seconds):
 
 @njit(cache=True, nogil=True)
 def foreseen_turns(turns, before, spin, delay, passed, seconds):
-    """(J, 4) the same of turns, by their (J, 3) spins in radians a second."""
+    """Returns (J, 4) the predicted rotations, by their (J, 3) angular velocities in radians per second."""
     if passed > 0.0:
         learn_spin(spin, before, turns, passed, _share(passed))
     else:
@@ -95,15 +105,15 @@ def foreseen_turns(turns, before, spin, delay, passed, seconds):
 
 @njit(cache=True, nogil=True)
 def _share(passed):
-    """The share of a new speed that the low-pass takes over after so many seconds; 1 where it begins."""
+    """Returns the weight of a new speed in the low-pass after ``passed`` seconds. 1 for the first one."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF * passed)) if passed > 0.0 else 1.0
 
 
 @njit(cache=True, nogil=True)
 def ahead_of(velocity, delay, seconds, half):
-    """(J,) seconds to look ahead: so many, and a delay as far as a velocity counts as movement.
+    """Returns (J,) seconds to predict: ``seconds``, plus the part of the delay that the velocity justifies.
 
-    That is 0 at rest, half of it at the speed ``half``, and nearly all of it far beyond.
+    That part is 0 at rest, half of the delay at the speed ``half``, and nearly all of it far beyond.
     """
     out = np.empty(len(velocity))
     for j in range(len(velocity)):
@@ -114,11 +124,15 @@ def ahead_of(velocity, delay, seconds, half):
 
 @njit(cache=True, nogil=True)
 def learn_spin(spin, before, turns, passed, share):
-    """Low-pass on (J, 3) spins, radians a second about each bone's own axes, in place.
+    """Updates the low-pass on (J, 3) angular velocities, in place.
+
+    They are in radians per second about each bone's own axes.
 
     Args:
+        spin: (J, 3) the state.
         before, turns: (J, 4) unit quaternions, ``passed`` seconds apart.
-        share: of the difference that is taken over.
+        passed: seconds.
+        share: weight of the new value.
     """
     for j in range(len(spin)):
         x, y, z = step_between(before[j], turns[j])
@@ -129,7 +143,7 @@ def learn_spin(spin, before, turns, passed, share):
 
 @njit(cache=True, nogil=True)
 def turned_on(turns, spin, seconds):
-    """(J, 4) turns after (J,) seconds at (J, 3) spins."""
+    """Returns (J, 4) rotations after (J,) seconds at (J, 3) angular velocities."""
     out = turns.copy()
     for j in range(len(out)):
         far = seconds[j] * _limit(spin[j], _FASTEST_TURN)
@@ -139,7 +153,7 @@ def turned_on(turns, spin, seconds):
 
 @njit(cache=True, nogil=True)
 def moved_on(joints, speed, seconds):
-    """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds; every bone keeps its length."""
+    """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds. Every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
         far = seconds[j] * _limit(speed[j], _FASTEST)
@@ -159,7 +173,7 @@ def moved_on(joints, speed, seconds):
 
 @njit(cache=True, nogil=True)
 def _limit(velocity, most):
-    """Returns the factor that makes a (3,) velocity no faster than ``most``."""
+    """Returns the factor that limits a (3,) velocity to ``most``."""
     return min(1.0, most / max(_length(velocity), 1e-9))
 
 

@@ -1,4 +1,4 @@
-"""The One-Euro filter (Casiez, Roussel, Vogel 2012) on the joints and the orientations of one person."""
+"""The One-Euro filter (Casiez, Roussel, Vogel 2012) for the joints and the orientations of one person."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class _Filter:
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
-        delay: (J,) seconds by which the last result lies behind its input: the group delay of the low-pass
-            with the cut-off that each joint had.
+        delay: (J,) lag of the last result behind its input, in seconds: the group delay of the low-pass with
+            each joint's cut-off.
     """
 
     def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
@@ -31,7 +31,7 @@ class _Filter:
         self._value = None
 
     def __call__(self, value: Float, time_ns: int) -> Float:
-        """Returns the filtered value; the input itself where the amount is 0.
+        """Returns the filtered value, or the input itself if the amount is 0.
 
         Args:
             value: (20, 3) metres, or (20, 4) unit quaternions.
@@ -50,14 +50,15 @@ class _Filter:
         return self._value.copy()
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        """Filters one more value and updates the velocity; may return the same array, changed."""
+        """Filters one more value and updates the velocity. May return the same array, modified."""
         raise NotImplementedError
 
 
 class OneEuro(_Filter):
-    """Low-pass with a cut-off that rises with speed: still joints are calm, fast joints are on time.
+    """A low-pass for positions with a cut-off that rises with speed: no jitter at rest, little lag in motion.
 
-    Each of the (20, 3) joints is filtered as one vector: the result does not depend on the world's axes.
+    Each of the (20, 3) joints is filtered as one vector, so that the result does not depend on the world's
+    axes.
     """
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
@@ -68,9 +69,11 @@ class OneEuro(_Filter):
 
 
 class OneEuroTurns(_Filter):
-    """The same on (20, 4) rotations: differences are rotation vectors in the filtered bone's own frame.
+    """The same filter for (20, 4) rotations.
 
-    So the result turns with the world, and does not depend on the axes chosen for a bone.
+    Differences are rotation vectors in the filtered bone's own frame.
+
+    So the result rotates with the world, and does not depend on the axes chosen for a bone.
     """
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
@@ -82,19 +85,21 @@ class OneEuroTurns(_Filter):
 
 @njit(cache=True, nogil=True, inline="always")
 def _alpha(cutoff, seconds):
-    """The smoothing factor of a first-order low-pass, equation (5) of the paper."""
+    """Returns the smoothing factor of a first-order low-pass, equation (5) of the paper."""
     return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff * seconds))
 
 
 @njit(cache=True, nogil=True)
 def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):
-    """One step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres a second, in place.
+    """Runs one step of the filter on (J, 3) positions, in place.
 
     Args:
-        delay: (J,) seconds, becomes the group delay of this step.
-        raw: (J, 3) what was measured.
+        value, velocity: (J, 3) metres and (J, 3) metres per second, the state of the filter.
+        delay: (J,) seconds, receives the group delay of this step.
+        raw: (J, 3) the measurement, metres.
+        seconds: time since the last step.
         cutoff: Hz at rest.
-        slope: Hz for every metre a second.
+        slope: Hz per metre per second.
     """
     follow = _alpha(1.0, seconds)
     for j in range(len(value)):
@@ -110,13 +115,15 @@ def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):
 
 @njit(cache=True, nogil=True)
 def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):
-    """One step of the filter on (B, 4) ``value`` and (B, 3) ``velocity`` radians a second, in place.
+    """Runs one step of the filter on (B, 4) rotations, in place.
 
     Args:
-        delay: (B,) seconds, becomes the group delay of this step.
-        raw: (B, 4) what was measured.
+        value, velocity: (B, 4) unit quaternions and (B, 3) radians per second, the state of the filter.
+        delay: (B,) seconds, receives the group delay of this step.
+        raw: (B, 4) the measurement, unit quaternions.
+        seconds: time since the last step.
         cutoff: Hz at rest.
-        slope: Hz for every radian a second.
+        slope: Hz per radian per second.
     """
     follow = _alpha(1.0, seconds)
     for b in range(len(value)):
@@ -132,7 +139,7 @@ def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):
 
 @njit(cache=True, nogil=True)
 def step_between(q, r):
-    """(x, y, z) log(conj(q) r), radians: from a (4,) unit quaternion to another, the shorter way round."""
+    """Returns (x, y, z) log(conj(q) r), radians: the shorter rotation between two (4,) unit quaternions."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     rw, rx, ry, rz = r[0], r[1], r[2], r[3]
     sw = w * rw + x * rx + y * ry + z * rz
@@ -148,7 +155,10 @@ def step_between(q, r):
 
 @njit(cache=True, nogil=True)
 def turn(q, x, y, z):
-    """q (4,) becomes q exp(v), unit, for the rotation vector v = (x, y, z) radians in q's own frame."""
+    """Replaces q (4,) by q exp(v), normalised, for the rotation vector v = (x, y, z) in q's own frame.
+
+    The rotation vector is in radians.
+    """
     angle = np.sqrt(x * x + y * y + z * z)
     scale = np.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
     c, x, y, z = np.cos(0.5 * angle), scale * x, scale * y, scale * z

@@ -1,4 +1,4 @@
-"""Keeps impossible values from the output: NaN, and limbs that leap across the room."""
+"""Removes impossible values from the output: NaN, and limbs that jump across the room."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from enliven_edge.tracking.settings import OutputSettings
 
 _PARENTS = np.array([max(p, 0) for p in PARENTS])
 _LONGEST_GAP = 1.0
-"""Seconds without a frame after which a joint may be anywhere, so no speed limit holds."""
+"""Seconds without a frame after which a joint may be anywhere, so that no speed limit applies."""
 
 
 def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
-    """Returns (20, 3) joints and (20,) confidence without NaN: such a joint stays at its last place,
-    confidence 0.
+    """Returns (20, 3) joints and (20,) confidence without NaN.
 
-    Without a last place it is put where its parent is; the root, at the middle of the others.
+    A joint with NaN keeps its last position, with confidence 0.
+
+    Without a last position it is placed at its parent. The root is placed at the middle of the other joints.
     """
     known, sure, every = _known(joints, confidence)
     if every:
@@ -36,7 +37,10 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
 @njit(cache=True, nogil=True)
 def _known(joints, confidence):
-    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], 0 if not, and whether all are."""
+    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], and whether all are finite.
+
+    The confidence of a joint that is not finite is 0.
+    """
     known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):
         known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
@@ -47,7 +51,7 @@ def _known(joints, confidence):
 
 
 def finite_turns(orientations: Float, last: Float | None) -> Float:
-    """Returns (20, 4) unit quaternions: one that is not finite stays as it last was, or is the identity."""
+    """Returns (20, 4) unit quaternions. One that is not finite keeps its last value, or is the identity."""
     if _are_units(orientations):
         return orientations
     length = np.einsum("ji,ji->j", orientations, orientations)
@@ -58,22 +62,22 @@ def finite_turns(orientations: Float, last: Float | None) -> Float:
 
 @njit(cache=True, nogil=True)
 def _are_units(turns):
-    """Whether all of (J, 4) quaternions are of unit length."""
+    """Returns True if all of (J, 4) quaternions have unit length."""
     for j in range(len(turns)):
         w, x, y, z = turns[j]
-        # Not (good) also where the length is NaN.
+        # The comparison is negated so that a NaN length fails as well.
         if not abs(w * w + x * x + y * y + z * z - 1.0) < 1e-6:
             return False
     return True
 
 
 class SpeedLimit:
-    """Holds back a joint that moves faster than a person can.
+    """Delays a joint that moves faster than a person can.
 
-    A joint that is farther from its last reported place than a limb can move in the time waits there (carried
-    along with the hips) for ``hold`` seconds: one bad frame throws no limb across the room. If it is still
-    far after that, it follows at the highest speed. Meanwhile its confidence is lowered: to 0 while it waits,
-    by the share of the way that it is allowed while it follows.
+    A joint jumps if it is farther from its last reported position than a limb can move in the time. It then
+    waits there, moved along with the hips, for ``hold`` seconds, so that one bad frame does not throw a limb
+    across the room. If it is still far away after that, it follows at the maximum speed. Meanwhile its
+    confidence is lowered: to 0 while it waits, and by the allowed fraction of the distance while it follows.
     """
 
     def __init__(self, settings: OutputSettings) -> None:
@@ -113,7 +117,7 @@ class SpeedLimit:
 
 @njit(cache=True, nogil=True)
 def _leaps(joints, last, allowed):
-    """Whether any of (J, 3) joints is farther than ``allowed`` metres from where it was."""
+    """Returns True if any of (J, 3) joints is farther than ``allowed`` metres from its last position."""
     for j in range(len(joints)):
         x, y, z = joints[j, 0] - last[j, 0], joints[j, 1] - last[j, 1], joints[j, 2] - last[j, 2]
         if np.sqrt(x * x + y * y + z * z) > allowed:

@@ -11,12 +11,13 @@ from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
 def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
-    """Returns points and normals of each performer's visible surface, by id; world frame.
+    """Returns points and normals of each performer's visible surface, by id, in the world frame.
 
     Args:
-        owner: (h, w) the person at each pixel, an index into ``ids``; -1 none.
-        ids: (K,) ids of people; below 0 for one who is no performer.
-        points: at most so many of each.
+        view: the frame.
+        owner: (h, w) the person at each pixel, an index into ``ids``; -1 without a person.
+        ids: (K,) ids of people; negative for a person that is not a performer.
+        points: maximum number of points per performer.
     """
     surfaces = {}
     for index, person in enumerate(ids.tolist()):
@@ -40,9 +41,10 @@ def mirrored_surfaces(
 
 @njit(cache=True, nogil=True)
 def inner_pixels(z, owner, index):
-    """Returns the (h, w) pixels of a person that have a measurable normal: all around are theirs, and as far.
+    """Returns the (h, w) pixels of a person that have a measurable normal.
 
-    At a silhouette a normal is a guess, and guesses pull a surface that follows them ever farther.
+    All neighbours belong to the person and have a similar depth. At a silhouette a normal is only a guess.
+    Wrong normals would pull a surface that follows them farther and farther away.
     """
     height, width = z.shape
     out = np.zeros((height, width), np.bool_)

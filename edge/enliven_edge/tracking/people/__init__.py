@@ -1,4 +1,4 @@
-"""The people in view: found, followed, recognised after an absence, and never counted twice."""
+"""Track management: people are found, tracked, re-identified after an absence, and never tracked twice."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
 """The confidence of each joint: the probability that its error is below ten centimetres.
 
-A logistic regression on what the frame says for and against the joint (:mod:`evidence`).
-``calibrate_confidence.py`` of the benchmarks fits its weights on synthetic sequences with exact joints, for
-the left and the right side alike, and checks them on others.
+It is a logistic regression on the frame's evidence for and against the joint (:mod:`evidence`).
+``calibrate_confidence.py`` of the benchmarks fits its weights to synthetic sequences with exact joints, and
+checks them on other sequences. The left and the right side share their weights.
 """
 
 from __future__ import annotations
@@ -34,33 +34,38 @@ GROUPS = (
     "foot",
 )
 GROUP_OF_JOINT = np.array([0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11, 8, 9, 10, 11])
-"""(20,) which of :data:`GROUPS` each joint belongs to."""
+"""(20,) the index of each joint's group in :data:`GROUPS`."""
 WITH_NETWORK, ALONE = "weights", "weights alone"
 """The tables of weights: with the network's estimate as evidence, and without one."""
 _SEATED = 0.42
-"""Height of the hips over the length of a leg below which an upright person sits on the floor."""
+"""Height of the hips relative to leg length below which an upright person sits on the floor."""
 _UPRIGHT = 0.5
-"""Least cosine between the trunk and the vertical of a person who sits. A person who lies has less."""
+"""Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
-"""Largest confidence of a knee, ankle or foot of a person who sits on the floor. Of those with 0.9 or more,
-30 % were off by 10 cm in films to tune on: legs that point to the sensor show only their feet."""
+"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Without it, 30 % of the
+joints with 0.9 or more had an error of 10 cm or more in the tuning films. Legs that point to the sensor show
+only their feet."""
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 _OUTSIDE = NAMES.index("outside")
 _NOT_SEEN = 0.99
-"""Share of a joint's bone outside the image from which its confidence is 0: all of it, but for rounding."""
+"""Fraction of a joint's bone outside the image above which its confidence is 0: all of it, except for
+rounding."""
 
 
 def confidence(evidence: Float, *, alone: bool = False) -> Float:
-    """Returns (20,) in [0, 1] from (20, 17) evidence; 0 for a joint with its bone wholly outside the image.
+    """Returns (20,) in [0, 1] from (20, 17) evidence.
+
+    The confidence of a joint is 0 if its bone is completely outside the image.
 
     Args:
+        evidence: as returned by :func:`evidence.evidence`.
         alone: whether the fit ran without the network.
     """
     return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
 
 
 def bounded_when_seated(sure: Float, posture: Posture) -> Float:
-    """Returns (20,) confidence with that of the legs bounded if the person sits on the floor, y = 0."""
+    """Returns (20,) confidence with that of the legs limited if the person sits on the floor, y = 0."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED * leg:
         return sure
@@ -72,7 +77,7 @@ def bounded_when_seated(sure: Float, posture: Posture) -> Float:
 
 @njit(cache=True, nogil=True)
 def _likely(evidence, weights):
-    """(J,) see :func:`confidence`, by (J, F) weights."""
+    """Computes (J,) for :func:`confidence`, with (J, F) weights."""
     out = np.empty(len(evidence))
     for j in range(len(evidence)):
         score = 0.0
@@ -85,12 +90,12 @@ def _likely(evidence, weights):
 
 @cache
 def _weights_of_joints(table_name: str) -> Float:
-    """(20, 17) the weights of each joint's group."""
+    """Returns (20, 17) the weights of each joint's group."""
     return np.ascontiguousarray(_weights(table_name)[GROUP_OF_JOINT])
 
 
 def _weights(table_name: str) -> Float:
-    """(12, 17) ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
+    """Returns (12, 17) weights ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
     text = files("enliven_edge.assets").joinpath("confidence.json").read_text()
     table = json.loads(text)[table_name]
     return np.array([[table[group][name] for name in NAMES] for group in GROUPS])

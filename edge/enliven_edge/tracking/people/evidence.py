@@ -1,4 +1,4 @@
-"""What a frame says for and against every joint of a fitted posture: the input of its confidence."""
+"""The evidence of a frame for and against every joint of a fitted posture: the input of its confidence."""
 
 from __future__ import annotations
 
@@ -32,21 +32,26 @@ NAMES = (
     "spread",
     "apart",
 )
-"""The columns of :func:`evidence`; "beside" means the neighbouring part of the body. The last two are of the
-network's estimate and are 0 without one."""
+"""The columns of :func:`evidence`. "beside" means the neighbouring part of the body. The last two come from
+the network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _CLOSE = 0.02
-"""Metres added to the distance of a joint from the network's: a smaller distance than this says little."""
+"""Metres added to the distance of a joint from the network's joint. Smaller distances are not informative."""
 _ENOUGH = 0.35
-"""Share of the points expected on a capsule that support it fully: a third, as parts hide others."""
+"""Fraction of the points expected on a capsule that supports it fully: a third, because parts occlude each
+other."""
 _SAMPLES = 5
-"""Samples along a capsule for what is visible of it: about 8 cm apart on a thigh."""
+"""Samples along a capsule for its visible fraction: about 8 cm apart on a thigh."""
 _SAME = 0.07
-"""Metres between the model's surface and the observed one that are the same: clothes, and the fit's error."""
+"""Maximum distance in metres between the model's surface and the observed one to be the same: clothes, and
+the fit's error."""
 
 
 def _beside() -> tuple[Float, Float]:
-    """Returns two (20, C) averages over capsules: of the bone ending at a joint, and of that beside."""
+    """Returns two (20, C) averages over capsules: of a joint's own bone, and of the neighbouring one.
+
+    A joint's own bone ends at the joint.
+    """
     first, second = np.zeros((20, 20)), np.zeros((20, 20))
     pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
     for joint, near, next_to in ((0, pelvis, chest), (1, chest, pelvis), (2, girdle, neck), (3, head, neck)):
@@ -62,16 +67,16 @@ _FIRST, _SECOND = _beside()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
-"""Arguments of :func:`joints_held` that the model fixes."""
+"""Arguments of :func:`joints_held` that come from the model."""
 _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
-"""Arguments of :func:`capsules_of` that the model fixes."""
+"""Arguments of :func:`capsules_of` that come from the model."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
-"""Joints and spread in place of the network's, where it was not run."""
+"""Joints and spread in place of the network's, if it was not run."""
 
 
 @cache
 def _body() -> Held:
-    """Returns what the model fixes, held."""
+    """Returns the constant data of the model, held."""
     return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 
 
@@ -85,7 +90,9 @@ def evidence(
     """Returns (20, 17) evidence for and against each joint, ordered by :data:`NAMES`.
 
     Args:
+        posture: the fitted posture.
         report: of the fit that ended in the posture.
+        observation: the observed person.
         unsupported: (20,) frames since each joint was last supported.
         estimate: the network's estimate of the frame; None without one.
     """
@@ -101,7 +108,10 @@ def _evidence(
     observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
     seen, spread,
 ):  # fmt: skip
-    """(20, 17) see :func:`evidence`; ``observed`` and ``body`` are held, the second of :func:`_body`."""
+    """Computes (20, 17) for :func:`evidence`.
+
+    ``observed`` and ``body`` are held, ``body`` from :func:`_body`.
+    """
     skeleton, surface, turns, carried, first, second = body.values
     ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)
     shares = capsule_shares(ends, radii, observed.values.image)
@@ -114,15 +124,16 @@ def _evidence(
 
 @njit(cache=True, nogil=True)
 def gathered(shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second):
-    """(20, 17) see :func:`evidence`.
+    """Assembles (20, 17) for :func:`evidence`.
 
     Args:
-        shares: (C, 4) as of :func:`capsule_shares`.
-        support, violated, explained: (C,), (C,) and a number, as of :class:`FitReport`.
-        loose: (20,) as of :func:`joints_held`.
+        shares: (C, 4) from :func:`capsule_shares`.
+        support, violated, explained: (C,), (C,) and a number, from :class:`FitReport`.
+        loose: (20,) from :func:`joints_held`.
+        unsupported: (20,) frames since each joint was last supported.
         joints: (20, 3) metres, of the posture.
         seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
-        first, second: (20, C) as of :func:`_beside`.
+        first, second: (20, C) from :func:`_beside`.
     """
     out = np.zeros((len(joints), _COUNT))
     through = violated.mean()
@@ -147,10 +158,11 @@ def gathered(shares, support, violated, explained, loose, unsupported, joints, s
 
 @njit(cache=True, nogil=True)
 def capsule_shares(ends, radii, view):
-    """(C, 4) of the samples along each capsule: visible, hidden by something, seen through, not in the image.
+    """Returns (C, 4) fractions of each capsule's samples: visible, occluded, seen through, outside the image.
 
     Args:
-        view: as :func:`terms.free_space` takes it.
+        ends, radii: the capsules.
+        view: in the form of :func:`terms.free_space`.
     """
     depth, mask, _, camera, pose = view
     height, width = depth.shape
@@ -165,6 +177,8 @@ def capsule_shares(ends, radii, view):
                 x += pose[b, 0] * offset
                 y += pose[b, 1] * offset
                 z += pose[b, 2] * offset
+            # Project the sample, and compare its depth with the measured one: 0 visible, 1 occluded, 2 seen
+            # through, 3 outside.
             kind = 3
             if z > 0.2:
                 u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
@@ -182,17 +196,17 @@ def capsule_shares(ends, radii, view):
 
 
 def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """(C,) how far each capsule is supported by the points it explains, and not seen through."""
+    """Returns (C,) how well each capsule is supported by its explained points, and not seen through."""
     count = len(observation.points)
     return np.asarray(_supported(report.support, report.violated, *posture.capsules(), count))
 
 
 @njit(cache=True, nogil=True)
 def _supported(support, violated, ends, radii, count):
-    """See :func:`capsule_confidence`.
+    """Computes :func:`capsule_confidence`.
 
-    A capsule is supported by a third of the points that it would get if all of the body were seen: its share
-    of the ``count`` points, by its frontal area.
+    A capsule is fully supported by a third of the points that it would get if the whole body were visible.
+    That number is its part of the ``count`` points, by its frontal area.
     """
     area = np.empty(len(ends))
     for c in range(len(ends)):
@@ -207,17 +221,18 @@ def _supported(support, violated, ends, radii, count):
 
 @njit(cache=True, nogil=True)
 def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, frames, local):
-    """(J, 3) joints, world frame, and (J,) how loosely each is held, relative: sqrt(trace(J H^-1 J')).
+    """Returns (J, 3) joints, world frame, and (J,) the relative uncertainty of each: sqrt(trace(J H^-1 J')).
 
     That is the root of the trace of its covariance. H is the Gauss-Newton matrix of the frame alone, without
-    what time predicts: a joint that nothing in the picture holds is loose, however steadily it has been
-    predicted. By the Cholesky factor U of H it is |U'^-1 J'|.
+    the temporal prior. So a joint that nothing in the image constrains is uncertain, however steadily it was
+    predicted. With the Cholesky factor U of H the value is |U'^-1 J'|.
 
     Args:
-        matrix: (30, 30) the upper triangle of H, as of :class:`FitReport`.
-        parents, offsets: as of :func:`kinematics.forward_into`.
-        turns: (moves, dof_frame, dof_axis, frame_lengths) as of :func:`terms.point_row`.
-        frames, local: as of :func:`posture.joints_into`.
+        matrix: (30, 30) the upper triangle of H, from :class:`FitReport`.
+        position, rotations, lengths: the posture.
+        parents, offsets: as in :func:`kinematics.forward_into`.
+        turns: (moves, dof_frame, dof_axis, frame_lengths) as in :func:`terms.point_row`.
+        frames, local: as in :func:`posture.joints_into`.
     """
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
     moves, dof_frame, dof_axis, lengths_of = turns
@@ -227,7 +242,7 @@ def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, f
     joints_into(joints, world, pivots, lengths, frames, local)
     factor = np.zeros(matrix.shape)
     cholesky(factor, matrix, 0.0)
-    # A column for every joint and axis: the triangle is solved for all of them side by side.
+    # One column for every joint and axis: the triangular system is solved for all of them at once.
     columns, row, axis = np.empty((len(matrix), 3 * len(joints))), np.empty(len(matrix)), np.zeros(3)
     for k in range(columns.shape[1]):
         j, a = k // 3, k % 3
@@ -236,6 +251,7 @@ def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, f
         point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
         for i in range(len(row)):
             columns[i, k] = row[i]
+    # Forward substitution with U'. The squared solutions add up to the trace of each joint's covariance.
     loose = np.zeros(len(joints))
     for i in range(len(matrix)):
         for k in range(i):

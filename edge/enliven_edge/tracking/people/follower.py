@@ -1,4 +1,4 @@
-"""One person, followed from frame to frame: predict, fit, doubt, and say how sure every joint is."""
+"""The track of one person: predicts, fits, checks, and computes the confidence of every joint."""
 
 from __future__ import annotations
 
@@ -35,67 +35,74 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
 
 _GOOD = 0.68
-"""Quality in [0, 1], see :func:`detection.quality`, from which a detected body is believed to be a person."""
+"""Minimum quality in [0, 1], see :func:`detection.quality`, for a detected body to be accepted as a
+person."""
 _ACCEPTABLE = 0.45
-"""Quality up to which a frame is bad: less than for a new body, as a known one may be half hidden."""
+"""Quality up to which a frame is bad. It is lower than for a new body, because a known one may be half
+hidden."""
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
 _EXPLAINED = 0.93
-"""Share of the points below which a frame is fitted a second time, more widely: a limb was too fast."""
+"""Fraction of the points below which a frame is fitted a second time with a larger robust width, because a
+limb was too fast."""
 _WIDE = 0.25
-"""Metres: the robust width of the second fit, about what a fast hand moves in a frame."""
+"""Robust width of the second fit in metres: about the movement of a fast hand in a frame."""
 _DOUBTED = 8.5
-"""Square centimetres a point: cost of a frame from which the person is detected again."""
+"""Cost of a frame in square centimetres per point above which the person is detected again."""
 _MOSTLY_EXPLAINED = 0.87
-"""Share of the points below which a doubtful person is detected again whatever the network sees."""
+"""Fraction of explained points below which a doubtful person is detected again, whatever the network sees."""
 _LIMB = 3
 """Joints of a limb that moves by itself: elbow, wrist and hand, or knee, ankle and foot."""
 _CLEARLY = 0.8
-"""Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
+"""Maximum cost of a new detection relative to the present cost. A smaller gain may be chance."""
 _AGAIN_AFTER = 30
-"""Frames between two detections of a doubtful person at first: each takes several frames, and the
-tuning, close and held-out films came out no better with twice as many."""
+"""Initial number of frames between two detections of a doubtful person. Each takes several frames. The
+tuning, close and held-out films were no better with twice as many detections."""
 _LONGEST = 120
-"""Frames between two detections at most: the wait doubles up to this while nothing better is found."""
+"""Maximum number of frames between two detections. The wait doubles up to this while nothing better is
+found."""
 _WORSE = 1.2
-"""Times the cost of the last detection in vain from which the wait starts short again."""
+"""Factor on the cost of the last failed detection above which the wait is reset."""
 _KNOWN_AFTER = 120
-"""Well fitted frames, four seconds, after which the lengths are settled enough to detect the person with."""
+"""Well fitted frames, four seconds, after which the lengths are reliable enough for a detection."""
 _SHAPED_AFTER = 30
-"""Well fitted frames, a second, up to which all fit the lengths: these are far off at first."""
+"""Well fitted frames, one second, in which every fit includes the lengths. At first they are far from
+correct."""
 _SHAPED_EVERY = 2
-"""Frames from one fit of the lengths to the next after that: a posture is fitted a third faster without, and
+"""Interval in frames between two fits of the lengths after that. Without lengths a fit is a third faster, and
 joints of the tuning, close and held-out films came nearer by up to a millimetre."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_MEMORY = 0.4
-"""Seconds over which the speed of walking is averaged: less than a step, more than the noise of a frame."""
+"""Seconds over which the walking speed is averaged: less than a step, more than the noise of a frame."""
 _SOME_POINTS = np.log1p(4)
-"""Evidence of support, log(1 + points), from which a joint counts as supported in a frame."""
+"""Minimum evidence of support, log(1 + points), for a joint to count as supported in a frame."""
 _SEEN_SHARE = 0.3
-"""Share of a joint's bone that must be visible for its support to count: fewer samples may be an edge."""
+"""Minimum visible fraction of a joint's bone for its support to count. Fewer samples may be an edge."""
 _HARDLY = 0.02
-"""Probability of being a person below which a group of pixels is not searched: so plain a no needs no fit."""
+"""Blobs below this network probability of being a person are skipped without a fit."""
 _MAYBE = 0.3
-"""The same probability where the floor is guessed: heights, which rule out most things, say nothing then."""
+"""The same limit if the floor is guessed. Heights, which exclude most objects, are then unknown."""
 _BESIDE = 0.12
-"""Metres from the model's surface beyond which a point is something else: clothes stay within."""
+"""Distance in metres from the model's surface beyond which a point belongs to another object. Clothes stay
+within."""
 _MOSTLY = 0.5
-"""Share of a group of pixels that must lie on the model for a search without the rest to be worth it."""
+"""Minimum fraction of a blob on the model for a search without the other pixels to be worth it."""
 FEWEST_PIXELS = 60
-"""Pixels of the working image below which a group cannot show a posture."""
+"""Minimum number of pixels of the working image in which a posture is visible."""
 
 
 class Follower:
-    """Fits one person in every frame.
+    """The track of one person, fitted in every frame.
 
-    :meth:`found` makes one where a new person is seen; then call :meth:`follow` once a frame.
+    :meth:`found` creates one from a new person. Then call :meth:`follow` once per frame.
 
     Attributes:
-        posture: of the last frame that was fitted.
+        posture: of the last fitted frame.
         confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
-        evidence: (20, 17) what the last frame said for and against every joint.
+        evidence: (20, 17) the last frame's evidence for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
-        person_probability: of the last frame by the network, in [0, 1]: that this is a person and no thing.
-        budget: what detecting the person again may cost in the next frame.
+        person_probability: the network's probability in [0, 1] in the last frame that this is a person and
+            not an object.
+        budget: the budget for redetection in the next frame.
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
@@ -122,17 +129,22 @@ class Follower:
     def found(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Returns a person in the (h, w) ``pixels`` and their quality, up to 1; None without a person."""
+        """Returns a person in the (h, w) ``pixels`` and its quality, up to 1. None without a person."""
         return whole(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
     def sought(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter, *, entire: bool = False
     ) -> Steps[tuple[Follower, float] | None]:
-        """Does what :meth:`found` does, in parts.
+        """Does the work of :meth:`found` incrementally: yields the cost of each step.
 
         Args:
-            entire: whether the body must explain all pixels; else a second search leaves out what touches it.
+            view: the frame.
+            pixels: (h, w) the blob.
+            settings: the settings.
+            fitter: fits the body.
+            entire: whether the body must explain all pixels; otherwise a second search leaves out touching
+                objects.
         """
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
@@ -149,7 +161,7 @@ class Follower:
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
-            # Once more without what touches the person, a table say.
+            # Search again without objects that touch the person, such as a table.
             if entire or not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
                 return None
             return (yield from cls.sought(view, bare, settings, fitter))
@@ -160,15 +172,15 @@ class Follower:
 
     @property
     def redetecting(self) -> bool:
-        """Whether a new detection of the person is under way."""
+        """Returns True if a redetection of the person is in progress."""
         return self._redetection is not None
 
     def hide(self) -> None:
-        """Takes in a frame that does not show the person."""
+        """Handles a frame that does not show the person."""
         self.confidence, self._redetection = np.zeros(20), None
 
     def predicted(self) -> Posture:
-        """Returns the posture expected in the next frame, by the motion between the last two."""
+        """Returns the posture expected in the next frame, extrapolated from the last two."""
         return self.posture.copy() if self._before is None else continued(self._before, self.posture)
 
     def carry(self, step: Float) -> None:
@@ -178,10 +190,12 @@ class Follower:
             self._before.position = self._before.position + step
 
     def follow(self, view: FrameView, pixels: Bool, predicted: Posture | None = None) -> bool:
-        """Fits a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit.
+        """Fits a frame in which the (h, w) ``pixels`` are this person's. Returns False if they do not fit.
 
         Args:
-            predicted: what :meth:`predicted` returned, where it is known already.
+            view: the frame.
+            pixels: (h, w) the person's pixels.
+            predicted: the result of :meth:`predicted`, if it is already known.
         """
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
@@ -195,7 +209,7 @@ class Follower:
             observation = guided_by(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = capsule_confidence(report, observation, posture)
-        # One search at a time: a frame with both would be the longest.
+        # Only one kind of search per frame, because a frame with both would be the slowest.
         reconsider, arms = self._recovery.reconsider, not self.redetecting
         posture, report = reconsider(observation, posture, report, certain, seen, arms=arms)
         velocity = self._moving(posture.position, view.time_ns)
@@ -238,16 +252,17 @@ class Follower:
         seen: EstimateAtPoints | None,
         eye: Float,
     ) -> tuple[Posture, FitReport] | None:
-        """Detects a doubtful person from scratch; returns a fit only if it explains the frame much better.
+        """Detects a doubtful person from scratch. Returns a fit only if it explains the frame much better.
 
-        A detection takes several frames, so there is one at most every second, fewer of them while
-        they find nothing, and none where the network sees the same posture. A posture found in an earlier
-        frame is fitted to this one and has to explain it better too.
+        A detection takes several frames. So one starts at most every second, less often while detections
+        fail, and never if the network sees the same posture. A posture found in an earlier frame is fitted to
+        this frame and must explain it better too.
         """
         self._since_detected += 1
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
+        # Start a detection if the person is doubtful and the wait is over.
         if self._redetection is None:
             if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER
@@ -263,6 +278,7 @@ class Follower:
         if not under_way.task.go_on(self.budget):
             return None
         self._redetection, found = None, under_way.task.result
+        # Compare with the fit in the frame where the detection began, then in the present frame.
         better = (
             found is not None
             and cost(found[1], found[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
@@ -280,14 +296,17 @@ class Follower:
         return found
 
     def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
-        """Moves an earlier frame's posture by (3,) metres and fits it to this frame, widely, then closely."""
+        """Moves an earlier frame's posture by (3,) metres and fits it to this frame.
+
+        The first fit has a large robust width.
+        """
         moved = posture.copy()
         moved.position = moved.position + step
         wide, _ = self._fitter.fit(observation, moved, width=_WIDE)
         return self._fitter.fit(observation, wide)
 
     def _moving(self, position: Float, time_ns: int) -> Float:
-        """Returns the (3,) velocity of the hip centre, metres a second, averaged over the last frames."""
+        """Returns the (3,) velocity of the hip centre, metres per second, averaged over the last frames."""
         seconds = (time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
             share = min(1.0, seconds / _SPEED_MEMORY)
@@ -298,7 +317,7 @@ class Follower:
         return self._velocity
 
     def _missed(self) -> bool:
-        """Counts a bad frame; always False."""
+        """Counts a bad frame. Always returns False."""
         self._redetection = None
         self._bad += 1
         self.lost = self._bad > self.settings.lost_after
@@ -307,7 +326,7 @@ class Follower:
     def _update_evidence(
         self, report: FitReport, observation: Observation, seen: EstimateAtPoints | None
     ) -> None:
-        """Gathers what the frame says for and against every joint, and updates the confidence."""
+        """Gathers the frame's evidence for and against every joint, and updates the confidence."""
         estimate = None if seen is None else seen.estimate
         self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
@@ -316,9 +335,11 @@ class Follower:
         self.confidence = bounded_when_seated(sure, self.posture)
 
     def _proportions(self) -> Float | None:
-        """Returns (12,) weights that hold the bones' lengths: soft at first; None where they are frozen.
+        """Returns (12,) weights of the prior on the bones' lengths, low at first.
 
-        That is once they are settled, and before that in every other frame after the first ones.
+        None if the lengths are frozen.
+
+        They are frozen once they are settled, and before that in every other frame after the first ones.
         """
         settings = self.settings.fit
         settled = self._fitted > 3 * settings.settle_frames
@@ -329,10 +350,12 @@ class Follower:
 
 
 def _is_borne_out(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
-    """Whether a posture explains most of the frame and the network sees at most a limb plainly elsewhere.
+    """Returns True if a posture explains most of the frame and the network agrees except for a limb.
 
-    A limb is tried elsewhere anyway. Of 227 detections begun in such frames of the tuning and close films 12
-    were taken, six to a better and six to a worse posture, by a few centimetres at most.
+    At most one limb is clearly elsewhere for the network.
+
+    A limb is tried elsewhere anyway. Of 227 detections that began in such frames of the tuning and close
+    films 12 were accepted. Six led to a better and six to a worse posture, by a few centimetres at most.
     """
     if seen is None or report.explained <= _MOSTLY_EXPLAINED:
         return False

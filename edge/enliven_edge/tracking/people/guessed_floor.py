@@ -1,4 +1,4 @@
-"""Estimates the floor from the people in view, by average body proportions, if no floor is seen."""
+"""Estimates the floor from the people in view, by average body proportions, if no floor is visible."""
 
 from __future__ import annotations
 
@@ -15,33 +15,34 @@ from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmente
 from enliven_edge.tracking.settings import TrackerSettings
 
 _SMALLEST_STEP_M = 0.1
-"""Least correction of the guess while no person is followed. Smaller ones would only follow noise."""
+"""Minimum correction of the guess while no person is tracked. Smaller ones would only follow noise."""
 _MIN_PERSON_AREA_M2 = 0.14
-"""Least visible area of a group of pixels that the guess is made from: a head and a chest."""
+"""Minimum visible area of a blob for a guess from it: a head and a chest."""
 _MAX_TRIED = 3
-"""Groups of pixels that are tried as a person in a frame, the likeliest first. Each costs a network run."""
+"""Maximum number of blobs tried as a person per frame, the likeliest first. Each costs a network run."""
 _MIN_PROBABILITY = 0.8
-"""Probability by the network from which a group is a person: nearly all people exceed 0.85."""
+"""Minimum network probability of a blob to be a person. Nearly all people exceed 0.85."""
 _WHOLE_BELOW = 0.1
-"""Largest share of an outline that something nearer hides for its lowest pixels to be feet."""
+"""Maximum occluded fraction of an outline for its lowest pixels to be feet."""
 _LOWEST_SHARE = 0.01
-"""Quantile of the heights of a person's pixels that is taken for the soles. Noise reaches lower."""
+"""Quantile of the heights of a person's pixels that is taken for the soles. Noise produces lower pixels."""
 _MIN_HEIGHT_M = 0.9
-"""Least height of visible pixels that may be a whole standing person: a small child."""
+"""Minimum height of the visible pixels of a whole standing person: a small child."""
 _MAX_HEIGHT_M = 2.1
-"""Greatest height of visible pixels that may be a whole standing person. Raised arms reach higher."""
+"""Maximum height of the visible pixels of a whole standing person. Raised arms reach higher."""
 _SETTLING_FRAMES = 90
-"""Frames after the first person was found in which the guess follows their soles: the lengths settle."""
+"""Frames after the first person was found in which the guess follows the soles, until the lengths settle."""
 _GAIN = 0.1
-"""Share of the correction that is applied in each of these frames. One frame's noise moves little."""
+"""Fraction of the correction that is applied in each of these frames, so that the noise of one frame matters
+little."""
 
 
 class GuessedFloor:
-    """Finds how much higher the sensor is than it was guessed, from the people it sees.
+    """Estimates the error of the guessed sensor height from the visible people.
 
-    A person who is seen down to the feet stands on the floor. A person who runs out of the image below is
-    taken to be of average height until the bones are measured; then the soles of the fitted body are the
-    floor, because proportions tell where unseen legs end.
+    A person that is visible down to the feet stands on the floor. A person that extends beyond the lower
+    image border is assumed to have average height until the bones are measured. After that the soles of the
+    fitted body are the floor, because proportions predict the ends of unseen legs.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -49,7 +50,10 @@ class GuessedFloor:
         self._frames = 0
 
     def before_search(self, view: FrameView, room: RoomModel) -> float:
-        """Returns metres to raise the world by, from the first likely person in a frame without people."""
+        """Returns the correction of the world's height in metres, from the first likely person.
+
+        It is called in frames without tracked people.
+        """
         self._frames = 0
         scene = self._settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
@@ -64,13 +68,13 @@ class GuessedFloor:
         return 0.0
 
     def _is_person(self, view: FrameView, group: Candidate) -> bool:
-        """Returns whether a group of pixels looks like a person in a frame placed by the guess from it."""
+        """Returns True if a blob looks like a person in a frame that is placed by the guess from it."""
         if not self._settings.estimator:
             return group.shape.upright
         return likelihood(view, group.pixels) > _MIN_PROBABILITY
 
     def _step_for(self, person: Candidate, view: FrameView) -> float:
-        """Returns metres to raise a group of pixels by so that it stands on the floor as a person does."""
+        """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _LOWEST_SHARE))
         whole = not shape.cut and shape.behind < _WHOLE_BELOW
@@ -79,7 +83,7 @@ class GuessedFloor:
         return self._settings.body_height - shape.crown
 
     def after_fit(self, people: Iterable[Person]) -> float:
-        """Returns metres to raise the world by, from the soles of the people who are followed."""
+        """Returns the correction of the world's height in metres, from the soles of the tracked people."""
         soles = [person.follower.posture.lowest for person in people if not person.hidden]
         if not soles or self._frames > _SETTLING_FRAMES:
             return 0.0

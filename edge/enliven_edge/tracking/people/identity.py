@@ -1,4 +1,4 @@
-"""Stable ids: a person who comes back is recognised by stature, proportions and the place of leaving."""
+"""Re-identification: a person that returns is matched by stature, proportions and the place of leaving."""
 
 from __future__ import annotations
 
@@ -13,45 +13,48 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.settings import PeopleSettings
 
 _STATURE_SPREAD = 0.03
-"""Metres: standard deviation of one person's measured stature, from shoes, posture and depth noise."""
+"""Standard deviation in metres of one person's measured stature, from shoes, posture and depth noise."""
 _PROPORTION_SPREAD = 0.10
-"""Standard deviation of one person's fitted bone lengths, as a share of each length."""
+"""Standard deviation of one person's fitted bone lengths, as a fraction of each length."""
 _STRIDE = 2.0
-"""Metres a second at which the area where an absent person may come back grows: a brisk walk."""
+"""Speed in metres per second at which the possible area of return of an absent person grows: a brisk walk."""
 _ELSEWHERE = 0.8
-"""Metres from the place of leaving at which a return at once costs one squared standard deviation."""
+"""Distance in metres from the place of leaving at which an immediate return costs one squared standard
+deviation."""
 _FARTHEST_COST = 4.0
-"""Squared standard deviations that a far place costs at most: people also walk round behind the sensor."""
+"""Maximum cost of a far place in squared standard deviations. People also walk around behind the sensor."""
 _JUST_NS = 2_000_000_000
-"""Nanoseconds within which the only absent person is taken for the only new one at the same place."""
+"""Maximum absence in nanoseconds for the only absent person to be matched with the only new one at the same
+place."""
 _THERE = 0.5
-"""Metres in plan that count as the same place for that: a step."""
+"""Horizontal distance in metres that counts as the same place for that: a step."""
 _PLAINLY_OTHER = 0.15
-"""Metres of stature by which two people plainly differ, whatever the place: five standard deviations."""
+"""Minimum difference in stature, in metres, of two clearly different people, whatever the place: five
+standard deviations."""
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
-"""The lengths that people are told apart by: those of the limbs, which the fit measures best."""
+"""The lengths that distinguish people: those of the limbs, which the fit measures best."""
 _COMPATIBLE = 9.0
-"""A mismatch, in squared standard deviations, beyond which two people are not the same: three sigma."""
+"""Maximum mismatch of the same person in squared standard deviations: three sigma."""
 _KNOWN_FRAMES = 6
-"""Frames with the whole body in sight after which a person's proportions can be told from another's."""
+"""Minimum number of frames with the whole body in view before proportions can distinguish a person."""
 _LEAD = 3.0
-"""Squared standard deviations by which the best match must beat the next one to be sure."""
+"""Minimum lead of the best match over the next one to be certain, in squared standard deviations."""
 _MOST_FRAMES = 90.0
-"""Frames that the running mean of the lengths remembers at most: they may still drift after that."""
+"""Maximum number of frames in the running mean of the lengths. They may still drift after that."""
 _CROWNS = 240
-"""Heights of the crown that are kept for the stature."""
+"""Number of crown heights that are kept for the stature."""
 _STATURE_SHARE = 0.85
-"""The percentile of these heights that is the stature: people stoop more often than they stretch."""
+"""Quantile of these heights that is the stature. People stoop more often than they stretch."""
 
 
 @dataclass
 class Looks:
-    """The stature and proportions that a person is recognised by; they get better with every frame.
+    """The stature and proportions for re-identification of a person. They improve with every frame.
 
     Attributes:
-        lengths: (12,) metres, a running mean of the fit's.
+        lengths: (12,) metres, a running mean of the fit's lengths.
         weight: the number of frames in that mean.
-        stature: metres from the floor to the crown when upright; None where it was never seen.
+        stature: metres from the floor to the crown when upright; None if it was never visible.
     """
 
     lengths: Float = field(default_factory=lambda: model.REFERENCE_LENGTHS.copy())
@@ -60,7 +63,7 @@ class Looks:
     _crowns: list[float] = field(default_factory=list)
 
     def see(self, lengths: Float, crown: float | None) -> None:
-        """Takes in (12,) lengths of a frame's fit, and the seen crown's metres above the floor."""
+        """Takes in (12,) lengths of a frame's fit, and the visible crown's metres above the floor."""
         self.weight = min(self.weight + 1.0, _MOST_FRAMES)
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
@@ -80,7 +83,7 @@ class Looks:
 
 @dataclass
 class Absent:
-    """A person who was followed and is not in view."""
+    """A person that was tracked and is out of view."""
 
     id: int
     looks: Looks
@@ -89,7 +92,7 @@ class Absent:
 
 
 class Register:
-    """Gives people their ids, and remembers those out of view."""
+    """Assigns ids to people, and remembers those out of view."""
 
     def __init__(self, settings: PeopleSettings) -> None:
         self.settings = settings
@@ -102,24 +105,26 @@ class Register:
         return self._last
 
     def leave(self, identity: int, looks: Looks, place: Float | None, time_ns: int) -> None:
-        """Remembers a person who is out of view; ``place`` (3,) is None where it says nothing."""
+        """Remembers a person that is out of view. ``place`` (3,) is None if it is meaningless."""
         self.absent.append(Absent(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:
-        """Forgets people who have been away for too long, but not the ids of ``keep``."""
+        """Forgets people that have been away for too long, except the ids in ``keep``."""
         limit = self.settings.remember * 1e9
         self.absent = [a for a in self.absent if a.id in keep or 0 <= time_ns - a.left_ns <= limit]
 
     def moved(self) -> None:
-        """Forgets where people left: the sensor was moved."""
+        """Forgets the places of leaving, because the sensor was moved."""
         for absent in self.absent:
             absent.place = None
 
     def matched(self, found: list[tuple[Looks, Float]], time_ns: int) -> list[tuple[Absent | None, bool]]:
-        """Matches new people, by looks and (3,) place, to absent ones or None; says whether each is sure.
+        """Matches new people, by looks and (3,) place, to absent people or None.
 
-        All are matched together, at the least sum of mismatches, so that two who come back are not mistaken
-        for each other while either fits better.
+        Returns each match and whether it is certain.
+
+        All are matched together by least-cost assignment. So two people that return are not confused while
+        one assignment fits better.
         """
         if not self.absent:
             return [(None, True)] * len(found)
@@ -128,7 +133,7 @@ class Register:
         )
         if len(found) == len(self.absent) == 1 and self._just_there(found[0], time_ns):
             return [(self.absent[0], True)]
-        # Being a new person costs as much as being incompatible, for each.
+        # The cost of being a new person equals that of the largest accepted mismatch.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
         rows, columns = least_cost(padded)
         made: list[tuple[Absent | None, bool]] = []
@@ -143,7 +148,7 @@ class Register:
         return made
 
     def _just_there(self, found: tuple[Looks, Float], time_ns: int) -> bool:
-        """Whether the only new person stands where the only absent one was lost just now."""
+        """Returns True if the only new person stands where the only absent one was lost just before."""
         (absent,), (looks, at) = self.absent, found
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _JUST_NS:
             return False
@@ -152,12 +157,12 @@ class Register:
         return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _THERE
 
     def take(self, absent: Absent) -> None:
-        """Takes a person who is back from the absent ones."""
+        """Removes a person that has returned from the absent ones."""
         self.absent.remove(absent)
 
 
 def _far(absent: Absent, place: Float, time_ns: int) -> float:
-    """Returns the cost of the way from the place of leaving, in squared standard deviations."""
+    """Returns the cost of the distance from the place of leaving, in squared standard deviations."""
     if absent.place is None:
         return 0.0
     away = float(np.linalg.norm((place - absent.place)[[0, 2]]))

@@ -1,4 +1,4 @@
-"""Follows all people in view through a frame: shares the pixels among them, fits, hides and drops them."""
+"""Tracks all people in view through a frame: divides the pixels among them, fits, hides and drops them."""
 
 from __future__ import annotations
 
@@ -22,28 +22,30 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _COVERED = 0.55
-"""Share of a body behind something from which the person counts as hidden: what is left seldom fits well."""
+"""Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
 _OUTSIDE = 0.85
-"""Share of a body outside the image from which the few pixels left do not make a person hidden but gone."""
+"""Fraction of a body outside the image above which few remaining pixels mean that the person is gone, not
+hidden."""
 _HANDICAP = 0.06
-"""Metres added to a pixel's distance from a hidden person: people in sight have the first claim."""
+"""Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
 _DARK = 0.01
-"""Share of the pixels with depth below which the lens is covered: such a lens still shows a few."""
+"""Fraction of pixels with depth below which the lens is covered. A covered lens still shows a few."""
 _LONG_BLIND_NS = 250_000_000
-"""Nanoseconds of a covered or frozen image after which people are searched for: they have moved on."""
+"""Nanoseconds of a covered or frozen image after which people are searched again, because they have moved
+on."""
 _DOUBT_NS = 4_000_000_000
-"""Nanoseconds within which a doubted person must move to be believed: few people stand still that long."""
+"""Nanoseconds within which a doubtful person must move to be accepted. Few people stand still that long."""
 _WHOLE = 0.12
-"""Share of a body, a hand or a foot say, that may be covered or outside the image of a whole body."""
+"""Maximum fraction, such as a hand or a foot, that may be occluded or outside the image of a whole body."""
 _ZONE_MARGIN = 0.15
-"""Metres outside the zone at which a performer has left it: the border must not flicker."""
+"""Metres outside the zone at which a performer has left it. The border must not flicker."""
 _REDETECTION = 0.15
-"""Share of a frame's search budget for detecting followed people again."""
+"""Fraction of a frame's search budget for redetection of tracked people."""
 
 
 @dataclass
 class _Visibility:
-    """The pixels of a person in a frame, whether the person is hidden, and whether seen whole."""
+    """The pixels of a person in a frame, and whether the person is hidden or completely visible."""
 
     person: Person
     expected: Posture
@@ -54,9 +56,10 @@ class _Visibility:
 
 
 class MultiPersonTracker:
-    """Follows several people, and finds new ones among the pixels of no person.
+    """Tracks several people, and finds new ones among the unassigned pixels.
 
     Attributes:
+        settings: the settings.
         roster: the people, and which of them may perform.
         finder: finds new people, after :meth:`follow` in each frame.
     """
@@ -75,7 +78,7 @@ class MultiPersonTracker:
 
     @property
     def people(self) -> list[Person]:
-        """The people who are followed, in the order in which they were found."""
+        """Returns the tracked people, in the order in which they were found."""
         return self.roster.people
 
     def segment_ids(self) -> Int:
@@ -83,21 +86,24 @@ class MultiPersonTracker:
         return np.array([p.id for p in self.roster.segmented], np.int64)
 
     def travelled_ids(self) -> Int:
-        """Returns (K,) the same ids, with -1 for each person who has never moved."""
+        """Returns (K,) the same ids, with -1 for each person that has never moved."""
         return np.array([p.id if p.travelled else -1 for p in self.roster.segmented], np.int64)
 
     def forget(self) -> None:
-        """Drops all people; a person who comes next, or is still there, gets a new id."""
+        """Drops all people. A person that comes next, or is still present, gets a new id."""
         self.roster.forget()
         self.finder.clear()
 
     def sensor_moved(self, time_ns: int) -> None:
-        """Drops all people until they are found again: the sensor was moved, so their places say nothing."""
+        """Drops all people until they are found again.
+
+        The sensor was moved, so their places are meaningless.
+        """
         self.roster.sensor_moved(time_ns)
         self.finder.clear()
 
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
-        """Fits the people who are followed; returns the person at each pixel of the frame."""
+        """Fits the tracked people. Returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
         dark = known_pixels(view.z) < _DARK * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
@@ -129,20 +135,21 @@ class MultiPersonTracker:
         return segments
 
     def _allot_budgets(self, time_ns: int) -> None:
-        """Divides the frame's search budget among new people and the people being detected again."""
+        """Divides the frame's search budget between new people and redetections."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         redetecting = [p.follower for p in self.people if p.follower.redetecting]
         for person in self.people:
-            # A search that begins in a frame goes on from the next one: its share is not known before.
+            # A search that begins in this frame continues in the next one, because its share is not known
+            # earlier.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
         self.finder.allot(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
-        """Takes in a frame of a covered lens: all people move on as hidden ones do."""
+        """Handles a frame of a covered lens: all people continue like hidden ones."""
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
@@ -157,7 +164,7 @@ class MultiPersonTracker:
             self._refind(person, k, view, segments)
 
     def _refind(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
-        """Searches for a person, in any posture, about the last place: much may have happened unseen."""
+        """Searches for a person in any posture around the last place. Much may have happened unseen."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
@@ -184,7 +191,10 @@ class MultiPersonTracker:
     def _visibility(
         self, person: Person, expected: Posture, k: int, view: FrameView, segments: Segments
     ) -> _Visibility:
-        """Judges by the expected posture how much of a person, index ``k`` of the segments, a frame shows."""
+        """Estimates from the expected posture how much of a person a frame shows.
+
+        ``k`` is the person's index in the segments.
+        """
         covered, outside = hidden_shares(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
         behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
@@ -194,9 +204,9 @@ class MultiPersonTracker:
         )
 
     def _fit_all(self, visible: list[_Visibility], view: FrameView) -> None:
-        """Fits people side by side in threads: no fit reads another's, so the order makes no difference.
+        """Fits people in parallel threads. No fit reads another's result, so the order makes no difference.
 
-        This thread fits, too: to wake another one takes longer than to begin.
+        This thread fits as well, because waking another thread takes longer than starting at once.
         """
         waiting = deque(visible)
 
@@ -204,7 +214,7 @@ class MultiPersonTracker:
             while True:
                 try:
                     each = waiting.popleft()
-                except IndexError:  # another thread took the last one
+                except IndexError:  # another thread took the last item
                     return
                 each.person.follow(view, each.pixels, whole=each.whole, expected=each.expected)
                 each.fitted = True
@@ -215,13 +225,13 @@ class MultiPersonTracker:
         others = [self._threads.submit(fit) for _ in range(beside)] if self._threads is not None else []
         try:
             fit()
-        finally:  # none goes on into the next frame
+        finally:  # no thread may continue into the next frame
             wait(others)
         for other in others:
             other.result()
 
     def _settle(self, visibility: _Visibility, view: FrameView) -> None:
-        """Decides after a frame whether a person stays, is hidden, has left, or was a thing."""
+        """Decides after a frame whether a person stays, is hidden, has left, or was an object."""
         person = visibility.person
         if visibility.behind and person.fleeting:
             self._refuse(person, view.time_ns)
@@ -238,6 +248,6 @@ class MultiPersonTracker:
             self.roster.leave(person, view.time_ns)
 
     def _refuse(self, person: Person, time_ns: int) -> None:
-        """Drops a body that never moved and does not look like a person: a thing."""
+        """Drops a body that never moved and does not look like a person: an object."""
         self.people.remove(person)
         self.finder.refuse(person.place, time_ns)

@@ -1,4 +1,4 @@
-"""Finds new people among the pixels that belong to no person who is followed."""
+"""Finds new people among the pixels that do not belong to a tracked person."""
 
 from __future__ import annotations
 
@@ -16,30 +16,33 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _GONE_NS = 200_000_000
-"""Nanoseconds after which an unseen newcomer is no longer searched: longer than noise lasts."""
+"""Nanoseconds after which an unseen candidate is no longer searched: longer than noise lasts."""
 _LOOSE = 0.4
-"""Share of a newcomer's outline that nothing surrounds from which its pixels are kept out of the room."""
+"""Minimum free fraction of a candidate's outline for its pixels to be kept out of the background model."""
 _FRAGMENT = 0.12
-"""Square metres that a fragment of a person shows at most: a shank seen apart from its thigh."""
+"""Maximum visible area in square metres of a fragment of a person: a shank seen apart from its thigh."""
 _FRAGMENT_NEAR = 0.6
-"""Metres in plan from a person within which a small group of pixels is a fragment of that person."""
+"""Maximum horizontal distance in metres between a person and a small blob that is a fragment of the
+person."""
 _LEAST = 4
-"""Coarse fits that a search may cost in every frame, however many newcomers are measured in it."""
+"""Minimum search budget of every frame in coarse fits, however many candidates are measured in it."""
 _WHILE_FOLLOWING = 0.6
-"""Share of the search budget while people are followed in a known room: their fits take time too."""
+"""Fraction of the search budget while people are tracked in a known scene. Their fits take time too."""
 _FOR_ONE = 0.35
-"""Share of the search budget for each group of pixels that is sought, and for each way to join its parts,
-up to all of it: one person alone appears two frames later, and the slowest frames are a quarter faster."""
+"""Fraction of the search budget for each searched blob, and for each union of its parts, up to 1. So a single
+person appears two frames later, and the slowest frames are a quarter faster."""
 _MEASURED = 1 / 3
-"""Coarse fits: the cost of measuring the shape of one newcomer."""
+"""Cost of measuring the shape of one candidate, in coarse fits."""
 _ALIKE = 0.75
-"""Share of a newcomer's area from which it is the same group in two frames, without or with furniture."""
+"""Minimum ratio of a candidate's areas in two frames to be the same blob. Below it furniture was attached or
+removed."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
-"""The part of a step of a newcomer's middle that moves its body: its height changes with what is seen."""
+"""The horizontal part of a step of a candidate's centre, which moves its body. Its height changes with its
+visible part."""
 
 
 class PeopleFinder:
-    """Watches newcomers until they convince, and searches them for bodies over several frames."""
+    """Watches candidates until they are convincing, and searches them for bodies over several frames."""
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, roster: Roster) -> None:
         self.settings = settings
@@ -51,25 +54,28 @@ class PeopleFinder:
 
     @property
     def bystanders(self) -> int:
-        """How many people are seen who are no performers."""
+        """Returns the number of visible people that are not performers."""
         return self._newcomers.bystanders
 
     def clear(self) -> None:
-        """Forgets all newcomers and gives up the search; the next search in a new room is a first one."""
+        """Forgets all candidates and aborts the search.
+
+        The next search in a new scene counts as a first one.
+        """
         self._newcomers.clear()
         self._search.stop()
         self._first_budget = frame_budget(self.settings.search.first_fits, None)
 
     def allot(self, budget: Budget) -> None:
-        """Sets what the search may cost in this frame."""
+        """Sets the budget of the search in this frame."""
         self._budget = budget
 
     def refuse(self, place: Float, time_ns: int) -> None:
-        """Takes what stands at a (3,) place for a thing, where a body was found by mistake."""
+        """Treats whatever stands at a (3,) place as an object, because a body was found there by mistake."""
         self._newcomers.refuse(place, time_ns)
 
     def searched_pixels(self, view: FrameView) -> Bool:
-        """Returns the (h, w) pixels of the newcomers that are being searched."""
+        """Returns the (h, w) pixels of the candidates that are being searched."""
         made = np.zeros(view.z.shape, bool)
         for newcomer in self._search.sought:
             if newcomer.seen_ns == view.time_ns:
@@ -79,12 +85,14 @@ class PeopleFinder:
     def find(
         self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
     ) -> Bool:
-        """Finds people among the pixels of no person; returns the (h, w) pixels that may become a person.
+        """Finds people among the unassigned pixels. Returns the (h, w) pixels that may become a person.
 
         Args:
-            kind: (h, w) as of :meth:`Room.classify`.
-            segments: of this frame; a person who is found gets pixels of their own in it.
-            believe: False in a frame that may show a sensor that is being moved: none is found then.
+            view: the frame.
+            kind: (h, w) from :meth:`RoomModel.classify`.
+            segments: of this frame; a person that is found gets its own pixels in it.
+            room: the background model.
+            believe: False in a frame of a sensor that may be moving: no new person is accepted then.
         """
         newcomers = self._newcomers.update(
             view, kind, segments, self._roster.admits, self._roster.awaits, young=room.age < YOUNG
@@ -109,14 +117,14 @@ class PeopleFinder:
         return hold
 
     def _has_lost_all(self, view: FrameView) -> bool:
-        """Returns True if none of the newcomers that are searched was seen lately: they became the room."""
+        """Returns True if none of the searched candidates was visible recently: they became background."""
         sought = self._search.sought
         return bool(sought) and all(view.time_ns - n.seen_ns > _GONE_NS for n in sought)
 
     def _limit_search(self, *, young: bool) -> None:
-        """Sets what is left of the frame's budget for the search; ``young``: the room is new.
+        """Sets the rest of the frame's budget for the search. ``young``: the background model is new.
 
-        The first search in a new room has a budget of its own, once: who is there at the start is then
+        The first search in a new scene has its own budget, once. So people that are present at the start are
         reported in that frame.
         """
         if self._budget.left == np.inf:
@@ -130,7 +138,10 @@ class PeopleFinder:
     def _held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel
     ) -> Bool:
-        """Returns the (h, w) pixels of free newcomers, in a young room also fragments beside people."""
+        """Returns the (h, w) pixels of free candidates.
+
+        While the background model is young it adds fragments next to people.
+        """
         hold = np.zeros(view.z.shape, bool)
         for newcomer in free:
             hold |= newcomer.pixels
@@ -139,7 +150,7 @@ class PeopleFinder:
         return hold
 
     def _due(self, newcomers: list[Candidate], view: FrameView, room: RoomModel) -> list[Candidate]:
-        """Returns the newcomers to search for a body now."""
+        """Returns the candidates to search for a body now."""
         alone, missing = not self._roster.people, self._roster.missing
         return [
             n
@@ -148,7 +159,7 @@ class PeopleFinder:
         ]
 
     def _start_search(self, due: list[Candidate], view: FrameView) -> None:
-        """Begins to search newcomers for bodies, unless as many people are followed as the settings allow."""
+        """Starts to search candidates for bodies, unless the maximum number of people is already tracked."""
         sure = [n for n in due if n.convincing or n.proven]
         most = self.settings.people.most - len(self._roster.people)
         if due and most > 0:
@@ -158,13 +169,13 @@ class PeopleFinder:
     def _caught_up(
         self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel
     ) -> Bool | None:
-        """Fits a found body to this frame and returns its (h, w) pixels; None: it is not seen here."""
+        """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
             return body.shown.pixels
         same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
         if same and newcomer.seen_ns == view.time_ns:
-            # Where furniture came on or off, its middle says nothing of how the body moved.
+            # If furniture was attached or removed, the centre does not show how the body moved.
             follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
         free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
         if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:
@@ -178,7 +189,7 @@ class PeopleFinder:
         return None
 
     def _welcome(self, body: FoundBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
-        """Hands a found body to the roster, and the (h, w) pixels to the person in the segments."""
+        """Adds a found body to the roster, and assigns the (h, w) pixels to the person in the segments."""
         person = self._roster.welcome(
             body.newcomer, body.shown, body.follower, view.time_ns, has_floor=view.has_floor
         )
@@ -188,7 +199,7 @@ class PeopleFinder:
 
 
 def _fragments(segments: Segments, places: list[Float]) -> Bool:
-    """Returns the (h, w) small groups of pixels near (3,) places of people, a shank apart from its thigh."""
+    """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
     made = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
         beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)

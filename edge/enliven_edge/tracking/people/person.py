@@ -1,4 +1,4 @@
-"""One person who is followed: the fit of the body, the identity, and whether the person is in sight."""
+"""One tracked person: the fit of the body, the identity, and whether the person is visible."""
 
 from __future__ import annotations
 
@@ -15,72 +15,78 @@ from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Looks
 
 _LOOK_EVERY = 5
-"""Frames between two measurements of a known person's proportions: each costs time."""
+"""Frames between two measurements of a known person's proportions. Each costs time."""
 _LOOK_OFTEN = 10
-"""Frames for which a new person is measured in every one, to be told from others soon."""
+"""Frames for which a new person is measured in every frame, to be distinguished from others soon."""
 _TRAVELLED = 0.15
-"""Metres that the hip centre must move for a body to be no thing: more than the fit's noise carries it."""
+"""Minimum movement of the hip centre in metres that proves that a body is not an object. The fit's noise
+causes less."""
 _MOVED = 0.1
-"""Metres that two sure joints must move for a doubted body to be believed: more than their noise."""
+"""Minimum movement of two confident joints in metres for a doubtful body to be accepted. Their noise causes
+less."""
 _FASTEST = 2.0
-"""Metres a second at which a hidden person is carried on at most: a brisk walk."""
+"""Maximum speed in metres per second of the extrapolation of a hidden person: a brisk walk."""
 _SLOWING = 0.5
-"""Seconds in which the speed of a hidden person falls to 1/e: people stop or turn behind things."""
+"""Seconds in which the speed of a hidden person falls to 1/e. People stop or turn behind objects."""
 _LONGEST_STEP = 0.2
-"""Seconds that a hidden person moves on in one frame at most: after a longer gap the speed is stale."""
+"""Maximum time step in seconds of a hidden person's motion. After a longer gap the speed is outdated."""
 _SPEED_MEMORY = 0.15
 """Seconds over which a person's velocity is averaged: a few frames, against the fit's noise."""
 _LONGEST_GAP = 0.5
-"""Seconds between two good frames beyond which no velocity is taken from them."""
+"""Maximum seconds between two good frames for a velocity to be computed from them."""
 _COASTED = 0.15
-"""Metres that the pixels' middle may move an unfitted person in a frame: a new arm moves it too."""
+"""Maximum movement per frame, in metres, of an unfitted person with the mean of its pixels. An arm that
+appears moves the mean too."""
 _UNSURE = 0.35
-"""Metres within which a person is at once when no longer seen: about a body's width."""
+"""Radius in metres in which a person must be directly after disappearing: about a body's width."""
 _SPREADING = 0.7
-"""Metres a second by which that grows: slower than a walk, since most hidden people stay about."""
+"""Growth of that radius in metres per second: slower than a walk, because most hidden people stay near."""
 _FAITH = 0.1
-"""Weight of a frame in the mean confidence of the surest joints: a mean over ten frames."""
+"""Weight of a frame in the mean confidence of the most confident joints: a mean over ten frames."""
 _SUREST = 6
-"""Joints, the surest of 20, that this confidence is of: a person half hidden shows as many."""
+"""Number of most confident joints, of 20, in this mean. A half hidden person shows as many."""
 _VAGUE = 0.4
-"""Mean confidence of the surest joints below which hardly any joint is seen: a thing, most likely."""
+"""Mean confidence of these joints below which hardly any joint is visible: an object, most likely."""
 _BARELY_KNOWN = 20
-"""Frames with the whole body in sight after which a person is not dropped as a thing any more."""
+"""Frames with the whole body in view after which a person is no longer dropped as an object."""
 _DOUBT = 0.2
 """Weight of a frame in the mean probability of being a person: a mean over five frames."""
 _THING = 0.4
-"""Mean probability of being a person below which a new body is none: 95 % of things found are below 0.43."""
+"""Mean probability of being a person below which a new body is rejected. 95 % of the objects found are below
+0.43."""
 _TRIAL = 15
-"""Good frames after which neither outline nor motion outweighs that: a fit to a strip of wall beside a person
-slides along it. Of 94 people in films all were plainly a person after 12."""
+"""Good frames after which neither outline nor motion outweighs that. A fit to a strip of wall next to a
+person slides along it. All of 94 people in films were clearly a person after 12."""
 _MAYBE = 0.8
-"""Mean probability of being a person below which a hardly seen body is dropped when it is hidden."""
+"""Mean probability of being a person below which a hardly seen body is dropped when it becomes hidden."""
 _HARDLY_SEEN = 3
-"""Frames with the whole body in sight below which a body counts as hardly seen."""
+"""Frames with the whole body in view below which a body counts as hardly seen."""
 _PLAIN = 0.85
-"""Mean probability of being a person that nearly every person exceeds and hardly any thing."""
+"""Mean probability of being a person that nearly every person exceeds, and hardly any object."""
 _PLAIN_FRAMES = 10
-"""Frames above that after which a body is a person for good: the network doubts some later postures."""
+"""Frames above that probability after which a body is a person for good. The network doubts some later
+postures."""
 _HEAD_ABOUT = 0.18
-"""Metres in plan from the head's joint within which the top of the head is: a head's length, for a nod."""
+"""Horizontal radius in metres around the head's joint that contains the top of the head: a head's length, for
+a nod."""
 _SURE = 0.5
-"""Confidence from which a joint's place is used here: more likely within 10 cm than not."""
+"""Minimum confidence of a joint to use its position here: more likely within 10 cm than not."""
 UNDECIDED = 0
-"""The id of a person until it is decided who of the absent has come back; real ids start at 1."""
+"""The id of a person before re-identification is decided. Real ids start at 1."""
 
 
 class Person:
-    """A person who is followed.
+    """A tracked person.
 
     Attributes:
-        id: the person's number; 0 while it is not decided which of the absent has come back.
+        id: the person's number; 0 until re-identification is decided.
         follower: the fit.
-        looks: the proportions that the person is known by.
+        looks: the proportions for re-identification.
         seen_ns: when the person was last seen well.
         found_ns: when the person was found.
-        hidden_ns: since when something has stood before the person, or None.
-        travelled: whether the person has moved as no thing does.
-        doubted: whether the person must move to be believed.
+        hidden_ns: when the person became hidden by another object, or None.
+        travelled: whether the person has moved like no object does.
+        doubted: whether the person must move to be accepted.
         shapely: whether the pixels had a person's outline when found, a head above shoulders.
     """
 
@@ -100,24 +106,24 @@ class Person:
 
     @property
     def place(self) -> Float:
-        """(3,) the hip centre, world frame."""
+        """Returns (3,) the hip centre, world frame."""
         return self.follower.posture.position
 
     @property
     def plain(self) -> bool:
-        """Whether the network takes this for a person plainly, or has done so for long enough."""
+        """Returns True if the network clearly classifies this as a person, or has done so for long enough."""
         return self._plain >= _PLAIN_FRAMES or self._person_probability > _PLAIN
 
     @property
     def vague(self) -> bool:
-        """Whether hardly any joint has been seen so far, or the network takes this for a thing."""
+        """Returns True if hardly any joint was ever visible, or the network classifies this as an object."""
         known = (self.shapely or self.travelled) and self._turn < _TRIAL
         odd = self._person_probability < _THING and not (self.plain or known)
         return odd or (self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN)
 
     @property
     def fleeting(self) -> bool:
-        """Whether to drop this person when hidden instead of waiting: hardly seen, and maybe a thing."""
+        """Returns True if a hidden person should be dropped at once: hardly seen, and possibly an object."""
         return self._person_probability < _MAYBE and not self.travelled and self.looks.weight < _HARDLY_SEEN
 
     def expected(self) -> Posture:
@@ -126,23 +132,28 @@ class Person:
 
     @property
     def hidden(self) -> bool:
-        """Whether the person was not seen in the last frame."""
+        """Returns True if the person was not visible in the last frame."""
         return self.hidden_ns is not None
 
     def hidden_for(self, time_ns: int) -> float:
-        """Returns the seconds since the person was hidden; 0 while in sight."""
+        """Returns the seconds since the person became hidden. 0 while visible."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
     def uncertainty(self, time_ns: int) -> float:
-        """Returns the metres around the last place within which the person must be; it grows while hidden."""
+        """Returns the radius in metres around the last place in which the person must be.
+
+        It grows while hidden.
+        """
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
     def follow(self, view: FrameView, pixels: Bool, *, whole: bool, expected: Posture | None = None) -> bool:
-        """Fits the frame; returns whether it shows the person well.
+        """Fits the frame. Returns whether it shows the person well.
 
         Args:
-            whole: whether nothing covers the person and the image does not cut the person off.
-            expected: what :meth:`expected` returned, where it is known already.
+            view: the frame.
+            pixels: (h, w) the person's pixels.
+            whole: whether nothing occludes the person and the image border does not cut the person off.
+            expected: the result of :meth:`expected`, if it is already known.
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels, None if self.hidden else expected)
@@ -155,7 +166,7 @@ class Person:
         return good
 
     def coast(self, view: FrameView, pixels: Bool) -> None:
-        """Moves the posture along with the middle of the person's pixels, in a frame that is not fitted."""
+        """Moves the posture with the mean of the person's pixels, in a frame that is not fitted."""
         centre = _centre(view, pixels)
         if centre is not None and self._centre is not None:
             step = centre - self._centre
@@ -165,7 +176,7 @@ class Person:
         self._centre = centre
 
     def hide(self, time_ns: int) -> None:
-        """Takes in a frame without the person: moves on, slower and slower, with confidence 0."""
+        """Handles a frame without the person: continues its motion with falling speed and confidence 0."""
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
         seconds = min(_LONGEST_STEP, max(0.0, (time_ns - self._time_ns) * 1e-9))
@@ -175,7 +186,7 @@ class Person:
         self._time_ns, self._centre = time_ns, None
 
     def lift(self, metres: float) -> None:
-        """Raises the person as a whole: the guess of where the floor is has changed, and not the person."""
+        """Raises the person as a whole, because the guessed floor has changed, not the person."""
         step = np.array([0.0, metres, 0.0])
         self.follower.carry(step)
         self._start = self._start + step
@@ -184,7 +195,7 @@ class Person:
                 place += step
 
     def replaced(self, follower: Follower, time_ns: int) -> None:
-        """Goes on with a new fit, where the person was found again."""
+        """Continues with a new fit after the person was found again."""
         self.follower, self.hidden_ns = follower, None
         if self.looks.weight > _LOOK_OFTEN:
             follower.posture.lengths = self.looks.lengths.copy()
@@ -192,7 +203,7 @@ class Person:
         self.seen_ns = self._time_ns = time_ns
 
     def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
-        """Updates velocity, proportions and stature by a good frame."""
+        """Updates velocity, proportions and stature after a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < _LONGEST_GAP:
             velocity = step / seconds
@@ -214,7 +225,7 @@ class Person:
             self._watch_limbs()
 
     def _watch_limbs(self) -> None:
-        """Ends the doubt in a person who moves: a limb that is seen goes farther than noise carries it."""
+        """Ends the doubt about a person that moves: a visible limb moves farther than noise."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence > _SURE
         if self._first_joints is None:
             self._first_joints = joints
@@ -223,7 +234,10 @@ class Person:
             self.doubted = False
 
     def _crown(self, view: FrameView, pixels: Bool) -> float | None:
-        """Returns the crown's metres above the floor; None unless upright with the hands below it."""
+        """Returns the crown's height above the floor in metres.
+
+        None unless the person is upright with the hands below the crown.
+        """
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
         risen = head - joints[Joint.HIP_CENTER]
@@ -236,7 +250,7 @@ class Person:
 
 
 def _centre(view: FrameView, pixels: Bool) -> Float | None:
-    """Returns the (3,) mean of a person's points; None where there are too few."""
+    """Returns the (3,) mean of a person's points. None if there are too few."""
     if np.count_nonzero(pixels) < FEWEST_PIXELS:
         return None
     return np.asarray(mean_point(view.points, pixels))
@@ -244,7 +258,7 @@ def _centre(view: FrameView, pixels: Bool) -> Float | None:
 
 @njit(cache=True, nogil=True)
 def mean_point(points, pixels):
-    """Returns the (3,) mean of (h, w, 3) points on the (h, w) pixels, one at least."""
+    """Returns the (3,) mean of (h, w, 3) points on the (h, w) pixels, at least one."""
     x, y, z, count = 0.0, 0.0, 0.0, 0
     for v in range(pixels.shape[0]):
         for u in range(pixels.shape[1]):
@@ -256,7 +270,7 @@ def mean_point(points, pixels):
 
 @njit(cache=True, nogil=True)
 def heights_beside(points, pixels, place, radius):
-    """Returns (N,) heights of (h, w, 3) points on (h, w) pixels within a radius of a place in plan."""
+    """Returns (N,) heights of (h, w, 3) points on (h, w) pixels within a horizontal radius of a place."""
     heights, count = np.empty(np.count_nonzero(pixels)), 0
     for v in range(pixels.shape[0]):
         for u in range(pixels.shape[1]):

@@ -1,4 +1,4 @@
-"""A person sought anew, a part of the search in each frame, and the network's words in it."""
+"""Redetection of a tracked person, spread over several frames, and the network's estimates for it."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ from enliven_edge.tracking.work_budget import BudgetedTask, Steps
 
 @dataclass(frozen=True)
 class Redetection:
-    """A detection from scratch, under way, of a person who is followed already.
+    """A detection from scratch, in progress, of a person that is already tracked.
 
     Attributes:
-        observation, seen: the frame that the detection began in, and the network's estimate of it.
+        task: the detection.
+        observation, seen: the frame in which the detection began, and the network's estimate of it.
         posture, cost: of the ordinary fit to that frame.
         known: whether the person's build was known.
     """
@@ -49,7 +50,12 @@ def new_detection(
     posture: Posture,
     lengths: Float | None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
+    """Runs the network for each likely facing, then :func:`detect_another`.
+
+    It is a generator that yields its costs.
+
+    The arguments are those of :func:`detect_another`.
+    """
     by_facing = None
     if seen is not None:
         network, pose = shipped_estimator(), observation.view.world_from_camera
@@ -59,14 +65,14 @@ def new_detection(
 
 
 def observation_of(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
-    """Returns what the frame shows of the person on some pixels."""
+    """Returns the observation of a person from its pixels."""
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
 
 
 def run_network(
     view: FrameView, pixels: Bool, observation: Observation, facing: float | None
 ) -> EstimateAtPoints:
-    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians; None: not known."""
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians. None: unknown."""
     camera, pose = view.camera.camera, view.world_from_camera
     estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
     return estimate_at_points(observation, estimate)
@@ -80,7 +86,7 @@ def guided_by(observation: Observation, seen: EstimateAtPoints, affinity: float)
 def turned_around(
     posture: Posture, seen: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
-    """Rotates a posture by 180 degrees; returns it with the network's estimate conditioned on that facing."""
+    """Flips a posture by 180 degrees. Returns it with the network's estimate conditioned on that facing."""
     turned = turned_about(posture)
     now = conditioned_on_facing(turned, seen, view)
     return aligned_to(turned, now.estimate), now

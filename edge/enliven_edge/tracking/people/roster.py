@@ -1,4 +1,4 @@
-"""The people who are followed: ids, performers by zone and lock, people who come back, duplicate tracks."""
+"""The list of tracked people: ids, performers by zone and lock, returning people, duplicate tracks."""
 
 from __future__ import annotations
 
@@ -19,28 +19,29 @@ from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 
 _DECIDE_NS = 1_500_000_000
-"""Nanoseconds after which a new person gets an id, sure or not: a performer must not wait longer."""
+"""Nanoseconds after which a new person gets an id, certain or not. A performer must not wait longer."""
 _ABOUT = 1.5
-"""Metres in plan within which a lost person is awaited: two steps from the place of leaving."""
+"""Horizontal radius in metres in which a lost person is awaited: two steps from the place of leaving."""
 _TALLER = 0.12
-"""Metres that a crown may be above a hidden person's stature: a hat, and noise."""
+"""Maximum height of a crown above a hidden person's stature in metres: a hat, and noise."""
 _WELL_KNOWN = 10
-"""Frames after which a person's proportions are known well enough to search with."""
+"""Frames after which a person's proportions are known well enough to use in a search."""
 _SHORTEST = 0.5
-"""Metres: the least body height that a search may start from, as of the setting ``body_height``."""
+"""Minimum body height in metres to start a search with: the bound of the setting ``body_height``."""
 _TALLEST = 2.5
-"""Metres: the greatest body height that a search may start from, as of the setting ``body_height``."""
+"""Maximum body height in metres to start a search with: the bound of the setting ``body_height``."""
 
 
 class Roster:
-    """Lists the people who are followed, and decides who each new one is.
+    """The tracked people, with the decision on the identity of each new one.
 
     Attributes:
-        people: the people who are followed, in the order in which they were found.
+        settings: the settings.
+        people: the tracked people, in the order in which they were found.
         segmented: the people by their index in the last frame's segments.
         lock: the ids that may perform.
-        zone: the area on the floor where performers are.
-        register: the ids, and the people who are out of view.
+        zone: the area on the floor for performers.
+        register: the ids, and the people that are out of view.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -54,47 +55,50 @@ class Roster:
 
     @property
     def performers(self) -> list[Person]:
-        """The people with an id whom zone and lock let in."""
+        """Returns the people with an id that zone and lock admit."""
         return [p for p in self.people if p.id != UNDECIDED and self.lock.admits(p.id)]
 
     @property
     def missing(self) -> bool:
-        """Whether a person is out of view or hidden."""
+        """Returns True if a person is out of view or hidden."""
         return bool(self.register.absent) or any(p.hidden for p in self.people)
 
     def lock_to(self, ids: Iterable[int] | None) -> None:
-        """Admits only these ids, or all who are followed now, as performers from now on."""
+        """Admits only these ids, or all people tracked now, as performers from now on."""
         present = [p.id for p in self.people if p.id != UNDECIDED]
         self.lock.ids = frozenset(present if ids is None else ids)
         for person in [p for p in self.people if not self.lock.admits(p.id)]:
             self.people.remove(person)
 
     def forget(self) -> None:
-        """Drops all people, absent ones too; a person who is still there gets a new id."""
+        """Drops all people, absent ones too. A person that is still present gets a new id."""
         self._dropped = [p.place.copy() for p in self.people]
         self.people.clear()
         self.register.absent.clear()
 
     def leave(self, person: Person, time_ns: int) -> None:
-        """Stops following a person, and remembers the person."""
+        """Stops tracking a person, and remembers the person."""
         self.people.remove(person)
         if person.id != UNDECIDED and not person.doubted:
             self.register.leave(person.id, person.looks, person.place.copy(), time_ns)
 
     def drop_duplicate(self, person: Person) -> None:
-        """Stops following a person whom another fit follows too; the place of leaving says nothing."""
+        """Drops a duplicate track: another fit tracks the same person.
+
+        The place of leaving is meaningless.
+        """
         self.people.remove(person)
         if person.id != UNDECIDED:
             self.register.leave(person.id, person.looks, None, person.seen_ns)
 
     def sensor_moved(self, time_ns: int) -> None:
-        """Takes all people for absent: the sensor was moved, so proportions alone tell them apart."""
+        """Treats all people as absent. The sensor was moved, so only proportions can re-identify them."""
         for person in list(self.people):
             self.leave(person, time_ns)
         self.register.moved()
 
     def admits(self, place: Float) -> bool:
-        """Whether a new person at a (3,) place may be a performer."""
+        """Returns True if a new person at a (3,) place may be a performer."""
         if not self.zone.holds(place):
             return False
         awaited = {a.id for a in self.register.absent}
@@ -102,7 +106,7 @@ class Roster:
         return self.lock.ids is None or bool(self.lock.ids & awaited)
 
     def awaits(self, place: Float) -> bool:
-        """Whether a person was lost near a (3,) place."""
+        """Returns True if a person was lost near a (3,) place."""
         if any(float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in self._dropped):
             return True
         if len(self.register.absent) <= sum(1 for p in self.people if p.id == UNDECIDED):
@@ -111,20 +115,23 @@ class Roster:
         return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
 
     def expecting(self, newcomer: Candidate, time_ns: int) -> TrackerSettings:
-        """Returns the settings with the height of the one person who may come back, where there is one."""
+        """Returns the settings with the height of the person that may return, if there is exactly one."""
         hidden = self.hidden_near(newcomer, time_ns)
         awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
         return self.of_height(awaited[0]) if len(awaited) == 1 else self.settings
 
     def of_height(self, looks: Looks) -> TrackerSettings:
-        """Returns the settings with a person's own height, where it is well known."""
+        """Returns the settings with a person's own height, if it is well known."""
         if looks.weight < _WELL_KNOWN:
             return self.settings
         height = min(_TALLEST, max(_SHORTEST, height_of(looks.lengths)))
         return dataclasses.replace(self.settings, body_height=height)
 
     def hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:
-        """Returns the nearest hidden person who may have come out here and is not much shorter, or None."""
+        """Returns the nearest hidden person that may have reappeared here, or None.
+
+        It must not be much shorter than the candidate.
+        """
         best, least = None, np.inf
         for person in self.people:
             if person.hidden_ns is None:
@@ -145,13 +152,14 @@ class Roster:
         *,
         has_floor: bool = True,
     ) -> Person:
-        """Follows a person who was found: a hidden one at the same place, or one with no id yet.
+        """Starts to track a found person: a hidden one at the same place, or a new one without an id.
 
         Args:
-            newcomer: the group of pixels as it is now.
-            shown: the same group as it was in the frame in which the body was found.
+            newcomer: the candidate in its current state.
+            shown: a copy of it from the frame in which the body was found.
             follower: the fit.
-            has_floor: whether heights are above a known floor; else no stature is measured.
+            time_ns: the frame's time.
+            has_floor: whether heights are above a known floor; otherwise no stature is measured.
         """
         person = self.hidden_near(newcomer, time_ns)
         if person is not None:
@@ -169,7 +177,7 @@ class Roster:
         return person
 
     def decide(self, time_ns: int) -> None:
-        """Gives new people ids: of an absent person who has come back, once that is clear, or new ones."""
+        """Assigns ids to new people: that of a returned absent person, once this is clear, or a new id."""
         undecided = [p for p in self.people if p.id == UNDECIDED]
         if not undecided:
             return
@@ -192,20 +200,20 @@ class Roster:
 
 
 _SAME_PLACE = 0.2
-"""Metres between two hip centres, and on average between two trunks, below which they are one person."""
+"""Metres between two hip centres, and on average between two trunks, below which both are one person."""
 _FRAMES = 6
-"""Frames for which two fits must share a place: people who squeeze past each other do so for fewer."""
+"""Frames for which two fits must share a place. People that squeeze past each other do so for fewer."""
 _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
 
 
 class Duplicates:
-    """Watches for people who are followed twice."""
+    """Detects duplicate tracks: people that are tracked twice."""
 
     def __init__(self) -> None:
         self._doubts: dict[tuple[int, int], int] = {}
 
     def found(self, people: Sequence[Person]) -> list[Person]:
-        """Returns the people who have shared the place of one found earlier for some frames."""
+        """Returns the people that have shared the place of an earlier track for some frames."""
         ordered = sorted((p for p in people if not p.hidden), key=lambda p: p.found_ns)
         together, duplicates = set(), []
         for i, first in enumerate(ordered):
@@ -222,7 +230,7 @@ class Duplicates:
 
 
 def _one(first: Person, second: Person) -> bool:
-    """Whether two fits have their trunks in the same place."""
+    """Returns True if two fits have their trunks in the same place."""
     if math.dist(first.place, second.place) >= _SAME_PLACE:
         return False
     a, b = first.follower.posture.joints(), second.follower.posture.joints()

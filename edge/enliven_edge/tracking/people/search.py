@@ -1,4 +1,4 @@
-"""The search for bodies in groups of pixels that may be new people, and the network's verdict on them."""
+"""The search for bodies in blobs that may be new people, and the network's classification of the blobs."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, Steps
 
 _RECOGNISED = 0.97
-"""Probability from which the network's verdict outweighs the shape: of things found by mistake 95 % stay
-below 0.43."""
+"""Probability above which the network's classification outweighs the shape. Of objects found by mistake 95 %
+stay below 0.43."""
 
 
 def likelihood(view: FrameView, pixels: Bool) -> float:
-    """Returns the probability in [0, 1], by the network, that the (h, w) pixels are one person."""
+    """Returns the network's probability in [0, 1] that the (h, w) pixels are one person."""
     camera, pose = view.camera.camera, view.world_from_camera
     return shipped_estimator().estimate(view.z, pixels, camera, pose, None).person_probability
 
 
 def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -> None:
-    """Runs the network now and then on newcomers of a doubtful shape, as far as the budget goes."""
+    """Runs the network at intervals on candidates with a doubtful shape, within the budget."""
     for newcomer in newcomers:
         if budget.left > 0.0 and newcomer.needs_recognition(view.time_ns):
             newcomer.recognised = likelihood(view, newcomer.pixels) > _RECOGNISED
@@ -36,38 +36,45 @@ def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -
 
 
 TRIES = 3
-"""Groups of pixels in one search while no person is followed, else one: the fits need the time."""
+"""Blobs per search while no person is tracked. Otherwise it is one, because the fits need the time."""
 _CLEARLY = 0.05
-"""Share of explained points by which a less likely group of pixels must beat a likelier one."""
+"""Minimum lead of a less likely blob over a likelier one, as a fraction of explained points."""
 _SHOWN = 0.6
-"""Share of a guessed body's trunk that the pixels must show: people behind things mostly show it."""
+"""Minimum fraction of a guessed body's trunk on the blob's pixels. Most people behind objects exceed it."""
 _FAINT = 0.36
-"""Mean confidence that the joints of a guessed body must exceed: with less, few of its joints are seen."""
+"""Minimum mean confidence of the joints of a guessed body. With less, few of its joints are visible."""
 _HIGH = 1.3
-"""Metres above the floor from which a guessed body's hip centre is none: it is a wall, or a shelf."""
+"""Maximum height above the floor in metres of a guessed body's hip centre. A higher one is a wall or a
+shelf."""
 _CERTAIN = 0.8
-"""Share of points explained, and of trunk shown, from which an unlikely group of pixels is a person."""
+"""Minimum fraction of explained points, and of visible trunk, for an unlikely blob to be a person."""
 _CLEAR = 0.68
-"""Mean confidence of the joints that this takes too: a false body does more harm than a late one."""
+"""Minimum mean confidence of the joints for the same decision. A false body does more harm than a late
+one."""
 _PERSON = 0.8
-"""Probability by the network from which a body is a person's: of people nearly all exceed 0.85."""
+"""Minimum network probability for a body to be a person's. Nearly all people exceed 0.85."""
 _PLAINLY = 0.9
-"""Share of the points explained that makes up for a lower one, where a head is seen above shoulders."""
+"""Fraction of explained points that compensates for a lower probability, if a head is visible above
+shoulders."""
 _ONE = 0.9
-"""Probability of being one person, and share explained by one body, from which split parts are one."""
+"""Minimum probability of being one person, and fraction explained by one body, for split parts to be one
+person."""
 _SAME = 0.25
-"""Metres between two hip centres below which both are of one person: raised arms were found as another."""
+"""Distance in metres between two hip centres below which both belong to one person. Raised arms were found as
+a second person."""
 _MOSTLY = 0.5
-"""Share of a group of pixels that belongs to a body just found from which the group is not searched."""
+"""Fraction of a blob on a body just found above which the blob is not searched."""
 Found = tuple[Candidate, Follower, float]
-"""The newcomer in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
+"""The candidate in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
 
 class Search:
-    """Finds bodies in newcomers.
+    """Finds bodies in candidates.
 
     Args:
-        expecting: returns the settings for a newcomer at a time, say with the height of an awaited person.
+        fitter: fits the bodies.
+        expecting: returns the settings for a candidate at a time, for example with the height of an awaited
+            person.
     """
 
     def __init__(self, fitter: Fitter, expecting: Callable[[Candidate, int], TrackerSettings]) -> None:
@@ -83,11 +90,15 @@ class Search:
         alone: bool,
         most: int,
     ) -> Steps[None]:
-        """Adds bodies to ``made``: of newcomers that are surely people, else the best of the others.
+        """Adds bodies to ``made``: of candidates that are certainly people, else the best of the others.
 
         Args:
-            alone: whether no person is followed.
-            most: how many may be found.
+            view: the frame.
+            sure: candidates that are certainly people.
+            others: other candidates.
+            made: receives the bodies.
+            alone: whether no person is tracked.
+            most: maximum number of bodies.
         """
         yield from self.found(view, sure[: min(most, TRIES if alone else 1)], made, alone=alone)
         if not made and most > 0 and (alone or not sure):
@@ -96,7 +107,7 @@ class Search:
     def found(
         self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
     ) -> Steps[None]:
-        """Adds the newcomers in which a body is found to ``made``; ``alone``: no person is followed."""
+        """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
         vain: list[Bool] = []
         for newcomer in newcomers:
             body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
@@ -110,10 +121,12 @@ class Search:
     def _body(
         self, view: FrameView, newcomer: Candidate, vain: list[Bool]
     ) -> Steps[tuple[Follower, float] | None]:
-        """Searches the newcomer joined with parts that were split from it, then the newcomer alone.
+        """Searches the candidate joined with parts that were split from it, then the candidate alone.
 
         Args:
-            vain: (h, w) unions that were searched in vain already; those of this newcomer are added.
+            view: the frame.
+            newcomer: the candidate.
+            vain: (h, w) unions that were already searched without success; those of this candidate are added.
         """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:
@@ -131,7 +144,10 @@ class Search:
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
     def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
-        """Returns the likeliest of some doubtful newcomers, or one explained clearly better; at most one."""
+        """Returns the likeliest of some doubtful candidates, or one that is explained clearly better.
+
+        It returns at most one.
+        """
         best: list[Found] = []
         found: list[Found] = []
         yield from self.found(view, due[: TRIES if alone else 1], found, alone=alone)
@@ -147,9 +163,10 @@ class Search:
 
 
 def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
-    """Whether the pixels of a found body are likely a person and no thing.
+    """Returns True if the pixels of a found body are likely a person and not an object.
 
-    An upright shape counts only above a known floor: by a guessed one a cupboard may be as tall as a person.
+    An upright shape counts only above a known floor. Above a guessed floor a cupboard may be as tall as a
+    person.
     """
     if follower.person_probability > _PERSON:
         return True
@@ -157,18 +174,18 @@ def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained:
 
 
 def _within(newcomer: Candidate, found: list[Found]) -> bool:
-    """Whether most of the newcomer belongs to a person who was just found."""
+    """Returns True if most of the candidate belongs to a person that was just found."""
     size = max(1, int(newcomer.pixels.sum()))
     return any(int((newcomer.pixels & other.pixels).sum()) > _MOSTLY * size for other, _, _ in found)
 
 
 def _again(follower: Follower, found: list[Found]) -> bool:
-    """Whether a person was just found at the same place, in another piece of the same person."""
+    """Returns True if a person was just found at the same place, in another piece of the same person."""
     place = follower.posture.position
     return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)
 
 
 def _certain(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
-    """Whether the evidence for a body suffices to believe it in an unlikely group of pixels."""
+    """Returns True if the evidence for a body is sufficient to accept it in an unlikely blob."""
     shown = trunk_shown(view, follower.posture, newcomer.pixels)
     return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR

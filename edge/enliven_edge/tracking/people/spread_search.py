@@ -1,4 +1,4 @@
-"""The search for new people, a part of it in each frame."""
+"""The search for new people, spread over several frames."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class FoundBody:
     """A body that was found.
 
     Attributes:
-        newcomer: the group of pixels with the body, as it is now.
-        shown: the same group as it was in the frame that was searched.
-        centre: (3,) metres, world frame, of the newcomer in that frame.
+        newcomer: the candidate with the body, in its current state.
+        shown: a copy of the candidate from the frame that was searched.
+        centre: (3,) metres, world frame, of the candidate in that frame.
         follower: the fit to that frame.
     """
 
@@ -32,7 +32,7 @@ class FoundBody:
 
 
 class SpreadSearch:
-    """Searches the newcomers of one frame for bodies, a part of the work in each frame.
+    """Searches the candidates of one frame for bodies, with a part of the work in each frame.
 
     Attributes:
         view: the frame that is searched.
@@ -47,16 +47,16 @@ class SpreadSearch:
 
     @property
     def busy(self) -> bool:
-        """Whether a search is under way."""
+        """Returns True if a search is in progress."""
         return self._task is not None
 
     @property
     def sought(self) -> list[Candidate]:
-        """The newcomers that are searched."""
+        """Returns the candidates that are searched."""
         return [newcomer for newcomer, _, _ in self._tried]
 
     def stop(self) -> None:
-        """Gives up the search that is under way."""
+        """Aborts the search in progress."""
         self._task, self._tried, self._made, self.view = None, [], [], None
 
     def start(
@@ -68,7 +68,7 @@ class SpreadSearch:
         alone: bool,
         most: int,
     ) -> None:
-        """Begins to search a frame; arguments as of :meth:`Search.looked`."""
+        """Starts to search a frame. Arguments are those of :meth:`Search.looked`."""
         self.stop()
         self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
         shown = [copied for _, copied, _ in self._tried]
@@ -77,9 +77,10 @@ class SpreadSearch:
         self.view = view
 
     def go_on(self, budget: Budget) -> list[FoundBody]:
-        """Goes on with the search; returns the bodies that were found, all at once when it is done.
+        """Continues the search. Returns the bodies that were found, all at once when it is done.
 
-        All at once, because of two people holding hands the first one followed would be fitted to both.
+        They are returned together because of people that hold hands: the first one that is tracked would be
+        fitted to both.
         """
         if self._task is None or not self._task.go_on(budget):
             return []

@@ -1,4 +1,4 @@
-"""The visibility of a body: its shares behind something else, outside the image, and on a person's pixels."""
+"""The visibility of a body: its fractions occluded, outside the image, and on a person's pixels."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.frame import FrameView
 
 _SAMPLES = 3
-"""Samples along a capsule: its ends and its middle tell whether it is covered."""
+"""Samples along a capsule: its ends and its middle show whether it is occluded."""
 _BEFORE = 0.12
-"""Metres before a capsule's surface from which something hides it: nearer depth may be clothes."""
+"""Metres in front of a capsule's surface beyond which depth occludes it. Nearer depth may be clothes."""
 _NEAREST = 0.1
-"""Metres before the sensor below which a sample is not projected into the image."""
+"""Minimum metres in front of the sensor for a sample to be projected into the image."""
 _FEWEST_DUE = 0.25
-"""Share of the trunk that must be visible for shares of this part alone to mean anything."""
+"""Minimum fraction of the trunk that must be unoccluded and in the image for fractions of this part to be
+meaningful."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
 
 def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -> tuple[float, float]:
-    """Returns the shares of a body behind something else and outside the image, each in [0, 1].
+    """Returns the fractions of a body that are occluded and outside the image, each in [0, 1].
 
     Args:
-        owner: (h, w) the index of the person at each pixel; a person's own arm hides nothing.
+        view: the frame.
+        posture: the body.
+        owner: (h, w) the index of the person at each pixel; a person's own arm occludes nothing.
         index: the index of this person.
     """
     at = (view.z, owner, index, view.camera.camera, view.world_from_camera)
@@ -34,7 +37,7 @@ def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -
 
 
 def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
-    """Returns the share of the visible trunk and head that the (h, w) ``pixels`` show, in [0, 1]."""
+    """Returns the fraction of the visible trunk and head that lies on the (h, w) ``pixels``, in [0, 1]."""
     ends, radii = posture.capsules()
     at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
     inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *at)
@@ -44,10 +47,14 @@ def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
 
 @njit(cache=True, nogil=True)
 def _samples(ends, radii, depth, owner, mine, camera, pose):
-    """Returns (3, S) of samples along the capsules: in the image, behind something, on pixels of ``mine``.
+    """Returns (3, S) for samples along the capsules: in the image, occluded, on pixels of ``mine``.
 
     Args:
+        ends, radii: the capsules.
+        depth: (h, w) metres.
         owner: (h, w) the index of the person at each pixel.
+        mine: the index of this person.
+        camera, pose: the camera.
     """
     height, width = depth.shape
     out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
@@ -72,7 +79,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
 
 @njit(cache=True, nogil=True)
 def _hidden(ends, radii, depth, owner, mine, camera, pose):
-    """Returns the shares of the samples that are hidden and outside the image, see :func:`hidden_shares`."""
+    """Computes :func:`hidden_shares` from the samples."""
     seen = _samples(ends, radii, depth, owner, mine, camera, pose)
     count, hidden, inside = seen.shape[1], 0, 0
     for n in range(count):

@@ -1,4 +1,4 @@
-"""The scene without people: the sensor's mounting, the floor, walls, the background and the active zone."""
+"""The scene without people: the sensor's mounting, floor plane, walls, background model and active zone."""
 
 import lazy_loader
 

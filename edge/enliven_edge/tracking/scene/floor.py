@@ -1,4 +1,4 @@
-"""The sensor's pose from the floor plane, by RANSAC; gravity is roughly known from the mounting."""
+"""Estimates the sensor's pose from the floor plane with RANSAC, given a rough direction of gravity."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 
 TILTED_BY = np.deg2rad(40.0)
-"""Radians between the floor's normal and the sensor's up at most: a wall is 90 degrees off a level sensor,
-and still 50 off one that is tilted by 40."""
+"""Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
+for a level sensor, and still 50 degrees off for one that is tilted by 40."""
 _LOWEST = 0.2
-"""Metres from the sensor down to the floor at the least: a nearer plane is what the sensor stands on."""
+"""Minimum height of the sensor above the floor in metres. A nearer plane is the sensor's support, such as a
+table."""
 _HIGHEST = 4.0
-"""Metres from the sensor down to the floor at the most: sensors are mounted no higher."""
+"""Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400
-"""Planes through three points that are tried: where a tenth of the points are the floor's, and half of the
-triples are of neighbours, one of the planes is the floor's with a probability of 99.9 %."""
+"""RANSAC trials: planes through three points. Suppose that a tenth of the points is on the floor, and half of
+the triples consist of neighbours. Then at least one trial hits the floor with a probability of 99.9 %."""
 _NEIGHBOURS = 0.05
-"""Share of all points, in the order of the image, within which the triples of neighbours lie: some rows."""
+"""Maximum distance between the points of a neighbouring triple, as a fraction of all points in image order.
+That is a few rows."""
 _FEWEST = 200
-"""Points at the least for a plane: fewer are noise, or a corner of the floor."""
+"""Minimum number of points for a plane. Fewer are noise, or a corner of the floor."""
 
 
 def world_from_floor(
@@ -32,17 +34,17 @@ def world_from_floor(
     lowest: float = _LOWEST,
     seed: int = 0,
 ) -> Float | None:
-    """(4, 4) world_from_camera with y = 0 in the lowest large plane, or None where no floor is seen.
+    """Returns (4, 4) world_from_camera with y = 0 in the lowest large plane, or None if no floor is visible.
 
     The world's origin lies on the floor under the sensor, which looks along -Z.
 
     Args:
         points: (M, 3) camera-frame points, metres, in the order of the image's rows.
         upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
-        up: (3,) the rough direction of up in the camera's frame, where that is known better.
-        within: radians between the floor's normal and ``up`` at most.
-        lowest: metres from the sensor down to the floor at the least.
-        seed: of the random triples; another one may find a floor that is a small part of the image.
+        up: (3,) the rough direction of up in the camera's frame, if it is known from a better source.
+        within: maximum angle in radians between the floor's normal and ``up``.
+        lowest: minimum height of the sensor above the floor in metres.
+        seed: seed of the random triples. Another seed may find a floor that is a small part of the image.
     """
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
     points = points[np.isfinite(points).all(1) & (points[:, 2] > 0.3)]
@@ -61,9 +63,9 @@ def world_from_floor(
 
 
 def _triples(count: int, random: np.random.Generator) -> Int:
-    """(T, 3) random points by index: half of the triples anywhere, half of neighbours.
+    """Returns (T, 3) indices of random points: half of the triples are arbitrary, half are neighbours.
 
-    Neighbours are mostly of one surface, so that a floor that is a small part of the image is met as well.
+    Neighbours mostly lie on one surface. They let RANSAC find a floor that is a small part of the image.
     """
     triples = random.integers(0, count, (_TRIALS, 3))
     reach = max(3, round(_NEIGHBOURS * count))
@@ -74,7 +76,10 @@ def _triples(count: int, random: np.random.Generator) -> Int:
 
 @njit(cache=True, nogil=True)
 def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
-    """(4,) the upward plane n.x + h = 0 with most inliers and next to nothing below it; zeros for none."""
+    """Returns (4,) the upward plane n.x + h = 0 with most inliers and almost no points below.
+
+    Zeros if there is no such plane.
+    """
     best, found = 0.04 * len(points), np.zeros(4)
     normal = np.empty(3)
     for trial in range(len(trials)):
@@ -82,6 +87,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
         normal[0] = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
         normal[1] = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
         normal[2] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        # The plane through three points. Skip points in a line, and planes that are too steep, too near or
+        # too far.
         length = np.sqrt((normal**2).sum())
         if length < 1e-4:
             continue
@@ -90,6 +97,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
         height = -(normal * a).sum()
         if abs(upward) / length < steepest or not lowest < height < highest:
             continue
+        # The score: inliers minus three times the points below. A floor has no points below it.
         on, below = 0, 0
         for i in range(len(points)):
             p = points[i]
@@ -103,9 +111,9 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
 
 
 def world_above_floor(normal: Float, height: float) -> Float:
-    """(4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres under the sensor."""
+    """Returns (4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres below."""
     backward = np.array([0.0, 0.0, -1.0])
-    if abs(normal[2]) > 0.98:  # looking straight down or up: the image's own up is away
+    if abs(normal[2]) > 0.98:  # looking straight down or up: the image's up is away from the sensor
         backward = np.array([0.0, 1.0, 0.0])
     z = backward - (backward @ normal) * normal
     z /= np.linalg.norm(z)
@@ -117,35 +125,41 @@ def world_above_floor(normal: Float, height: float) -> Float:
 
 
 _NEAR_FLOOR = 0.12
-"""Metres above and below y = 0 within which a point may be the floor's when the mounting is corrected."""
+"""Maximum distance in metres from y = 0 of points that are used as the floor when the mounting is
+corrected."""
 _STEADY = np.deg2rad(6.0)
-"""Radians by which the floor may seem tilted: a larger tilt is no drift of the mounting, or no floor."""
+"""Maximum apparent tilt of the floor in radians. A larger tilt is not drift of the mounting, or the plane is
+not the floor."""
 _SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation of a normal distribution over the median of its absolute values."""
+"""Standard deviation of a normal distribution divided by its median absolute deviation."""
 _NOISES = 2.0
-"""Standard deviations of the floor's own noise beyond which a point is left out: the foot of a wall, which
-pulls a wider band up at its far end, is hardly within it."""
+"""Maximum deviation of a floor point, in standard deviations of the floor's own noise. This excludes the foot
+of a wall, which would pull the far end of the plane up."""
 _UNEVEN = 0.003
-"""Metres that a floor is uneven itself."""
+"""Unevenness of the floor itself in metres."""
 _PASSES = 8
-"""Fits, each to what lies near the one before: the band has its width after five."""
+"""Number of fits. Each fit uses the inliers of the previous one. The inlier band converges after five
+fits."""
 _FARTHEST_OFF = 0.08
-"""Metres from the first plane beyond which nothing is the floor's."""
+"""Maximum distance in metres of floor points from the first plane."""
 _MANY = 2000
-"""Points of the floor to which its plane is fitted, about: with all of them, ten thousand and more, a frame
-of each second took twice as long as the others."""
+"""Approximate number of floor points used for the plane fit. With all of them, ten thousand or more, one
+frame per second took twice as long as the others."""
 _SPREAD = 0.15
-"""Metres, the least standard deviation of the floor's points along x and along z: a narrower patch says
-little of the tilt."""
+"""Minimum standard deviation in metres of the floor's points along x and along z. A narrower patch does not
+constrain the tilt."""
 
 
 def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """(4, 4) the mounting moved a little towards the seen floor; unchanged where too little of it is seen.
+    """Returns (4, 4) the mounting moved slightly towards the observed floor.
+
+    It is unchanged if too little floor is visible.
 
     Args:
-        points: (h, w, 3) a frame, world frame.
-        usable: (h, w) known pixels that belong to no person.
-        gain: the share of the correction that is applied, in (0, 1].
+        world_from_camera: (4, 4) the current mounting.
+        points: (h, w, 3) the points of a frame, world frame.
+        usable: (h, w) known pixels that do not belong to a person.
+        gain: the fraction of the correction that is applied, in (0, 1].
     """
     floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
     if len(floor) < _FEWEST:
@@ -159,18 +173,18 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
 
 
 def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
-    """(4, 4) a mounting turned about the point under the sensor, and lifted, by a share of what a plane says.
+    """Returns (4, 4) a mounting that is rotated and lifted by a fraction of its deviation from a floor plane.
 
     Args:
-        plane: (3,) a, b, c of the floor y = a x + b z + c in the world that the mounting gives.
-        gain: the share, in (0, 1].
+        plane: (3,) a, b, c of the floor y = a x + b z + c in the world of the current mounting.
+        gain: the fraction, in (0, 1].
     """
     normal = np.array([-plane[0] * gain, 1.0, -plane[1] * gain])
     normal /= np.linalg.norm(normal)
     axis = np.cross(normal, [0.0, 1.0, 0.0])
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     turn = np.eye(3) + cross + cross @ cross / (1.0 + normal[1])
-    # The turn is about the point of the floor under the sensor, so that nothing shifts sideways.
+    # Rotate about the floor point under the sensor, so that nothing shifts sideways.
     foot = np.array([world_from_camera[0, 3], 0.0, world_from_camera[2, 3]])
     made = world_from_camera.copy()
     made[:3, :3] = turn @ world_from_camera[:3, :3]
@@ -183,24 +197,27 @@ def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _level_plane(points, ranges):
-    """(3,) a, b, c of the plane y = a x + b z + c through the floor's points, and how far these spread.
+    """Returns (3,) a, b, c of the plane y = a x + b z + c through the floor's points, and the points' spread.
 
-    A sensor's noise is along its rays, in proportion to about the squared distance; a floor is met at a
-    grazing angle, the more so the farther, so that across it the noise is in proportion to the distance.
-    Its factor is read off the points themselves, by the median of what they are off, in each pass.
+    It is an iterative weighted least-squares fit. A sensor's noise is along its rays and grows with about the
+    squared distance. Rays meet the floor at a grazing angle that becomes flatter with distance. So the noise
+    across the floor is proportional to the distance. Each pass estimates the factor from the points
+    themselves, by their median deviation.
 
     Args:
         points: (3, N) metres, in a frame in which the floor is nearly y = 0.
         ranges: (N,) metres from the sensor, along its axis.
 
     Returns:
-        The plane, zeros where the points are too few or in a line, and metres: the smaller of the standard
-        deviations along x and z of the points that it was fitted to, 0 where there is no plane.
+        The plane, zeros if the points are too few or in a line. And the smaller of the standard deviations
+            along x and z of the points used for the fit, in metres; 0 if there is no plane.
     """
     plane, off = np.zeros(3), np.empty(points.shape[1])
     kept, weights = np.empty_like(points), np.empty(points.shape[1])
     noise, spread = 0.0, 0.0
     for step in range(_PASSES):
+        # The noise factor: the median deviation of the points near the current plane, relative to their
+        # range.
         near = 0
         for i in range(points.shape[1]):
             off[i] = abs(points[1, i] - plane[0] * points[0, i] - plane[1] * points[2, i] - plane[2])
@@ -210,6 +227,7 @@ def _level_plane(points, ranges):
         if near < _FEWEST:
             return np.zeros(3), 0.0
         noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
+        # The weighted fit to the inliers of that noise.
         count = 0
         for i in range(points.shape[1]):
             if off[i] < _NOISES * noise * ranges[i] + _UNEVEN:
@@ -225,7 +243,10 @@ def _level_plane(points, ranges):
 
 @njit(cache=True, nogil=True)
 def _level_fit(plane, points, weights):
-    """The weighted least-squares y = a x + b z + c of (3, N) points, into ``plane``; False: in a line."""
+    """Computes the weighted least-squares fit y = a x + b z + c of (3, N) points, into ``plane``.
+
+    Returns False if the points are in a line.
+    """
     whole = weights.sum()
     x, y, z = (
         (weights * points[0]).sum() / whole,

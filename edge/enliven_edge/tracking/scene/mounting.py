@@ -1,4 +1,4 @@
-"""The sensor's pose: stated by the sensor or found from the floor, and found again after it was moved."""
+"""The sensor's pose: reported by the sensor or found from the floor, and found again after a move."""
 
 from __future__ import annotations
 
@@ -13,69 +13,79 @@ from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
 
 _USUAL_HEIGHT_M = 1.0
-"""Height of the sensor before a floor or a person is seen, where the settings state none."""
+"""Assumed height of the sensor before a floor or a person is visible, if the settings contain none."""
 _LOWEST_SHARE = 0.01
-"""Quantile of the visible points' heights above which a guessed floor does not lie. Noise reaches lower."""
+"""Quantile of the visible points' heights that limits a guessed floor from above. Noise produces lower
+points."""
 _HIGHEST_GUESS_M = 1.8
-"""Greatest height that is guessed from the lowest points alone. They may be far away, where a wrong tilt
-matters most."""
+"""Maximum sensor height that is guessed from the lowest points alone. They may be far away, where an error of
+the tilt matters most."""
 _MOVED = 0.02
-"""Change of a sensor's pose, metres or entry of its rotation, beyond which the room is learnt anew."""
+"""Change of a sensor's pose, in metres or as an entry of its rotation matrix, beyond which a new background
+model is learnt."""
 _PUT_ELSEWHERE = 0.25
-"""The same change beyond which the people are looked for anew too: a body predicted at the old place would
-meet the room there."""
+"""The same change beyond which people are also searched again. A body that is predicted at the old place
+would fit to the background there."""
 _LOOK_EVERY = 15
-"""Frames between two searches for a floor that is not known: half a second at 30 frames a second."""
+"""Frames between two searches for an unknown floor: half a second at 30 frames per second."""
 _ENOUGH_DEPTH = 0.1
-"""Share of the image that must be known to look for the floor: less is a sensor that starts or is covered."""
+"""Minimum fraction of the image with known depth to search for the floor. With less the sensor is starting or
+covered."""
 _CORRECT_EVERY_NS = 1_000_000_000
-"""Nanoseconds between two corrections of the mounting: it drifts slowly."""
+"""Nanoseconds between two corrections of the mounting, which drifts slowly."""
 _GAIN = 0.15
-"""Share of a correction that is applied at once: the noise of one frame moves the world little."""
+"""Fraction of a correction that is applied at once, so that the noise of one frame hardly moves the world."""
 _BOTH_WAYS = 0.08
-"""Share of the room that is farther at the least when the sensor was moved: a person in front of the room
-makes nothing farther."""
+"""Minimum fraction of the background that must appear farther for the sensor to count as moved. A person in
+front of the background makes nothing farther."""
 _SUSPICIOUS_FRAMES = 3
-"""Frames in a row that must differ from the room: a single one may be disturbed."""
+"""Consecutive frames that must differ from the background model. A single frame may be disturbed."""
 _DIFFERENT = 0.6
-"""Part of the share ``moved`` above which the floor is looked for: a small turn changes less."""
+"""Fraction of the setting ``moved`` above which the floor is checked. A small rotation changes fewer
+pixels."""
 _LOOK_AGAIN = 15
-"""Frames between two such looks: half a second at 30 frames a second."""
+"""Frames between two such checks: half a second at 30 frames per second."""
 _TURNED = np.deg2rad(3.0)
-"""Radians by which the floor must have turned for the sensor to have been moved: less is noise."""
+"""Minimum rotation of the floor in radians for the sensor to count as moved. Less is noise."""
 _LIFTED = 0.12
-"""Metres by which the sensor's height must have changed for it to have been moved: less is noise of a fit."""
+"""Minimum change of the sensor's height in metres for it to count as moved. Less is noise of the floor
+fit."""
 _STILL = 0.85
-"""Share of the pixels that hardly change between two frames of a sensor at rest: people move in others."""
+"""Minimum fraction of nearly unchanged pixels between two frames of a sensor at rest. People move in the
+others."""
 _STILL_FRAMES = 3
-"""Still frames in a row after which a fall is over: one alone may lie between two movements."""
+"""Consecutive still frames that end a fall. A single one may lie between two movements."""
 _LONGEST_FALL_NS = 3_000_000_000
-"""Nanoseconds after which a fall is over in any case: moving people may never let the image be still."""
+"""Maximum duration of a fall in nanoseconds. Moving people may never let the image be still."""
 _FELT_WITHIN = np.deg2rad(8.0)
-"""Radians between the floor's normal and what an accelerometer feels as up, at most: its mounting and bias
-are 1 to 3 degrees, and a ramp or a table's edge is more off."""
+"""Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
+and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""
 _LYING = 0.03
-"""Metres down to the floor at the least for a sensor that was knocked over and may lie on it."""
+"""Minimum height above the floor in metres for a sensor that was knocked over and may lie on the floor."""
 _FALLS_BY = np.deg2rad(30.0)
-"""Radians that the floor's normal may turn between two frames of a fall: at 30 Hz 900 degrees a second."""
+"""Maximum rotation of the floor's normal in radians between two frames of a fall: 900 degrees per second at
+30 Hz."""
 
 
 class Mounting:
-    """The working camera and its pose; found once for a sensor, unless the sensor states it with each frame.
+    """The working camera and its pose.
 
-    A sensor that does not state its pose is watched: it was moved where most of the known room no longer
-    matches. While it falls, the floor is followed from frame to frame, so that it is not taken for a wall.
+    The pose is found once per sensor, unless the sensor reports it with each frame.
+
+    A sensor without a reported pose is monitored. It counts as moved if most of the known background no
+    longer matches. While it falls, the floor is tracked from frame to frame, so that it is not confused with
+    a wall.
 
     Attributes:
         world_from_camera: (4, 4), None before the first frame.
         new_camera: whether the last frame came from another camera.
-        new_place: whether the last frame's pose differs enough to learn the room anew.
-        far_away: whether it differs enough to look for the people anew too.
-        levelled: whether the last frame showed a floor that was not known while people were followed: they
-            are to be looked for anew, with feet on it; the room stays as it is.
-        down: (3,) the direction of gravity in the camera's frame, where an accelerometer feels it; may be set
-            at any time.
-        falling: whether the sensor is being moved; frames are then not to be trusted.
+        new_place: whether the last frame's pose differs enough to learn a new background model.
+        far_away: whether it differs enough to search for the people again too.
+        levelled: whether the last frame showed a floor that was unknown until then while people were tracked.
+            They must be searched again with feet on the floor; the background model stays unchanged.
+        down: (3,) the direction of gravity in the camera's frame if there is an accelerometer; may be set at
+            any time.
+        falling: whether the sensor is being moved; its frames are then unreliable.
     """
 
     def __init__(self, settings: SceneSettings, moved: float = 0.5) -> None:
@@ -94,16 +104,16 @@ class Mounting:
 
     @property
     def floor_known(self) -> bool:
-        """Whether the floor was found, or the sensor states its pose."""
+        """Returns True if the floor was found, or the sensor reports its pose."""
         return self._floor_known
 
     @property
     def height_known(self) -> bool:
-        """Whether the height above the floor is known: from the floor, the sensor or the settings."""
+        """Returns True if the height above the floor is known: from the floor, the sensor or the settings."""
         return self._floor_known or self.settings.height > 0.0
 
     def raise_guess(self, view: FrameView, metres: float) -> FrameView:
-        """Raises the sensor above a floor that is guessed; returns the frame as it lies in the world then."""
+        """Raises the sensor above a guessed floor, and returns the frame in the corrected world."""
         assert self.world_from_camera is not None
         if self.height_known or metres == 0.0:
             return view
@@ -113,15 +123,17 @@ class Mounting:
 
     @property
     def camera(self) -> WorkingCamera:
-        """The lens of the reduced image; there is one from the first frame on."""
+        """Returns the camera of the reduced image. It exists from the first frame on."""
         assert self._camera is not None
         return self._camera
 
     def view(self, frame: DepthFrame, *, no_people: bool) -> FrameView:
-        """The frame, reduced and placed in the world.
+        """Returns the frame, reduced and placed in the world.
 
         Args:
-            no_people: whether no person is followed: else a floor is believed at its second sight only.
+            frame: the depth frame.
+            no_people: whether no person is tracked. Otherwise a new floor is accepted only if it is found
+                twice.
         """
         self.new_camera = self.new_place = self.far_away = self.levelled = False
         if self._camera is None or self._camera.full != frame.intrinsics:
@@ -143,10 +155,11 @@ class Mounting:
         return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.height_known)
 
     def watch(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
-        """Notices that the sensor was moved, and keeps the floor where it is.
+        """Detects that the sensor was moved, and corrects drift of the floor plane.
 
         Args:
-            agreement: of the frame with the room.
+            view: the frame.
+            agreement: agreement of the frame with the background model.
             people: (h, w) the pixels that belong to people.
         """
         if self._pose_stated:
@@ -169,11 +182,17 @@ class Mounting:
 
     @property
     def suspected(self) -> bool:
-        """Whether so much differs from the room that the sensor may be moving: no new person is believed."""
+        """Returns True if so much differs from the background that the sensor may be moving.
+
+        New people are then not accepted.
+        """
         return self._suspicious > 0
 
     def _floor_is_elsewhere(self, view: FrameView, people: Bool) -> bool:
-        """Whether the floor turned or changed its height: a person in front of the room moves no floor."""
+        """Returns True if the floor's direction or height changed.
+
+        A person in front of the sensor changes neither.
+        """
         assert self.world_from_camera is not None
         if not self._floor_known:
             return False
@@ -184,14 +203,14 @@ class Mounting:
         return not _same_floor(found, self.world_from_camera)
 
     def _set_stated_pose(self, given: Float) -> None:
-        """Takes the (4, 4) pose that the sensor states."""
+        """Takes over the (4, 4) pose that the sensor reports."""
         before = self.world_from_camera
         moved = 0.0 if before is None else float(np.abs(given - before).max())
         self.new_place, self.far_away = moved > _MOVED, moved > _PUT_ELSEWHERE
         self.world_from_camera, self._floor_known, self.falling = given, True, False
 
     def _fall(self, z: Float, time_ns: int) -> None:
-        """Follows the floor through a frame of a sensor that is being moved, until the image is still."""
+        """Tracks the floor in a frame of a sensor that is being moved, until the image is still."""
         assert self._before is not None
         self._still = self._still + 1 if _alike(z, self._before) > _STILL else 0
         self._before = z
@@ -201,7 +220,7 @@ class Mounting:
             self.new_place = self.far_away = True
 
     def _follow_floor(self, z: Float) -> None:
-        """Finds the floor near its pose of the frame before, or else as the mounting suggests."""
+        """Finds the floor near its pose in the previous frame, or else near the mounting's direction."""
         assert self.world_from_camera is not None
         known = z > 0
         if known.mean() < _ENOUGH_DEPTH:
@@ -214,7 +233,7 @@ class Mounting:
             self.world_from_camera, self._floor_known = found, True
 
     def _look_for_floor(self, z: Float, no_people: bool) -> None:
-        """Sets the pose from the floor, or from the settings where no floor is found."""
+        """Sets the pose from the floor, or from the settings if no floor is found."""
         scene = self.settings
         if self.world_from_camera is None:
             roll = np.pi if scene.upside_down else 0.0
@@ -236,7 +255,7 @@ class Mounting:
             self._place_by_guess(points)
 
     def _place_by_guess(self, points: Float) -> None:
-        """Sets the pose without a floor: no visible (M, 3) camera-frame point is below the guessed one."""
+        """Sets the pose without a floor: almost no visible (M, 3) camera-frame point is below the guess."""
         assert self.world_from_camera is not None
         if self.down is not None:
             self.world_from_camera = world_above_floor(-self.down, self._guess)
@@ -251,13 +270,13 @@ class Mounting:
 
 
 def _same_floor(one: Float, other: Float) -> bool:
-    """Whether two (4, 4) poses of the sensor have the same floor, to the noise of finding it."""
+    """Returns True if two (4, 4) poses of the sensor have the same floor, within detection noise."""
     turned = float(np.arccos(np.clip(one[1, :3] @ other[1, :3], -1.0, 1.0)))
     return turned <= _TURNED and abs(float(one[1, 3] - other[1, 3])) <= _LIFTED
 
 
 def _alike(z: Float, before: Float) -> float:
-    """The share of the pixels known in both frames that hardly changed."""
+    """Returns the fraction of nearly unchanged pixels among those known in both frames."""
     both = (z > 0) & (before > 0)
     count = max(1, int(np.count_nonzero(both)))
     return float(np.count_nonzero(both & (np.abs(z - before) < 0.03 + 0.01 * z * z))) / count

@@ -1,4 +1,7 @@
-"""The background model: the depth of the room without people at every working pixel, kept up to date."""
+"""The background model: the depth of the room without people at every working pixel.
+
+It is updated with each frame.
+"""
 
 from __future__ import annotations
 
@@ -20,36 +23,38 @@ from enliven_edge.tracking.scene.room_prior import background_fill
 from enliven_edge.tracking.settings import RoomSettings
 
 _FILL_EVERY_NS = 300_000_000
-"""Nanoseconds between two looks at how much of the room is known: both pass the whole image."""
+"""Nanoseconds between two checks of how much background is known. Check and fill pass over the whole
+image."""
 _FILL_SHARE = 0.002
-"""Share of the image by which the known part must have changed for the fill to be computed anew."""
+"""Change of the known part, as a fraction of the image, that triggers a new background fill."""
 _FILL_AFTER = 6
-"""Looks after which the fill is computed anew without such a change: known depths change too."""
+"""Checks after which a new fill is computed without such a change, because known depths change too."""
 _TELLS = 0.05
-"""Share of the image that is known of the room from which it tells what was never seen: less is a fringe of a
-person before a hall too deep for the sensor, and the person would be taken for what lies about it."""
+"""Minimum fraction of known background pixels before unseen pixels are filled in. Below it the visible
+background may be only the outline of a person in front of a hall too deep for the sensor. The person would
+then be taken for background."""
 _AT_ONCE = 0.1
-"""Seconds at the start in which everything is learnt at once: the whole room is new."""
+"""Seconds at the start in which everything is learnt at once, because the whole background is new."""
 _SEEN_FOR = 0.25
-"""Seconds for which a depth must stay the same to be learnt later, where the room was never seen: a lost arm
-in front of a hall too deep for the sensor moves on sooner."""
+"""Seconds for which a depth must stay the same to be learnt later at a pixel without known background. An arm
+that the fit lost, in front of a hall too deep for the sensor, moves on sooner."""
 _DARK = 2.0
-"""Seconds without a measurement after which the room is forgotten at a pixel: depth flickers for less."""
+"""Seconds without a measurement after which the background is forgotten at a pixel. Flicker is shorter."""
 _MEASURED = 0.5
-"""Share of the known room that must be measured meanwhile: with less the lens is covered."""
+"""Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
 _STILL = 0.5
-"""Seconds for which a pixel beside a person has one depth where it is furniture: people who stand sway."""
+"""Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
 _LONGEST_STEP = 0.5
-"""Seconds: a gap in the stream ages nothing by more."""
+"""Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a frame agrees with the room that was known.
+    """The agreement of a frame with the background model before the frame was learnt.
 
     Attributes:
-        compared: pixels that are known in both and belong to no person.
-        nearer, farther: the shares of them that are plainly nearer or farther than the room.
+        compared: number of pixels that are known in both and do not belong to a person.
+        nearer, farther: the fractions of them that are clearly nearer or farther than the background.
     """
 
     compared: int
@@ -58,13 +63,13 @@ class Agreement:
 
 
 class RoomModel:
-    """The room's depth, learnt from what is not a person.
+    """The background model, learnt from pixels that do not belong to a person.
 
     A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
-    replaces it (something was taken away; a flickering edge never stays). Nearer depth that stays for
-    ``absorb_after`` seconds is absorbed (something was put there), but not at the last place of a person who
-    has not been seen elsewhere since: the person may stand still there until the room is seen again. Depth
-    that is no longer measured is forgotten after a while.
+    replaces it: an object was removed. (A flickering edge never stays.) Nearer depth that stays for
+    ``absorb_after`` seconds is absorbed: an object was added. The last place of a person is guarded against
+    this, because the person may still stand there. The guard ends when the person is seen elsewhere or the
+    background is visible again. Depth that is no longer measured is forgotten after a while.
     """
 
     def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
@@ -78,21 +83,24 @@ class RoomModel:
 
     @property
     def z(self) -> Float:
-        """(h, w) metres; 0 where the room was never seen."""
+        """Returns (h, w) the background's depth in metres. 0 where it was never seen."""
         return self._state.z
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
-        """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
+        """Returns (h, w) the class of every pixel: ROOM, BEFORE, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
         return np.asarray(classified(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
 
     def learn(
         self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
     ) -> Agreement:
-        """Takes in a frame without its ``person`` pixels and two pixels around them.
+        """Learns from a frame without its ``person`` pixels and a border of two pixels around them.
 
         Args:
-            hold: (h, w) pixels of possible people: what was never seen there is not learnt at once.
+            z: (h, w) metres.
+            person: (h, w) the pixels that are not learnt.
+            time_ns: the frame's time; None: 1/30 s after the previous frame.
+            hold: (h, w) pixels of possible people. Never-seen background is not learnt at once there.
         """
         step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
         step = min(max(step, 0.0), _LONGEST_STEP)
@@ -117,29 +125,30 @@ class RoomModel:
         Args:
             owner: (h, w) the person of each pixel as an index into ``ids``, or -1.
             ids: (K,) the people's ids.
+            z: (h, w) metres.
         """
         guard(owner, ids, z, self._state.guarded, self._state.guard_z)
 
     @property
     def still(self) -> Bool:
-        """(h, w) the pixels that kept their depth for longer than people do, where no room is known."""
+        """Returns (h, w) the pixels without known background that kept their depth longer than people can."""
         return np.asarray((self.z == 0.0) & (self._state.still > _STILL))
 
     def absorb(self, where: Bool) -> None:
-        """Learns as the room what the (h, w) pixels show."""
+        """Learns the recent constant depth as background at the (h, w) pixels ``where``."""
         self.z[where] = self._state.still_z[where]
 
     def forget(self, where: Bool) -> None:
-        """Learns the room anew at the (h, w) pixels."""
+        """Forgets the background at the (h, w) pixels ``where``, so that it is learnt again."""
         self.z[where] = 0.0
         self._state.waited[where] = self._state.away[where] = 0.0
 
     def release(self, identity: int) -> None:
-        """Ends the guard of a person's last place: the person is seen elsewhere, or gone for good."""
+        """Ends the guard of a person's last place, because the person is seen elsewhere or gone for good."""
         self._state.guarded[self._state.guarded == identity] = -1
 
     def _fill(self, view: FrameView, floor_band: float) -> None:
-        """Fills in what was never seen, anew when enough has changed."""
+        """Fills in never-seen background, again when enough has changed."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
             known = int(np.count_nonzero(self.z))

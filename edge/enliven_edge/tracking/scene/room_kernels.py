@@ -1,7 +1,7 @@
-"""What a pixel is against the room, and how the room is learnt from it, compiled; see :mod:`room`.
+"""Compiled kernels that classify pixels against the background model and update it. See :mod:`room`.
 
-Nearly every pixel shows what it showed before. So a row is looked at twice: first all of it side by side,
-with every such pixel brought up to date, and then the few others one by one.
+Nearly every pixel shows the same depth as before. So each row is processed twice: first as a whole with
+vector instructions, which updates all unchanged pixels, and then the few other pixels one by one.
 """
 
 from __future__ import annotations
@@ -14,39 +14,41 @@ from enliven.arrays import Float, Float32, Int32
 from enliven.kernels import njit
 
 ROOM = 0
-"""Class of a pixel that shows the room, or nothing."""
+"""Class of a pixel that shows the background, or nothing."""
 BEFORE = 1
-"""Class of a pixel that shows something in front of the known room."""
+"""Class of a pixel that shows an object in front of the known background: foreground."""
 UNSEEN = 2
-"""Class of a pixel where the room was never seen, nearer than the room around it."""
+"""Class of a pixel without known background, nearer than the background around it."""
 UNLIKELY = 3
-"""Class of a pixel where the room was never seen, about as far as the room around it: hardly a person."""
+"""Class of a pixel without known background, about as deep as the background around it. It is hardly a
+person."""
 _FLICKERS = 6.0
-"""Times that a pixel has come to the same nearer depth and gone: more often it is an edge of the room, which
-is as near as the nearer depth."""
+"""Number of times that a pixel may change to the same nearer depth and back. A pixel that does so more often
+is an edge of the background, and the nearer depth becomes the background."""
 _FOLLOWS = 0.3
-"""Share of a difference within the noise by which the room follows in a second: it drifts slowly."""
+"""Fraction of a difference within the noise that the background model takes over per second. It drifts
+slowly."""
 _FORGIVES = 0.1
-"""Share of its flips that a pixel forgets in a second."""
+"""Fraction of its flips that a pixel forgets per second."""
 _BACK = 0.7
-"""Share of ``absorb_after`` that a depth has waited already where something farther replaces it: what was
-there comes back sooner than something new."""
+"""Waiting time, as a fraction of ``absorb_after``, that a replaced depth starts with after farther depth
+replaced it. So the old object is absorbed sooner than a new one when it returns."""
 _WORD = 8
-"""Pixels that are looked at as one number: a byte each."""
+"""Pixels that are tested as one 64-bit number, with one byte per pixel."""
 
 
 class RoomState(NamedTuple):
-    """What is known of every pixel, (h, w) each.
+    """The state of every pixel, (h, w) each.
 
     Attributes:
-        z: metres, the room; 0 where it was never seen.
-        nearer: metres, another depth that has been seen.
-        waited: seconds for which it has.
-        away: seconds for which the room was farther than it is known to be, or not measured.
-        guarded: the id of the person who was last seen there, or -1.
+        z: metres, the background's depth; 0 where it was never seen.
+        nearer: metres, another depth that was observed.
+        waited: seconds for which that depth was observed.
+        away: seconds for which the measured depth was farther than the background, or missing.
+        guarded: the id of the person that was last seen there, or -1.
         guard_z: metres, the depth of that person there.
-        flips: how often the pixel came to the nearer depth and went; its sign is where it was last.
-        still, still_z: seconds for which it has had one depth, and that depth, where no room is known.
+        flips: number of changes to the nearer depth and back; its sign tells the last state.
+        still, still_z: seconds of constant depth, and that depth, where no background is known.
     """
 
     z: Float
@@ -61,13 +63,13 @@ class RoomState(NamedTuple):
 
 
 class LearningRate(NamedTuple):
-    """The seconds that learning takes; see :class:`~enliven_edge.tracking.settings.RoomSettings`.
+    """The time constants of learning, in seconds. See :class:`~enliven_edge.tracking.settings.RoomSettings`.
 
     Attributes:
-        step: since the frame before.
-        absorb_after, clear_after: of the settings.
-        seen_for: for which a depth must be the same where the room was never seen; 0: at once.
-        dark: without a measurement after which the room is forgotten; infinite: never.
+        step: time since the previous frame.
+        absorb_after, clear_after: from the settings.
+        seen_for: time for which a depth must be constant where the background was never seen; 0: at once.
+        dark: time without a measurement after which the background is forgotten; infinite: never.
     """
 
     step: float
@@ -78,7 +80,7 @@ class LearningRate(NamedTuple):
 
 
 def empty_room(shape: tuple[int, int]) -> RoomState:
-    """Returns the state of a room before its first frame."""
+    """Returns the state of a background model before its first frame."""
     nearer, waited, away, guard_z, flips, still, still_z = np.zeros((7, *shape), np.float32)
     guarded = np.full(shape, -1, np.int32)
     return RoomState(np.zeros(shape), nearer, waited, away, guarded, guard_z, flips, still, still_z)
@@ -86,7 +88,7 @@ def empty_room(shape: tuple[int, int]) -> RoomState:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def classified(z, points, room, fill, near, far, floor_band):
-    """See :meth:`RoomModel.classify`; without a branch, so that many pixels are compared at once."""
+    """See :meth:`RoomModel.classify`. The loop has no branch, so that the compiler can vectorise it."""
     height, width = z.shape
     out = np.empty((height, width), np.uint8)
     for v in range(height):
@@ -102,18 +104,18 @@ def classified(z, points, room, fill, near, far, floor_band):
 
 @njit(cache=True, nogil=True)
 def learn_frame(z, person, hold, state, rate):
-    """Learns one frame; returns the numbers of pixels compared, plainly nearer and plainly farther.
+    """Learns one frame. Returns the numbers of pixels compared, clearly nearer and clearly farther.
 
     Args:
         z: (h, w) metres.
         person: (h, w) pixels that are not learnt.
         hold: (h, w) pixels of possible people.
-        state: a :class:`RoomState`, changed.
+        state: a :class:`RoomState`, modified in place.
         rate: a :class:`LearningRate`.
     """
     height, width = z.shape
     compared, count_nearer, count_farther = 0, 0, 0
-    # By their own names once: to look a name up for every pixel would be to count who holds the array.
+    # Unpack the state once. At every access through the tuple Numba would update the array's reference count.
     room, nearer, waited, away = state.z, state.nearer, state.waited, state.away
     guarded, guard_z, flips = state.guarded, state.guard_z, state.flips
     still, still_z = state.still, state.still_z
@@ -121,24 +123,29 @@ def learn_frame(z, person, hold, state, rate):
     usual, other = np.empty(width, np.bool_), np.zeros((width + _WORD - 1) // _WORD * _WORD, np.uint8)
     words, chosen = other.view(np.uint64), np.empty(len(other), np.int64)
     for v in range(height):
+        # Update all pixels that show the known background, and mark the others.
         compared += _mark_row(usual, other, room[v], z[v], person[v])
         _time_still(room[v], z[v], still[v], still_z[v], np.float32(step))
         _follow_room(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
+        # Learn the marked pixels one by one.
         for u in _places_of(chosen, other, words):
             d, known = z[v, u], room[v, u] > 0.0
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
                 continue
+            # Without known background: learn the depth after it was constant for long enough.
             if not known:
                 same = abs(d - nearer[v, u]) <= _margin(d)
                 if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
                     room[v, u], waited[v, u] = d, 0.0
                     continue
+            # Farther than the background: an object was removed.
             elif d > room[v, u]:
                 compared, count_farther = compared + 1, count_farther + 1
                 guarded[v, u] = -1
                 _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
                 continue
+            # Nearer, or not yet learnt: wait, unless a person is guarded at this depth.
             compared, count_nearer = compared + known, count_nearer + known
             away[v, u] = 0.0
             if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
@@ -148,9 +155,9 @@ def learn_frame(z, person, hold, state, rate):
 
 @njit(cache=True, nogil=True)
 def _mark_row(usual, other, room, z, person):
-    """Marks the pixels of a row that show the known room, and those that are to be learnt one by one.
+    """Marks the pixels of a row that show the known background, and those to be learnt one by one.
 
-    Returns the number of the first; a person's pixels are neither.
+    Returns the number of background pixels. A person's pixels are neither.
     """
     count = 0
     for u in range(len(z)):
@@ -164,7 +171,7 @@ def _mark_row(usual, other, room, z, person):
 
 @njit(cache=True, nogil=True)
 def _places_of(chosen, marks, words):
-    """Returns the places of the marks that are set, in ``chosen``; ``words`` are eight marks each."""
+    """Returns the indices of the marks that are set, in ``chosen``. ``words`` are eight marks each."""
     count = 0
     for word in range(len(words)):
         if words[word] == 0:
@@ -177,19 +184,19 @@ def _places_of(chosen, marks, words):
 
 @njit(cache=True, nogil=True, inline="always")
 def _margin(d):
-    """Metres by which depth at ``d`` metres may differ and still be the same: the sensor's noise."""
+    """Returns the tolerance in metres of equal depth at ``d`` metres: the sensor's noise."""
     return 0.04 + 0.010 * d * d
 
 
 @njit(cache=True, nogil=True)
 def _follow_room(usual, z, room, flips, waited, away, guarded, step):
-    """Brings the pixels of a row that show the known room up to date, in a loop for each number."""
+    """Updates the pixels of a row that show the known background, in one loop per quantity."""
     follow, keep = min(1.0, _FOLLOWS * step), np.float32(1.0 - _FORGIVES * step)
     passed, none = np.float32(step), np.float32(0.0)
     for u in range(len(z)):
         room[u] += follow * (z[u] - room[u]) if usual[u] else 0.0
     for u in range(len(z)):
-        # The sign of the number of flips is where the pixel was last.
+        # The sign of ``flips`` stores the pixel's last state.
         flips[u] = -abs(flips[u]) * keep if usual[u] else flips[u]
     for u in range(len(z)):
         waited[u] = max(none, waited[u] - passed) if usual[u] else waited[u]
@@ -201,18 +208,18 @@ def _follow_room(usual, z, room, flips, waited, away, guarded, step):
 
 @njit(cache=True, nogil=True)
 def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after):
-    """Learns a pixel that is plainly farther than the known room."""
+    """Learns a pixel that is clearly farther than the known background."""
     waited[v, u] = max(0.0, waited[v, u] - step)
     away[v, u] += step
     if away[v, u] > clear_after:
-        # What was there comes back sooner than something new: an edge that flickers slowly.
+        # An edge may flicker slowly: remember the old depth, so that it is absorbed sooner than a new object.
         nearer[v, u], waited[v, u] = room[v, u], _BACK * absorb_after
         room[v, u], away[v, u] = d, 0.0
 
 
 @njit(cache=True, nogil=True)
 def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold):
-    """Learns a pixel that is plainly nearer than the known room, or where none is known."""
+    """Learns a pixel that is clearly nearer than the known background, or has no known background."""
     margin = _margin(d)
     if flips[v, u] <= 0.0 and not hold and abs(d - nearer[v, u]) <= 2.0 * margin:
         flips[v, u] = 1.0 - flips[v, u]
@@ -232,7 +239,10 @@ def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold
 
 @njit(cache=True, nogil=True)
 def _time_still(room, z, still, still_z, step):
-    """Updates how long the pixels of a row, a person's or not, have had one depth, where no room is known."""
+    """Updates how long the pixels of a row have had a constant depth, where no background is known.
+
+    It includes the pixels of people.
+    """
     none, twice = np.float32(0.0), np.float32(2.0) * step
     for u in range(len(z)):
         d, known = np.float32(z[u]), room[u] > 0.0
@@ -247,7 +257,7 @@ def _time_still(room, z, still, still_z, step):
 
 @njit(cache=True, nogil=True)
 def _not_measured(room, waited, away, v, u, step, dark):
-    """Updates a pixel without a measurement: the room is forgotten there after ``dark`` seconds."""
+    """Updates a pixel without a measurement. Its background is forgotten after ``dark`` seconds."""
     if room[v, u] == 0.0:
         waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
     elif dark < np.inf:
@@ -258,7 +268,7 @@ def _not_measured(room, waited, away, v, u, step, dark):
 
 @njit(cache=True, nogil=True)
 def guard(owner, ids, z, guarded, guard_z):
-    """See :meth:`RoomModel.guard`; a followed person guards only the pixels of this frame."""
+    """See :meth:`RoomModel.guard`. A tracked person guards only the pixels of this frame."""
     height, width = owner.shape
     for v in range(height):
         row = guarded[v]
@@ -272,9 +282,9 @@ def guard(owner, ids, z, guarded, guard_z):
 
 @njit(cache=True, nogil=True)
 def widened(mask, pixels):
-    """The (h, w) mask grown by a square of ``pixels`` to every side.
+    """Returns the (h, w) mask dilated by a square of ``pixels`` to every side.
 
-    Unites each row with the rows around it, and then with itself moved by up to so many pixels.
+    It first unites each row with the rows around it, and then shifts the result by up to ``pixels`` columns.
     """
     height, width = mask.shape
     out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)

@@ -1,4 +1,4 @@
-"""The likely depth of the room where it was never seen: behind people, beyond what is measured."""
+"""Background fill: the likely depth of never-seen background, behind people or beyond the sensor's range."""
 
 from __future__ import annotations
 
@@ -8,24 +8,28 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 
 _PATCH = 31
-"""Pixels of the side of a square around a pixel, which shows whether the room is known there."""
+"""Side in pixels of the square window around a pixel that shows whether the background is known there."""
 _PATCHED = 0.12
-"""Share of the square that must be known: a few pixels may be the tip of a foot left out of a person."""
+"""Minimum fraction of known pixels in the window. A few pixels may be the tip of a foot that the person's
+mask missed."""
 _FAR = 1e9
-"""Pixels: farther than any two pixels of an image are apart."""
+"""A distance in pixels that is larger than any image."""
 _LEVEL = 1e-3
-"""Sine below the horizon from which a ray meets the floor."""
+"""Minimum sine of a ray's angle below the horizon for it to meet the floor."""
 
 
 def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
-    """(h, w) metres: the room's depth, filled in where it was never seen; 0 where nothing is known at all.
+    """Returns (h, w) metres: the background's depth with never-seen pixels filled in.
 
-    The fill is the depth of the nearest known patch. A patch of the floor is continued as the floor's plane,
-    because it says nothing of what stands on it. A few known pixels are no patch.
+    The depth is 0 if nothing is known at all.
+
+    The fill is the depth of the nearest known patch. A patch of the floor is continued as the floor plane,
+    because its depth does not predict objects that stand on the floor. A few known pixels are not a patch.
 
     Args:
-        z: (h, w) metres along the optical axis; 0 where the room is not known.
+        z: (h, w) metres along the optical axis; 0 where the background is not known.
         ray: (h, w, 2) x/z and y/z of the pixels.
+        world_from_camera: (4, 4) the camera's pose.
         floor_band: metres above y = 0 up to which a point belongs to the floor.
     """
     pose = np.ascontiguousarray(world_from_camera)
@@ -34,7 +38,7 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _patches(z, ray, pose, floor_band):
-    """(h, w) the depth where enough is known around a pixel, less than 0 on the floor; 0 elsewhere."""
+    """Returns (h, w) the depth where enough is known around a pixel, negated on the floor. 0 elsewhere."""
     height, width = z.shape
     out, enough = np.empty((height, width)), _PATCHED * _PATCH * _PATCH
     around = _known_around(z)
@@ -48,7 +52,10 @@ def _patches(z, ray, pose, floor_band):
 
 @njit(cache=True, nogil=True)
 def _known_around(z):
-    """(h, w) the known pixels of the square around each; beyond its border the image is mirrored."""
+    """Returns (h, w) the number of known pixels in the window around each pixel, as a box filter.
+
+    Beyond its border the image is mirrored.
+    """
     height, width = z.shape
     columns, out = np.zeros(width, np.int32), np.empty((height, width), np.int32)
     rows, places = _mirrored(height), _mirrored(width)
@@ -69,21 +76,21 @@ def _known_around(z):
 
 @njit(cache=True, nogil=True)
 def _mirrored(size):
-    """The mirrored place of each, from half a patch before the first of so many to half a patch after."""
+    """Returns the mirrored indices of a row of ``size``, extended by half a window at both ends."""
     places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
 
 @njit(cache=True, nogil=True)
 def _count(columns, row, sign):
-    """Adds the known pixels of a row to the numbers of each column, or takes them away."""
+    """Adds ``sign`` to each column's count where the row is known."""
     for u in range(len(row)):
         columns[u] += sign if row[u] > 0.0 else 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _with_floor(z, made, ray, pose):
-    """(h, w) the known depth, else the filled one, else the floor's where the filled one is less than 0."""
+    """Returns (h, w) the known depth, else the filled depth, else the floor plane for a negative fill."""
     height, width = z.shape
     out = np.empty((height, width))
     for v in range(height):
@@ -97,10 +104,12 @@ def _with_floor(z, made, ray, pose):
 
 @njit(cache=True, nogil=True)
 def filled(z):
-    """(h, w) the depth, and where it is not known that of the nearest known pixel; all 0 where none is known.
+    """Returns (h, w) the depth, with unknown pixels set to that of the nearest known pixel.
 
-    A forward and a backward chamfer pass hand on the value of the nearest known pixel. A border of one
-    pixel, from which everything is far, spares the passes a test for the edges.
+    All depths are 0 if none is known.
+
+    A forward and a backward chamfer pass propagate the value of the nearest known pixel. A border of one
+    pixel with an infinite distance makes a test for the image's edges unnecessary.
     """
     height, width = z.shape
     out, far = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), _FAR)
@@ -127,5 +136,5 @@ def filled(z):
 
 @njit(cache=True, nogil=True)
 def _nearer(best, away, value):
-    """The nearer of two, each a distance and the value there."""
+    """Returns the nearer of two (distance, value) pairs."""
     return (away, value) if away < best[0] else best

@@ -1,4 +1,4 @@
-"""Walls in a group of pixels: the background of a person while the room is not known yet."""
+"""Detects walls in a blob of pixels: the background of a person while the background model is unknown."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
 
 _TRIALS = 150
-"""Lines through two random points that are tried: with a fifth of the points on a wall, one of the lines lies
-along it with a probability of 99.8 %."""
+"""RANSAC trials: lines through two random points. If a fifth of the points is on a wall, at least one line
+lies along it with a probability of 99.8 %."""
 _SAMPLES = 1500
-"""Points on which each line is tried, about: the cost of a trial grows with them."""
+"""Approximate number of points for evaluating a line. The cost of a trial grows with them."""
 _MOST_WALLS = 4
-"""Walls that are taken out of one group at most: a room has four."""
+"""Maximum number of walls removed from one blob. A room has four."""
 _AREA = 0.9
-"""Square metres that are seen of a wall at the least: an upright plane of this size is no person."""
+"""Minimum visible area of a wall in square metres. An upright plane of this size is not a person."""
 _LENGTH = 0.9
-"""Metres across a wall at the least: an upright plane of this width is no person."""
+"""Minimum width of a wall in metres. An upright plane of this width is not a person."""
 _FILLED = 0.8
-"""Share of the cells along a wall that must be met: two people who stand apart leave a gap."""
+"""Minimum fraction of occupied cells along a wall. Two people at a distance leave a gap."""
 _BIN = 0.15
-"""Metres of such a cell: less than the gap between two people."""
+"""Width of such a cell in metres: less than the gap between two people."""
 _THICK = 0.03
-"""Metres off its plane within which a point is a wall's, at the sensor: walls are not quite flat."""
+"""Maximum distance in metres of a wall's points from its plane, at the sensor. Walls are not quite flat."""
 _THICKER = 0.006
-"""Metres by which that grows with each square metre of depth, as a depth sensor's noise does."""
+"""Growth of that distance in metres per square metre of depth, like a depth sensor's noise."""
 _APART = 0.3
-"""Metres between the two points of a line at the least: nearer ones give no direction."""
+"""Minimum distance in metres between the two points of a line. Nearer ones give no direction."""
 
 
 def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
-    """The (h, w) mask without its large upright planes; the mask itself where there are none."""
+    """Returns the (h, w) mask without its large upright planes (RANSAC), or unchanged without such planes."""
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
@@ -58,11 +58,12 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
 
 @njit(cache=True, nogil=True)
 def _seen_from_above(points, z, pixels):
-    """(3, N) x and z in the world, and the depth, of (N,) places; the sum of the depths' squares.
+    """Returns (3, N) world x, world z and depth of (N,) flat indices, and the sum of the squared depths.
 
     Args:
         points: (h, w, 3) metres, world frame.
         z: (h, w) metres.
+        pixels: (N,) flat pixel indices.
     """
     points, z = points.reshape(-1, 3), z.ravel()
     out, squares = np.empty((3, len(pixels))), 0.0
@@ -75,18 +76,21 @@ def _seen_from_above(points, z, pixels):
 
 @njit(cache=True, nogil=True)
 def _lying_on(seen, line):
-    """(N,) whether each point lies on the plane over a line; of those that do, metres along it and sum z^2.
+    """Returns (N,) whether each point lies on the vertical plane through a line.
+
+    For the points on the plane it also returns their coordinates along the line in metres, and their sum of
+    z^2.
 
     Args:
-        seen: as of :func:`_seen_from_above`.
-        line: as of :func:`_best_line`.
+        seen: as returned by :func:`_seen_from_above`.
+        line: as returned by :func:`_best_line`.
     """
     on, along = np.empty(seen.shape[1], np.bool_), np.empty(seen.shape[1])
     count, squares = 0, 0.0
     for n in range(len(on)):
         x, z, deep = seen[0, n], seen[1, n], seen[2, n]
         on[n] = abs(x * line[0] + z * line[1] + line[2]) < _THICK + _THICKER * deep * deep
-        # Written without asking, and overwritten by the next one unless it lies there.
+        # Write without a branch. The next point overwrites the value unless this one is on the plane.
         along[count] = z * line[0] - x * line[1]
         count += on[n]
         squares += deep * deep if on[n] else 0.0
@@ -94,7 +98,10 @@ def _lying_on(seen, line):
 
 
 def _is_wall(along: Float) -> bool:
-    """Whether points so many metres along a line are a long stretch, not two people who stand apart."""
+    """Returns True if the points ``along`` a line, in metres, form one long stretch.
+
+    Two people at a distance leave a gap.
+    """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)
     if high - low <= _LENGTH:
@@ -104,13 +111,13 @@ def _is_wall(along: Float) -> bool:
 
 
 def _thickness(z: Float) -> Float:
-    """(N,) metres off its plane within which a point at each of (N,) depths is a wall's."""
+    """Returns (N,) the maximum distance in metres from a wall's plane for points at each of (N,) depths."""
     return np.asarray(_THICK + _THICKER * z * z)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _best_line(points, thickness, weight, pairs):
-    """(3,) the line a x + b z + c = 0 through two of the (N, 2) points on which most weight lies."""
+    """Returns (3,) the line a x + b z + c = 0 through two of the (N, 2) points with the heaviest inliers."""
     best, found = 0.0, np.zeros(3)
     x, z = points[:, 0].copy(), points[:, 1].copy()
     for trial in range(len(pairs)):
@@ -123,7 +130,7 @@ def _best_line(points, thickness, weight, pairs):
         c = -(a * p[0] + b * p[1])
         on = 0.0
         for i in range(len(x)):
-            # Without a branch, so that many points are counted at once.
+            # Without a branch, so that the compiler can vectorise the loop.
             on += weight[i] if abs(a * x[i] + b * z[i] + c) < thickness[i] else 0.0
         if on > best:
             best = on

@@ -1,4 +1,4 @@
-"""The area of the floor where performers are, and the lock that admits no new performers."""
+"""The zone: the area of the floor for performers, and the lock that admits no new performers."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from enliven.arrays import Float
 
 
 class Zone:
-    """A polygon on the floor; without corners the zone is the whole floor."""
+    """A polygon on the floor. Without corners the zone is the whole floor."""
 
     def __init__(self, corners: tuple[tuple[float, float], ...] = ()) -> None:
         self.corners = corners
 
     def holds(self, place: Float, margin: float = 0.0) -> bool:
-        """Whether (3,) ``place`` is above the area, or at most ``margin`` metres outside it."""
+        """Returns True if (3,) ``place`` is above the area, or at most ``margin`` metres outside it."""
         if len(self.corners) < 3:
             return True
         x, z = float(place[0]), float(place[2])
         return self._inside(x, z) or (margin > 0 and self._distance(x, z) <= margin)
 
     def _inside(self, x: float, z: float) -> bool:
-        """Even-odd rule: how often a ray to +x crosses the border."""
+        """Returns True if the point is inside by the even-odd rule: crossings of a ray to +x."""
         inside = False
         for (ax, az), (bx, bz) in self._edges():
             if (az > z) != (bz > z) and x < ax + (z - az) / (bz - az) * (bx - ax):
@@ -29,7 +29,7 @@ class Zone:
         return inside
 
     def _distance(self, x: float, z: float) -> float:
-        """Metres to the border."""
+        """Returns the distance to the border in metres."""
         nearest = float("inf")
         for (ax, az), (bx, bz) in self._edges():
             dx, dz = bx - ax, bz - az
@@ -43,14 +43,14 @@ class Zone:
 
 
 class ZoneLock:
-    """The people who may be performers: all, or only the ``ids`` that were there when it was locked."""
+    """The people that may be performers: all, or only the ``ids`` that were present when it was locked."""
 
     def __init__(self) -> None:
         self.ids: frozenset[int] | None = None
 
     @property
     def closed(self) -> bool:
-        """Whether new people are bystanders."""
+        """Returns True if new people are bystanders."""
         return self.ids is not None
 
     def open(self) -> None:
@@ -58,5 +58,5 @@ class ZoneLock:
         self.ids = None
 
     def admits(self, identity: int) -> bool:
-        """Whether this person is a performer."""
+        """Returns True if this person is a performer."""
         return self.ids is None or identity in self.ids

@@ -1,4 +1,4 @@
-"""Segmentation: which pixels belong to which person, and which groups of pixels may be a new one."""
+"""Segmentation: assigns pixels to people, and finds blobs of pixels that may be a new person."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""One candidate: a group of pixels that may be a new person, watched until it has proven it."""
+"""One candidate: a blob of pixels that may be a new person, observed until it is proven."""
 
 from __future__ import annotations
 
@@ -13,53 +13,58 @@ from enliven_edge.tracking.segment.person_shape import BlobShape, shape_of
 from enliven_edge.tracking.segment.segmentation import LooseGroup
 
 YOUNG = 1.0
-"""Seconds of a room's age up to which no person can prove to have come in: all of it is new."""
+"""Age of the background model in seconds up to which nothing counts as having entered the scene, because all
+of the background is new."""
 _TALL = 1.05
-"""Metres above the floor from which a crown is high enough for a person who walks in: a small child's."""
+"""Minimum crown height above the floor in metres of a person that walks in: a small child."""
 _FRAMES = 3
-"""Frames for which a candidate must be seen with a steady crown to be proven: one may be noise."""
+"""Minimum number of frames with a steady crown for a candidate to be proven. A single frame may be noise."""
 _LONG = 10
-"""Frames after which a shape that is human, but not upright, is proven too."""
+"""Number of frames after which a human but not upright shape is proven too."""
 _STEADY = 0.15
-"""Metres by which the crown may vary in the meantime: groups that merge or part vary by more."""
+"""Maximum variation of the crown height in metres over those frames. It varies by more if blobs merge or
+split."""
 _LARGE = 0.33
-"""Square metres seen from which a candidate with a low crown may be a person who is bent or kneels."""
+"""Minimum visible area in square metres of a candidate with a low crown to be a bent or kneeling person."""
 _LEAST = 0.14
-"""Square metres that must be seen of a person to be believed: smaller groups are mostly things."""
+"""Minimum visible area of a person in square metres. Smaller blobs are mostly objects."""
 _STOUT = 0.1
-"""Square metres seen at the least of a person a metre tall, from the side; they grow as its square."""
+"""Minimum visible area in square metres of a person of one metre, seen from the side. It grows with the
+squared height."""
 _BULKY = 0.5
-"""Square metres seen at the most of a person a metre tall; they grow with the height squared."""
+"""Maximum visible area in square metres of a person of one metre. It grows with the squared height."""
 STANDS = 1.3
-"""Metres above the floor from which a crown is that of a standing person: most seated people's are lower."""
+"""Minimum crown height above the floor in metres of a standing person. Most seated people are lower."""
 _CHECK_NS = 250_000_000
-"""Nanoseconds between two looks at a thing that does not change: measuring a shape and asking the network are
-the dear parts."""
+"""Nanoseconds between two checks of an unchanged object. Measuring the shape and evaluating the network are
+the expensive steps."""
 _BEHIND = 0.25
-"""Share of the outline behind something nearer from which a person is still coming out from there."""
+"""Minimum occluded fraction of the outline of a person that is still coming out from behind a nearer
+object."""
 _PATIENCE_NS = 800_000_000
-"""Nanoseconds for which such a candidate is waited for: time to come out, and to be known again."""
+"""Maximum waiting time for such a candidate in nanoseconds: enough to come out and to be re-identified."""
 _BACK_OFF_NS = 150_000_000
-"""Nanoseconds to the next try after a first try that found no body; each later wait is twice as long."""
+"""Nanoseconds before the second try if the first found no body. Each later wait is twice as long."""
 _CAME_OFF = 0.7
-"""Share of the area that was searched in vain below which what is left is another group, searched at once."""
+"""If a blob shrinks below this fraction of the area of its last failed search, it is searched again at
+once."""
 _LONGEST_NS = 2_000_000_000
-"""Nanoseconds between two tries at most: a real person must not wait for longer."""
+"""Maximum wait between two tries in nanoseconds. A real person must not wait longer."""
 
 
 class Candidate:
-    """A group of pixels of a person's size.
+    """A blob of pixels of a person's size.
 
     Attributes:
-        pixels: (h, w).
+        pixels: (h, w) its mask.
         centre: (3,) metres, world frame.
-        shape: what it looks like.
-        area: square metres that are seen.
-        crowns: metres above the floor of its top, frame by frame.
-        bystander: whether it is out of the zone, or locked out.
-        awaited: whether a person was lost about here; the candidate may then be in any posture.
-        recognised: whether the network takes it for a person.
-        parts: [(h, w)] itself and the parts that it was separated from; [] where it was whole.
+        shape: its size and shape.
+        area: visible area in square metres.
+        crowns: height of its top above the floor in metres, frame by frame.
+        bystander: whether it is outside the zone, or locked out.
+        awaited: whether a person was lost near here; the candidate may then be in any posture.
+        recognised: whether the network classifies it as a person.
+        parts: [(h, w)] itself and the other parts of its split group; [] if the group was not split.
     """
 
     def __init__(self, centre: Float, time_ns: int) -> None:
@@ -87,7 +92,11 @@ class Candidate:
         shares: tuple[float, float],
         time_ns: int,
     ) -> None:
-        """Takes the group in a new frame, and its shares before the known room and before any room."""
+        """Takes over the blob in a new frame.
+
+        ``shares`` are the fractions of its pixels in front of the known background, and in front of the known
+        or filled-in background.
+        """
         self.area, (self.before, self.plain) = area, shares
         self.pixels, self.centre, self.shape = pixels, centre, shape
         self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
@@ -101,7 +110,7 @@ class Candidate:
 
     @property
     def proven(self) -> bool:
-        """Whether it came into a known room with a person's shape, or may be the person lost here."""
+        """Returns True if it entered a known scene with a person's shape, or may be the person lost here."""
         steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
         if not steady or self.refused:
             return False
@@ -114,14 +123,17 @@ class Candidate:
 
     @property
     def unions(self) -> list[Bool]:
-        """[(h, w)] unions of it with the parts that it was separated from, the largest first.
+        """Returns [(h, w)] unions of it with the other parts of its split group, the largest first.
 
-        Seen from above, raised arms look like people of their own.
+        Seen from above, raised arms look like separate people.
         """
         return _unions(self.pixels, self.parts)
 
     def unchanged(self, group: LooseGroup, time_ns: int) -> bool:
-        """Whether a group is this candidate, unconvincing and unmoved: a thing that stands there."""
+        """Returns True if the blob is this candidate and looks like a static object.
+
+        It has not moved, and is neither proven nor convincing.
+        """
         if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
             return False
         if self.proven or self.convincing or self.seen_ns == time_ns:
@@ -131,7 +143,7 @@ class Candidate:
 
     @property
     def convincing(self) -> bool:
-        """Whether it looks so much like a standing person that it need not be seen to come in."""
+        """Returns True if it looks enough like a standing person to need no observed entry into the scene."""
         stout = self.area > _STOUT * self.shape.crown**2
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
@@ -141,14 +153,20 @@ class Candidate:
 
     @property
     def _knowable(self) -> bool:
-        """Whether it convinces once the network takes it for a person: a panel never does."""
+        """Returns True if it would be convincing if the network classified it as a person.
+
+        A panel never would.
+        """
         return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
     def needs_recognition(self, time_ns: int) -> bool:
-        """Whether the network is to be asked: the shape alone does not convince, the last answer is old."""
+        """Returns True if the network should be evaluated.
+
+        This is so if the shape alone is not convincing, and the last answer is old.
+        """
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
             return False
-        if not self._knowable:  # no answer would change anything
+        if not self._knowable:  # the answer would not matter
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
             return False
@@ -157,55 +175,65 @@ class Candidate:
 
     @property
     def tall(self) -> bool:
-        """Whether it is as tall as a standing person, or runs out of the image below."""
+        """Returns True if it is as tall as a standing person, or extends beyond the lower image border."""
         return self.shape.crown > STANDS or self.shape.cut
 
     @property
     def _stands(self) -> bool:
-        """Whether it is as tall as a standing person, and enough of it is seen."""
+        """Returns True if it is as tall as a standing person, and enough of it is visible."""
         return self.shape.crown > STANDS and self.area > _LEAST
 
     @property
     def imaginable(self) -> bool:
-        """Whether it may be a person in any posture, such as bent or kneeling, where no other person is."""
+        """Returns True if it may be a person in any posture, such as bent or kneeling.
+
+        This is used if no other person is tracked.
+        """
         large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
         return self.shape.human and large and not self.refused
 
     def due(self, time_ns: int, room_age: float, *, alone: bool, missing: bool) -> bool:
-        """Whether a body should be looked for in it now.
+        """Returns True if a body should be searched in it now.
 
         Args:
-            room_age: seconds since the room is learnt; no person can prove to have come into a new one.
-            alone: whether no other person is followed; any possible person is then better than none.
-            missing: whether a person is hidden or away, who may be this one.
+            time_ns: the frame's time.
+            room_age: age of the background model in seconds. In a new model nothing counts as having entered.
+            alone: whether no other person is tracked; any possible person is then better than none.
+            missing: whether a person is hidden or away that this candidate may be.
         """
         there = self.convincing or (self.imaginable and (alone or self.awaited or self._stands))
         late = self.convincing and self._stands and self.plain > 0.5
         if not (self.proven or late or (room_age < YOUNG and there)):
             return False
-        # A person who comes out from behind something is waited for until recognition is possible.
+        # Wait for a person that comes out from behind an object until re-identification is possible.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
             return False
         return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
     @property
     def _otherwise(self) -> bool:
-        """Whether it is another group than what was searched in vain: furniture came off it."""
+        """Returns True if the blob has shrunk enough since the last failed search to search again.
+
+        Furniture was removed from it.
+        """
         return self.convincing and self.area < _CAME_OFF * self._vain_area
 
     def settle(self, tried: Candidate) -> None:
-        """Takes over from a copy that was tried when the next try is, and what was tried in vain."""
+        """Takes over the time of the next try, and the area of the failed search, from a tried copy."""
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
         self._vain_area = tried._vain_area
 
     def failed(self, time_ns: int) -> None:
-        """Puts off the next try, each time for longer, because no body was found."""
+        """Postpones the next try because no body was found, each time for longer."""
         self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
         self._vain_area = self.area
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
-    """All parts together, and ``part`` with each other one, the largest first; [] where it is alone."""
+    """Returns all parts together, and ``part`` with each other part, the largest first.
+
+    The list is empty if there are no other parts.
+    """
     others = [other for other in parts if other is not part]
     if not others or len(others) == len(parts):
         return []
@@ -214,11 +242,16 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
 
 
 def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
-    """Returns of (h, w) pixels: their (3,) mean in metres, square metres towards the sensor, and two shares.
+    """Returns the (3,) mean in metres of (h, w) pixels, their area in square metres, and two fractions.
 
-    The shares are of the pixels before the known room, and before the known or filled-in room.
+    The area is that towards the sensor.
+
+    The fractions are those of pixels in front of the known background, and in front of the known or filled-in
+    background.
 
     Args:
+        view: the frame.
+        pixels: (h, w) the mask.
         kind: (h, w) from :meth:`RoomModel.classify`.
     """
     centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
@@ -228,7 +261,7 @@ def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, 
 
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):
-    """See :func:`measured`; returns the sum of z squared in place of the area."""
+    """See :func:`measured`. It returns the sum of z squared instead of the area."""
     points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
     x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)
     for i in pixels:

@@ -1,4 +1,4 @@
-"""Candidates: groups of pixels that may be a new person, watched until they have proven it."""
+"""Candidates: blobs of pixels that may be a new person, observed until they are proven."""
 
 from __future__ import annotations
 
@@ -15,48 +15,49 @@ from enliven_edge.tracking.segment.pieces import Part, all_of, beside_walls, par
 from enliven_edge.tracking.segment.segmentation import Segments
 
 _SAME = 0.45
-"""Metres that a candidate's centre moves from frame to frame at most: about the width of a person."""
+"""Maximum movement of a candidate's centre between frames in metres: about the width of a person."""
 _FORGET_NS = 400_000_000
-"""Nanoseconds after which an unseen candidate is forgotten: it keeps its proof over a few bad frames."""
+"""Nanoseconds after which an unseen candidate is forgotten. It survives a few bad frames."""
 _MOST = 8
-"""Loose groups that are measured in a frame, the largest first: this bounds the cost of a frame."""
+"""Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
 _MOST_AT_FIRST = 16
-"""The same in a young room, in which much of the room itself is a loose group."""
+"""The same limit while the background model is young. Much of the background is then itself a loose group."""
 _REFUSED = 0.4
-"""Metres in plan around a thing taken for a person within which no candidate is believed: about its size."""
+"""Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
+about its size."""
 _REFUSED_NS = 20_000_000_000
-"""Nanoseconds for which that holds: longer than the room takes to absorb the thing."""
+"""Nanoseconds for which that holds: longer than the background model takes to absorb the object."""
 _USUAL = 0.5
-"""Square metres that are seen of a person, about."""
+"""Approximate visible area of a person in square metres."""
 _PARTED_AREA = 0.45
-"""Square metres seen of the smallest group that is parted: less is one person."""
+"""Minimum visible area in square metres of a group that is split. A smaller one is one person."""
 _FEWEST = 30
-"""Pixels of the smallest part that is measured: fewer have no shape."""
+"""Minimum number of pixels of a measured part. Fewer have no shape."""
 
 
 class Candidates:
-    """All candidates, and the places of things that were taken for people."""
+    """All candidates, and the places of objects that were taken for people."""
 
     def __init__(self) -> None:
         self._known: list[Candidate] = []
         self._refused: list[tuple[Float, int]] = []
 
     def clear(self) -> None:
-        """Forgets all candidates and all things."""
+        """Forgets all candidates and all such objects."""
         self._known.clear()
         self._refused.clear()
 
     def refuse(self, place: Float, time_ns: int) -> None:
-        """Believes no candidate at a (3,) place for a while: a thing there was taken for a person."""
+        """Rejects all candidates at a (3,) place for a while: an object there was taken for a person."""
         self._refused.append((place.copy(), time_ns))
 
     def drop(self, candidate: Candidate) -> None:
-        """Removes a candidate that is now a followed person."""
+        """Removes a candidate that is now a tracked person."""
         self._known = [other for other in self._known if other is not candidate]
 
     @property
     def bystanders(self) -> int:
-        """The number of candidates that have proven to be people, but may not perform."""
+        """Returns the number of candidates that are proven to be people but may not perform."""
         return sum(1 for n in self._known if n.bystander and n.proven)
 
     def update(
@@ -69,7 +70,16 @@ class Candidates:
         *,
         young: bool,
     ) -> list[Candidate]:
-        """The candidates in this frame, the likeliest first; ``young``: the room is new."""
+        """Returns the candidates in this frame, the most person-like first.
+
+        Args:
+            view: the frame.
+            kind: (h, w) from :meth:`RoomModel.classify`.
+            segments: the segmentation of the frame.
+            admits: whether a person at a (3,) place may perform.
+            awaits: whether a person was lost near a (3,) place.
+            young: whether the background model is new.
+        """
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
         groups = groups[: _MOST_AT_FIRST if young else _MOST]
         present = []
@@ -80,7 +90,7 @@ class Candidates:
                 present.append(same)
                 continue
             mask, shape = all_of(segments, group, view)
-            if not mask.any():  # a person has taken all of it back
+            if not mask.any():  # all of it belongs to a person again
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             parts: list[Part] = [(part, None) for part in bare]
@@ -104,10 +114,14 @@ class Candidates:
     def _one(
         self, view: FrameView, kind: UInt8, part: Bool, walls: Bool | None, shape: BlobShape | None
     ) -> Candidate | None:
-        """The candidate that a group of pixels is, known or new; None where it has not a person's size.
+        """Returns the existing or new candidate for a blob of pixels, or None if its size is not a person's.
 
         Args:
-            shape: of the group, where that was measured before; its area is replaced.
+            view: the frame.
+            kind: (h, w) from :meth:`RoomModel.classify`.
+            part: (h, w) the blob.
+            walls: (h, w) the pixels of walls behind it, or None.
+            shape: shape of the group if it was measured before; its area is replaced.
         """
         if np.count_nonzero(part) < _FEWEST:
             return None
@@ -115,7 +129,7 @@ class Candidates:
         if not SMALLEST_AREA < area < LARGEST_AREA:
             return None
         shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
-        # Any outline is free in front of walls that were taken away: so the candidate needs a head as well.
+        # In front of removed walls any outline is free. So the candidate also needs a head.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
         known = [n for n in self._known if n.seen_ns != view.time_ns]
@@ -128,11 +142,11 @@ class Candidates:
         return near
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
-        """Whether a thing at the place was taken for a person not long ago."""
+        """Returns True if an object at the place was recently taken for a person."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
         return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
 
 
 def _mostly(part: Bool, other: Bool) -> bool:
-    """Whether more than half of a part's pixels belong to the other, too."""
+    """Returns True if more than half of a part's pixels also belong to the other."""
     return bool(np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part))

@@ -1,8 +1,8 @@
-"""Furniture that touches people: it lies beside their bodies, before nothing of them, and never moves.
+"""Detects furniture that touches people: it lies next to their bodies, not in front of them, and never moves.
 
-Where people stand from the first frame on, no room is known around them, and a table at a hip is taken for
-an arm as soon as the real one is folded. A limb that is fitted badly lies beside the model too, but mostly
-before the trunk or a leg.
+If people are present from the first frame on, the background around them is unknown. A table at a hip is then
+taken for an arm as soon as the real arm is folded. A badly fitted limb is also next to the model, but mostly
+in front of the trunk or a leg.
 """
 
 from __future__ import annotations
@@ -17,29 +17,33 @@ from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.segment.segmentation import lying_on
 
 BESIDE = 0.12
-"""Metres from a person's surface beyond which a pixel is something else: clothes stay within."""
+"""Distance in metres from a person's surface beyond which a pixel belongs to another object. Clothes stay
+within."""
 _NEARER = -0.3
-"""Metres from a pixel along its ray from which a body is looked for: before it, as far as a limb reaches."""
+"""Start in metres, relative to the pixel and along its ray, of the interval in which a body is searched: in
+front of the pixel, as far as a limb reaches."""
 _FARTHER = 0.6
-"""Metres behind a pixel along its ray up to which it is looked for: a limb is held as far before a body."""
+"""End of that interval in metres behind the pixel. A limb can be held that far in front of the body."""
 _CLOSE = 0.06
-"""Metres by which a ray may miss a body: an arm beside the hip is as near."""
+"""Maximum distance in metres at which a ray counts as hitting a body. An arm next to the hip is as near."""
 _BODY = np.flatnonzero(
     ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
 )
-"""The capsules of trunk, head and legs: an arm may be the one that is taken for furniture."""
+"""The capsules of trunk, head and legs. Arms are excluded, because an arm may be the limb that was fitted to
+furniture."""
 
 
 def furniture_beside(
     view: FrameView, still: Bool, owner: Int16, people: Sequence[Posture], floor: float
 ) -> Bool:
-    """Returns the (h, w) pixels that are furniture, of those that never moved.
+    """Returns the (h, w) pixels of furniture among those that never moved.
 
     Args:
+        view: the frame.
         still: (h, w) the pixels that never moved.
         owner: (h, w) the person of each pixel, or -1.
-        people: at least one.
-        floor: metres above the floor from which a pixel is none of it.
+        people: the postures of the people; at least one.
+        floor: metres above the floor up to which a pixel belongs to the floor.
     """
     made = still & (view.z > 0.0) & (view.points[..., 1] > floor)
     theirs = made & (owner >= 0)
@@ -51,7 +55,7 @@ def furniture_beside(
 
 
 def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
-    """Returns which of (N, 3) points lie before or behind a trunk, a head or a leg, seen from the sensor."""
+    """Returns which of (N, 3) points lie in front of or behind a trunk, head or leg, seen from the sensor."""
     met = np.zeros(len(points), bool)
     for posture in people:
         ends, radii = (each[_BODY] for each in posture.capsules())

@@ -1,4 +1,4 @@
-"""Whether a group of pixels may be a person, by size and shape alone."""
+"""Decides by size and shape alone whether a blob of pixels may be a person."""
 
 from __future__ import annotations
 
@@ -20,75 +20,80 @@ from enliven_edge.tracking.segment.shape_kernels import (
 )
 
 SMALLEST_AREA = 0.06
-"""Square metres seen of a person at the least: a head and a shoulder; smaller groups are noise or things."""
+"""Minimum visible area of a person in square metres: a head and a shoulder. Smaller blobs are noise or
+objects."""
 LARGEST_AREA = 1.6
-"""Square metres seen of a person at the most: three times the usual."""
+"""Maximum visible area of a person in square metres: three times the usual."""
 _SHORTEST = 0.3
-"""Metres that a person is tall at the least, lying down."""
+"""Minimum vertical extent of a person in metres, lying down."""
 _WIDEST = 2.4
-"""Metres that a person is wide at the most, arms spread or lying."""
+"""Maximum width of a person in metres, with arms spread or lying."""
 _DEEPEST = 1.6
-"""Metres that a person is deep at the most, arms or legs held forward."""
+"""Maximum depth extent of a person in metres, with arms or legs held forward."""
 _TALLEST = 2.6
-"""Metres above the floor of the highest crown: a tall person's raised hands."""
+"""Maximum crown height above the floor in metres: a tall person's raised hands."""
 _MUCH = 0.7
-"""Square metres beyond which more of a group makes it no more like a person."""
+"""Area in square metres beyond which a larger area does not increase the likeness to a person."""
 _HIGH = 1.8
-"""Metres of height beyond which more makes it no more like a person."""
+"""Height in metres beyond which more height does not increase the likeness to a person."""
 _FLAT = 0.022
-"""Metres of standard deviation from its best plane below which a group is flat: a trunk is rounder."""
+"""Standard deviation from the best plane, in metres, below which a blob is flat. A trunk is rounder."""
 _BROAD = 0.35
-"""Metres across from which a flat group is a panel: a limb is flat too, but narrow."""
+"""Minimum width in metres of a flat blob that is a panel. A limb is flat too, but narrow."""
 _HEAD = 0.14
-"""Metres below the crown in which nothing but a head is: above the chin."""
+"""Depth in metres below the crown of the band that contains only the head: above the chin."""
 _BANDS = np.array([(-1.0, _HEAD), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
-"""(4, 2) metres below the crown: the band of the head, and three in which the shoulders may be."""
+"""(4, 2) metres below the crown: the band of the head, and three bands that may contain the shoulders."""
 _HEADLIKE = 0.75
-"""Width of a head over that of the shoulders at the most: a panel's is about 1."""
+"""Maximum ratio of the head's width to that of the shoulders. A panel's is about 1."""
 _HEAD_WIDTH = (0.09, 0.45)
-"""Metres, the least and the greatest width at a head's height: half hidden, and with hair or a hat."""
+"""Minimum and maximum width in metres at a head's height: half hidden, and with hair or a hat."""
 _SOLID = 0.43
-"""Share of its upright box that an upright person fills at the least: chairs and plants fill less."""
+"""Minimum fraction of its upright bounding box that an upright person fills. Chairs and plants fill less."""
 _SPARSE = 0.8
-"""Share of its upright box below which a group has limbs that part."""
+"""Fraction of the upright bounding box below which a blob has spread limbs."""
 _BOARD = 0.85
-"""Share of its upright box from which a flat group is a panel in spite of a narrow top."""
+"""Fraction of the upright bounding box above which a flat blob is a panel in spite of a narrow top."""
 _ROUND = 0.035
-"""Metres of standard deviation from its best plane from which a group with limbs is round as a body is."""
+"""Minimum standard deviation in metres from its best plane of a blob with limbs that is as round as a
+body."""
 _FREE = 0.6
-"""Share of its outline that is free at the least: a person stands before something, a wall does not."""
+"""Minimum free fraction of the outline. A person stands in front of other surfaces, a wall does not."""
 _HIDDEN = 0.2
-"""Share of the outline behind something nearer up to which a crown counts as seen."""
+"""Maximum occluded fraction of the outline at which the crown counts as visible."""
 _MOSTLY_HIDDEN = 0.6
-"""Share of the outline behind something nearer from which the rest does not tell what stands free."""
+"""Occluded fraction of the outline above which the rest does not show whether the blob stands free."""
 _BORDER = 0.03
-"""Share of the outline at the image's border up to which a crown counts as seen."""
+"""Maximum fraction of the outline at the image border at which the crown counts as visible."""
 _CUT = 0.08
-"""Share of the outline at the image's border from which a group is cut by it."""
+"""Minimum fraction of the outline at the image border for a blob that is cut off by it."""
 _SAMPLES = 1500
-"""Points of a group on which its shape is measured, about: the cost grows with them."""
+"""Approximate number of points with which a blob's shape is measured. The cost grows with them."""
 _WALL_BEHIND = 1.0
-"""Metres by which the pixels of a wall behind a group are put back: any group then stands free before it."""
+"""Distance in metres added to the depth of a wall behind a blob, so that any blob stands free in front of
+it."""
 
 
 @dataclass(frozen=True)
 class BlobShape:
-    """The size and the shape of a group of pixels.
+    """The size and shape of a blob of pixels.
 
     Attributes:
-        area: square metres that are seen, towards the sensor.
-        size: metres of its height, at most a person's; 0 where its extents are not a person's.
-        crown: metres of its top above the floor.
-        thickness: metres, the standard deviation from its best plane.
-        wide: metres across, the larger of its two horizontal extents.
-        head: the filled width at the head's height over that at the shoulders'; about 1 for a panel.
-        head_width: metres of the filled width at the head's height.
-        fill: the share of its upright box that it fills.
-        free: the share of its outline, sideways and above, beyond which the sensor sees farther: a person
-            stands before something, a piece of a wall ends at the next thing or at the image's border.
-        behind: the share of its outline at which something nearer begins, that may hide more of it.
-        border: the share of its outline that is the image's border.
-        cut: whether it runs out of the image below.
+        area: visible area in square metres, towards the sensor.
+        size: height in metres, limited to a person's; 0 if its extents are not a person's.
+        crown: height of its top above the floor in metres.
+        thickness: standard deviation from its best plane in metres.
+        wide: the larger of its two horizontal extents in metres.
+        head: ratio of the filled width at the head's height to that at the shoulders' height; about 1 for a
+            panel.
+        head_width: filled width at the head's height in metres.
+        fill: filled fraction of its upright bounding box.
+        free: fraction of its outline, at the sides and the top, beyond which the sensor sees farther. A
+            person stands in front of other surfaces. A piece of a wall ends at the next object or at the
+            image border.
+        behind: fraction of its outline that borders on a nearer object, which may hide more of the blob.
+        border: fraction of its outline that is the image border.
+        cut: whether it extends beyond the lower image border.
     """
 
     area: float
@@ -106,49 +111,61 @@ class BlobShape:
 
     @property
     def likeness(self) -> float:
-        """How much it is like a person by its size alone, square metres times metres; 0 where it is none."""
+        """Returns the likeness to a person by size alone, area times height in cubic metres.
+
+        It is 0 if the blob is not a person.
+        """
         return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
-        """Whether it may be a person in any posture: of a person's size, no panel, and free on its sides."""
+        """Returns True if it may be a person in any posture.
+
+        It has a person's size, is not a panel, and is free at its sides.
+        """
         flat = self.thickness < _FLAT and self.wide > _BROAD
         panel = flat and not (self._headed and self.fill < _BOARD)
         return self.likeness > 0 and not panel and self.crown < _TALLEST and self._free > _FREE
 
     @property
     def upright(self) -> bool:
-        """Whether it is shaped as a standing or sitting person: a head above shoulders."""
+        """Returns True if it has the shape of a standing or sitting person: a head above shoulders."""
         return self.possible and self._headed and self.fill > _SOLID
 
     @property
     def _free(self) -> float:
-        """The free share of the outline that nothing hides: in a crowd others may hide much of a person."""
+        """Returns the free fraction of the unoccluded outline.
+
+        In a crowd others may hide much of a person.
+        """
         return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _MOSTLY_HIDDEN else 0.0
 
     @property
     def _headed(self) -> bool:
-        """Whether its top is as wide as a head, and wider below."""
+        """Returns True if its top is as wide as a head, and it is wider below."""
         low, high = _HEAD_WIDTH
         return self.head < _HEADLIKE and low < self.head_width < high
 
     @property
     def human(self) -> bool:
-        """Whether it has the shape of most people: upright, cut by the image, or with limbs that part."""
+        """Returns True for the shape of most people: upright, cut off by the image, or with spread limbs."""
         limbs = self.fill < _SPARSE and self.thickness > _ROUND
         return self.upright or (self.possible and (self.cut or limbs or self.border > _CUT))
 
     @property
     def whole(self) -> bool:
-        """Whether all of its upper end is seen, so that the crown is the person's."""
+        """Returns True if its whole upper end is visible, so that the crown is the person's."""
         return self.behind < _HIDDEN and self.border < _BORDER
 
 
 def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
-    """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
+    """Returns the shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:
-        walls: (h, w) pixels of a wall behind the mask, however near it is.
+        view: the frame.
+        mask: (h, w) the blob.
+        area: visible area in square metres.
+        walls: (h, w) pixels of a wall that counts as far behind the mask, however near it is.
     """
     z = view.z if walls is None else view.z + _WALL_BEHIND * walls
     pixels = pixels_of(mask)
@@ -164,15 +181,15 @@ def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None
 
 @njit(cache=True, nogil=True)
 def _spread(ordered, low, high):
-    """How far apart two quantiles of (N,) rising values are."""
+    """Returns the distance between two quantiles of (N,) ascending values."""
     return quantile(ordered, high) - quantile(ordered, low)
 
 
 @njit(cache=True, nogil=True)
 def _flattened(points):
-    """Returns of (3, M) points: metres, the standard deviation from their best plane; (M,) metres along them.
+    """Returns the standard deviation of (3, M) points from their best plane, and (M,) coordinates, in metres.
 
-    The second is measured from the points' mean along their longest horizontal direction.
+    The coordinates are measured from the points' mean along their longest horizontal direction.
     """
     count, middle = points.shape[1], (points[0].mean(), points[1].mean(), points[2].mean())
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -190,7 +207,7 @@ def _flattened(points):
 
 @njit(cache=True, nogil=True)
 def _longest(xx, zz, xz):
-    """The eigenvector (x, z) of the larger eigenvalue of a symmetric matrix, as LAPACK directs it."""
+    """Returns the eigenvector (x, z) of the larger eigenvalue of a symmetric matrix, with LAPACK's sign."""
     apart = xx - zz
     root = np.sqrt(apart * apart + 4.0 * xz * xz)
     x, z = (-apart - root, -2.0 * xz) if apart >= 0.0 else (2.0 * xz, root - apart)
@@ -200,12 +217,15 @@ def _longest(xx, zz, xz):
 
 @njit(cache=True, nogil=True)
 def _built(points, along, ordered, ordered_along, bands):
-    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`BlobShape`.
+    """Returns width, height and depth of (3, M) points in metres, and crown, head, head_width and fill.
+
+    The last four are defined in :class:`BlobShape`.
 
     Args:
-        along: (M,) metres along the longest horizontal direction.
-        ordered, ordered_along: both with each row's values rising.
-        bands: (4, 2) as of ``widths_at``: the head's, and three in which the shoulders may be.
+        points: (3, M) metres, world frame.
+        along: (M,) coordinates in metres along the longest horizontal direction.
+        ordered, ordered_along: both with each row's values ascending.
+        bands: (4, 2) in the form of ``widths_at``: the head's, and three that may contain the shoulders.
     """
     wide, tall = _spread(ordered[0], 0.03, 0.97), _spread(ordered[1], 0.03, 0.97)
     deep = _spread(ordered[2], 0.03, 0.97)
@@ -218,7 +238,10 @@ def _built(points, along, ordered, ordered_along, bands):
 
 @njit(cache=True, nogil=True)
 def samples(points, pixels, most):
-    """(3, M) every k-th of the (h, w, 3) points at (N,) places, in reading order; M < 2 ``most``."""
+    """Returns (3, M) every k-th of the (h, w, 3) points at (N,) flat indices, in reading order.
+
+    M is less than 2 ``most``.
+    """
     step = max(1, len(pixels) // most)
     out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)
     for i in range(out.shape[1]):

@@ -1,4 +1,4 @@
-"""Parts of groups of pixels: people side by side, those beside and before walls, fragments of one person."""
+"""Splits and merges blobs: people next to each other, people at walls, and fragments of one person."""
 
 from __future__ import annotations
 
@@ -14,40 +14,43 @@ from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, BlobShape, 
 from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
 
 _SAMPLES = 3000
-"""Points in which the people are looked for, about: the cost grows with them."""
+"""Approximate number of points in which people are searched. The cost grows with them."""
 _CELL = 0.06
-"""Metres of a cell of the height map from above: a head covers several."""
+"""Cell size in metres of the height map seen from above. A head covers several cells."""
 _APART = 0.42
-"""Metres in plan between two people's axes at the least: the width of a person."""
+"""Minimum horizontal distance in metres between two people's axes: the width of a person."""
 _RADIUS = 0.24
-"""Metres in plan about an axis within which points belong to the person's column: half a person's width."""
+"""Horizontal radius in metres around an axis in which points belong to the person's column: half a person's
+width."""
 _STANDING = 0.7
-"""Metres above the floor of the lowest crown: lower ones stand on no legs."""
+"""Minimum crown height above the floor in metres. Lower crowns do not stand on legs."""
 _NECK = 0.3
-"""Metres in plan around a shoulder within which its head is."""
+"""Horizontal radius in metres around a shoulder that contains its head."""
 _HIGHER = 0.2
-"""Metres by which a head is higher than its shoulders at the least."""
+"""Minimum height in metres of a head above its shoulders."""
 _TOP = 0.15
-"""Metres below a peak within which the points are a head's."""
+"""Depth in metres below a peak within which points belong to a head."""
 _HEAD = 0.2
-"""Metres in plan around a peak within which the points are a head's."""
+"""Horizontal radius in metres around a peak within which points belong to a head."""
 _PEAKS = 200
-"""Cells that are looked at, the highest first: this bounds the cost of a group."""
+"""Maximum number of examined cells, the highest first. It bounds the cost of a group."""
 _LAYER = 0.1
-"""Metres of height of a layer of a column."""
+"""Height in metres of a layer of a column."""
 _KNEES = 0.35
-"""Share of the height where the knees are: legs below them may be hidden or apart."""
+"""Height of the knees as a fraction of body height. Legs below may be hidden or apart."""
 _MET = 0.8
-"""Share of the layers above the knees that must hold points where a person is: the rest may be hidden."""
+"""Minimum fraction of the layers above the knees that must contain points for a person. The rest may be
+hidden."""
 
 
 def parted(points: Float, mask: Bool) -> list[Bool]:
-    """[(h, w)] the mask, or its parts where several people stand in it side by side.
+    """Returns [(h, w)] the mask, or its parts if several people stand in it next to each other.
 
-    Seen from above, each person is a column that reaches from a head to the legs; a pixel is the nearest's.
+    Seen from above, each person is a column from a head to the legs. A pixel belongs to the nearest column.
 
     Args:
         points: (h, w, 3) world frame.
+        mask: (h, w) the blob.
     """
     columns = columns_of(samples(points, pixels_of(mask), _SAMPLES))
     if len(columns) < 2:
@@ -56,7 +59,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
 
 
 def columns_of(points: Float) -> Float:
-    """(N, 2) x and z of the people in (3, M) points: peaks of the height map over a filled column."""
+    """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above filled columns."""
     height, origin = _seen_from_above(points)
     order = np.argsort(-height, axis=None)[:_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
@@ -64,7 +67,10 @@ def columns_of(points: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _seen_from_above(points):
-    """(X, Z) metres, the highest of (3, M) points in each cell, at least 0; (2,) the first cell's corner."""
+    """Returns (X, Z) the height map of (3, M) points in metres, and (2,) the first cell's corner.
+
+    Heights are at least 0.
+    """
     left, back = points[0].min(), points[2].min()
     wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
     height = np.zeros((wide + 1, deep + 1))
@@ -76,12 +82,12 @@ def _seen_from_above(points):
 
 @njit(cache=True, nogil=True)
 def _columns(points, height, order, origin):
-    """(N, 2) see :func:`columns_of`.
+    """Computes (N, 2) for :func:`columns_of`.
 
     Args:
         points: (3, M) metres, world frame.
-        height: (X, Z) metres, the highest point of each cell, 0 where there is none.
-        order: (P,) the flat places of the highest cells, the highest first.
+        height: (X, Z) the highest point of each cell in metres, 0 in empty cells.
+        order: (P,) the flat indices of the highest cells, the highest first.
         origin: (2,) x and z of the first cell's corner.
     """
     kept, count = np.empty((len(order), 2)), 0
@@ -102,11 +108,11 @@ def _columns(points, height, order, origin):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _summit(points, x, z, top):
-    """x and z of the mean of the highest points around a place, such as a head."""
+    """Returns x and z of the mean of the highest points around a place, such as a head."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        # Without a branch, so that many points are looked at at once.
+        # Without a branch, so that the compiler can vectorise the loop.
         on = (points[1, i] > top - _TOP) & (dx * dx + dz * dz < _HEAD * _HEAD)
         right += points[0, i] if on else 0.0
         deep += points[2, i] if on else 0.0
@@ -116,7 +122,10 @@ def _summit(points, x, z, top):
 
 @njit(cache=True, nogil=True)
 def _filled(points, x, z, top):
-    """Whether a person is under a peak: it is no shoulder, and most layers from the knees up hold points."""
+    """Returns True if a person is below a peak.
+
+    The peak is not a shoulder, and most layers above the knees contain points.
+    """
     if _shoulder(points, x, z, top):
         return False
     first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
@@ -132,7 +141,7 @@ def _filled(points, x, z, top):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _shoulder(points, x, z, top):
-    """Whether something near a peak is so much higher that the peak is a shoulder."""
+    """Returns True if points near a peak are so much higher that the peak is a shoulder."""
     higher = 0
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
@@ -142,7 +151,7 @@ def _shoulder(points, x, z, top):
 
 @njit(cache=True, nogil=True)
 def _nearest(points, mask, columns):
-    """(N, h, w) the masked points that are nearest in plan to each of (N, 2) columns."""
+    """Returns (N, h, w) the masked pixels that are horizontally nearest to each of (N, 2) columns."""
     points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
     for i in pixels_of(mask):
         least, nearest = np.inf, 0
@@ -155,21 +164,23 @@ def _nearest(points, mask, columns):
 
 
 _TOUCHING = 3
-"""Pixels within which a fragment touches a group."""
+"""Maximum distance in pixels at which a fragment touches a group."""
 _GAP = 0.6
-"""Metres in depth between a fragment and what it touches at most: a raised forearm begins no farther off."""
+"""Maximum depth difference in metres between a fragment and the touched group. A raised forearm begins no
+farther away."""
 _ARM = 0.8
-"""Metres from the place of touch to nine tenths of a fragment at most: the length of an arm."""
+"""Maximum distance in metres from the place of contact that contains nine tenths of a fragment: the length of
+an arm."""
 _TIGHTNESS = 0.35
-"""Factor on the step in depth within which pixels join, when a person is parted from a wall beside."""
+"""Factor on the maximum depth step within a group, used to separate a person from a wall next to it."""
 _PIECES = 6
-"""Pieces of a group that are looked at, the largest first: this bounds the cost of a frame."""
+"""Maximum number of examined pieces of a group, the largest first. It bounds the cost of a frame."""
 Part = tuple[Bool, Bool | None]
-"""(h, w) some pixels of a group, and (h, w) those of the walls behind them; None without walls."""
+"""(h, w) some pixels of a group, and (h, w) those of the walls behind them. None without walls."""
 
 
 def beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
-    """Parts of a group that may be people before a wall in it or beside one."""
+    """Returns parts of a group that may be people in front of a wall in the group, or next to one."""
     rest = without_walls(view, mask)
     walls = mask & ~rest
     before: list[Part] = [(part, walls) for part in _before_walls(view, kind, rest, walls)]
@@ -177,7 +188,7 @@ def beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
 
 
 def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
-    """What is left of a group without its walls: people who stand in front of them, for example."""
+    """Returns tall parts of a group without its walls, such as people in front of the walls."""
     if not walls.any():
         return []
     parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
@@ -185,12 +196,12 @@ def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list
 
 
 def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
-    """The parts of a group that are joined by smaller steps in depth: a person beside a wall, for example."""
+    """Returns the parts of a group within smaller depth steps, such as a person next to a wall."""
     return _pieces(view, kind, mask, _TIGHTNESS)
 
 
 def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
-    """The largest parts of a mask that are joined by steps in depth, scaled by ``tightness``."""
+    """Returns the largest connected parts of a mask. The maximum depth step is scaled by ``tightness``."""
     places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
     labels, count = groups_of(view.z, places, tightness)
     size = np.bincount(labels.ravel()[places], minlength=count + 1)
@@ -198,9 +209,9 @@ def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[
 
 
 def all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
-    """(h, w) the main group with the fragments that belong to it, unless it is more like a person without.
+    """Returns (h, w) the main group with its fragments, or without them if that looks more like a person.
 
-    Returns its shape too, where that was measured to decide.
+    It also returns the shape if it was measured for this decision.
     """
     bare = segments.group(main)
     mask = _with_fragments(segments, main, bare, view)
@@ -214,10 +225,13 @@ def all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool,
 
 
 def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: FrameView) -> Bool:
-    """(h, w) the main group and smaller ones that touch it within reach, such as a forearm held forward.
+    """Returns (h, w) the main group with smaller groups that touch it, such as a forearm held forward.
 
     Args:
-        bare: (h, w) the main group's pixels; returned where there are no others.
+        segments: the segmentation of the frame.
+        main: the main group.
+        bare: (h, w) the main group's pixels; returned itself if there are no others.
+        view: the frame.
     """
     mask = bare
     top, left, bottom, right = main.box
@@ -232,7 +246,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
         and other.box[3] >= left - _TOUCHING
     ]
     for other in near:
-        # What touches it is near its box: the rest of the image need not be searched.
+        # Only pixels near the fragment's box can touch it, so search only this window.
         top, left, bottom, right = other.box
         window = np.s_[
             max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING
@@ -246,10 +260,10 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
 
 
 def _reaches(part: Float, contact: Float) -> bool:
-    """Whether a fragment begins where it touches and ends within an arm's length of there, unlike a wall.
+    """Returns True if a fragment begins at the contact and ends within an arm's length of it, unlike a wall.
 
     Args:
-        part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of what it touches.
+        part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of the touched pixels.
     """
     gap = _median(part[:, 2]) - _median(contact[:, 2])
     if abs(gap) >= _GAP:

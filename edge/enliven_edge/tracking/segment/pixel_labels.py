@@ -1,4 +1,4 @@
-"""Labels each pixel with the person that it lies on, by the predicted bodies, compiled."""
+"""Compiled kernels that label each pixel with a person if it lies on the person's predicted body."""
 
 from __future__ import annotations
 
@@ -12,24 +12,32 @@ from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
-    """(K, 4) pixels: top, left, bottom, right of each person's (C, 2, 3) capsules, widened by the reach."""
+    """Returns (K, 4) pixels: top, left, bottom, right of each person's capsules, widened by the reach.
+
+    The capsules of a person are (C, 2, 3) ends and (C, 2) radii.
+    """
     return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
 
 
 @njit(cache=True, nogil=True)
 def _boxes(ends, radii, reach, camera, pose, shape):
-    """See :func:`image_boxes`; a capsule beside the sensor covers the whole image on that side."""
+    """See :func:`image_boxes`.
+
+    A capsule at the sensor's side extends its box to the image border on that side.
+    """
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
         top, left, bottom, right = np.inf, np.inf, -np.inf, -np.inf
         for c in range(ends.shape[1]):
             for e in range(2):
+                # The end of the capsule in the camera's frame.
                 x, y, z = 0.0, 0.0, 0.0
                 for b in range(3):
                     offset = ends[k, c, e, b] - pose[b, 3]
                     x += pose[b, 0] * offset
                     y += pose[b, 1] * offset
                     z += pose[b, 2] * offset
+                # The tangents to the ball around the end, vertically and horizontally.
                 around = radii[k, c, e] + reach
                 first, last = _span(y, z, around)
                 top, bottom = (
@@ -53,9 +61,9 @@ def _boxes(ends, radii, reach, camera, pose, shape):
 
 @njit(cache=True, nogil=True)
 def _span(x, z, radius):
-    """The least and the greatest x / z of a ball about (x, z): the slopes of its tangents through the sensor.
+    """Returns the minimum and maximum x / z of a ball at (x, z): its tangents through the sensor.
 
-    A ball is wider in the image than its radius over its distance.
+    A ball is wider in the image than its radius divided by its distance.
     """
     square = x * x + z * z
     if not np.isfinite(square + radius):
@@ -74,8 +82,8 @@ def _span(x, z, radius):
 def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):
     """Labels each candidate pixel within reach with the person of the nearest capsule, into ``owner``.
 
-    Boxes around the person, in the image and in the world, rule out most pixels that are out of reach; the
-    others are compared with one capsule after the other, many at once.
+    Bounding boxes of the person, in the image and in the world, exclude most pixels out of reach. The other
+    pixels are compared with one capsule after the other in a vectorised loop.
     """
     largest = 0
     for k in range(len(boxes)):
@@ -100,9 +108,9 @@ def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlike
 
 @njit(cache=True, nogil=True)
 def _candidates_within(chosen, place, points, kind, box, low, high):
-    """Finds the pixels of a box in the image that are no room and lie in a box of the world; how many.
+    """Finds the non-background pixels of an image box that lie in a box of the world. Returns their number.
 
-    Their places in reading order go into ``chosen``, and their (3, N) float32 metres into ``place``.
+    Their flat indices go into ``chosen``, and their (3, N) float32 metres into ``place``.
     """
     count, width = 0, kind.shape[1]
     top, left, bottom, right = box
@@ -119,7 +127,10 @@ def _candidates_within(chosen, place, points, kind, box, low, high):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _distances(away, place, count, ends, radii):
-    """Metres from the first ``count`` of (3, N) places to the nearest capsule's surface, into ``away``."""
+    """Writes the distances of (3, N) places to the nearest capsule's surface, in metres, into ``away``.
+
+    It uses only the first ``count`` places.
+    """
     away[:count] = np.float32(np.inf)
     zero, one = np.float32(0.0), np.float32(1.0)
     for c in range(len(ends)):
@@ -137,13 +148,13 @@ def _distances(away, place, count, ends, radii):
 
 @njit(cache=True, nogil=True)
 def _within(x, y, z, low, high):
-    """Whether a point lies in a box."""
+    """Returns True if a point lies in a box."""
     return low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]
 
 
 @njit(cache=True, nogil=True)
 def _corners(ends, radii, reach):
-    """The low and high corner of the box that holds all points within any capsule's reach."""
+    """Returns the low and high corner of the box that contains all points within any capsule's reach."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for c in range(len(ends)):
         for e in range(2):

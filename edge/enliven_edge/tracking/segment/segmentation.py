@@ -1,7 +1,8 @@
-"""Segmentation: each candidate pixel goes to the person that it lies on, by the predicted bodies.
+"""Segmentation: assigns each candidate pixel to a person if it lies on the person's predicted body.
 
-The other pixels are grouped in three dimensions. A small group that touches a person goes to that person: a
-lost arm is still joined to its body. A large group may be a new person.
+The other pixels are grouped into connected components in three dimensions. A small group that touches a
+person is assigned to that person, because an arm that the fit lost is still connected to its body. A large
+group may be a new person.
 """
 
 from __future__ import annotations
@@ -22,25 +23,28 @@ from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
 from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
 
 REACH = 0.22
-"""Metres from the predicted surface within which a pixel is taken for the person's."""
+"""Maximum distance in metres from the predicted surface at which a pixel is assigned to the person."""
 _REACH_UNLIKELY = 0.08
-"""Metres likewise where a person is unlikely, about as deep as the unseen room: the body alone counts."""
+"""The same distance at pixels of class UNLIKELY, about as deep as the unseen background. Only the body itself
+counts there."""
 _LIMB_AREA = 0.12
-"""Square metres seen up to which a group that touches a person is a limb: a leg seen from the front."""
+"""Maximum visible area in square metres of a group that touches a person to be a limb: a leg seen from the
+front."""
 _LIMB_LENGTH = 0.95
-"""Metres across its box up to which a group that touches a person is a limb: the length of a leg."""
+"""Maximum diagonal of the box in metres of a group that touches a person to be a limb: the length of a
+leg."""
 SPECKLE = 0.004
-"""Square metres: smaller loose groups are noise."""
+"""Minimum visible area of a loose group in square metres. Smaller ones are noise."""
 
 
 @dataclass(frozen=True)
 class LooseGroup:
-    """A group of pixels that belong to no person.
+    """A group of pixels that do not belong to a person.
 
     Attributes:
         label: its number in ``Segments.labels``.
-        area: square metres that are seen.
-        low, high: (3,) the corners of its box in the world.
+        area: visible area in square metres.
+        low, high: (3,) the corners of its bounding box in the world.
         centre: (3,) the mean of its points.
         contact: (K,) the number of its pixels that touch each person.
         box: (top, left, bottom, right) pixels, the last two exclusive.
@@ -56,7 +60,7 @@ class LooseGroup:
 
     @property
     def tall(self) -> float:
-        """Metres from its lowest to its highest point."""
+        """Returns the height difference in metres between its lowest and its highest point."""
         return float(self.high[1] - self.low[1])
 
 
@@ -77,23 +81,25 @@ class Segments:
     counts: Int
 
     def pixels(self, person: int) -> Bool:
-        """(h, w) the pixels of a person, by index."""
+        """Returns (h, w) the pixels of a person, by index."""
         return np.asarray(self.owner == person)
 
     def group(self, loose: LooseGroup) -> Bool:
-        """(h, w) the pixels of a loose group."""
+        """Returns (h, w) the pixels of a loose group."""
         return np.asarray(self.labels == loose.label)
 
 
 def segmented(
     view: FrameView, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
 ) -> Segments:
-    """Segments a frame by the expected postures of the people in it.
+    """Segments a frame by the predicted postures of the people in it.
 
     Args:
+        view: the frame.
         kind: (h, w) from :meth:`RoomModel.classify`.
-        postures: the expected posture of each person, world frame.
-        handicap: (K,) metres added to a person's distances, so that a probably hidden one gets fewer pixels.
+        postures: the predicted posture of each person, world frame.
+        handicap: (K,) metres added to a person's distances, so that a probably hidden person gets fewer
+            pixels.
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
@@ -113,7 +119,7 @@ def segmented(
     if count > 1:
         kept, counts = counts, return_detached(owner, view.z, counts)
         if (kept != counts).any():
-            # A group that touched one person may touch another one now.
+            # The owners changed, so count again which people each group touches.
             table = _table(view, pixels, labels, groups, owner, count)
             loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
     return Segments(owner, labels, loose, counts)
@@ -122,10 +128,14 @@ def segmented(
 def lying_on(
     view: FrameView, postures: Sequence[Posture], above: float, reach: float, among: Bool | None = None
 ) -> Bool:
-    """(h, w) pixels within ``reach`` metres of a person's surface and more than ``above`` metres high.
+    """Returns (h, w) pixels near a person's surface and more than ``above`` metres high.
 
     Args:
-        among: (h, w) the pixels that are looked at; None: all.
+        view: the frame.
+        postures: the people's postures, world frame.
+        above: metres above the floor.
+        reach: metres.
+        among: (h, w) the pixels to examine; None: all.
     """
     kind = _solid(view.z, view.points, above)
     if among is not None:
@@ -139,7 +149,7 @@ def lying_on(
 
 @njit(cache=True, nogil=True)
 def _solid(z, points, above):
-    """(h, w) UNSEEN where something is measured more than ``above`` metres high, ROOM elsewhere."""
+    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and ROOM elsewhere."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
         for u in range(z.shape[1]):
@@ -149,7 +159,7 @@ def _solid(z, points, above):
 
 @njit(cache=True, nogil=True)
 def _candidates(kind, owner):
-    """(M,) the flat places, in reading order, of the pixels without an owner that may be a person's."""
+    """Returns (M,) flat indices, in reading order, of the pixels without an owner that may be a person's."""
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
     for i in range(len(kind)):
@@ -159,14 +169,19 @@ def _candidates(kind, owner):
 
 @njit(cache=True, nogil=True)
 def groups_of(z, pixels, tightness):
-    """(h, w) groups 1..n of pixels that are joined by small steps in depth, and n; 0 for all other pixels.
+    """Returns (h, w) connected components 1..n of pixels joined by small depth steps, and n.
+
+    All other pixels are 0.
+
+    It is a union-find over one pass in reading order.
 
     Args:
-        pixels: (M,) int32 the flat places of the pixels in reading order.
-        tightness: factor on the steps.
+        z: (h, w) metres.
+        pixels: (M,) int32 the flat indices of the pixels in reading order.
+        tightness: factor on the maximum depth step.
     """
     shape, width, z = z.shape, z.shape[1], z.ravel()
-    # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
+    # Until the groups are numbered, a pixel's label is its position in ``pixels``, counted from 1.
     labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0
     for n in range(len(pixels)):
         here = pixels[n]
@@ -180,21 +195,24 @@ def groups_of(z, pixels, tightness):
             root = root_of(parent, n - 1)
         if above >= 0 and labels[above] > 0 and abs(z[here] - z[above]) < step:
             other = root_of(parent, labels[above] - 1)
-            # A root is the first pixel of its group.
+            # The root of a group is its first pixel.
             root, later = min(root, other), max(root, other)
             parent[later] = root
         parent[n] = root
     count = 0
     for n in range(len(pixels)):
         root = root_of(parent, n)
-        # The root was numbered before all others of its group.
+        # The root is numbered before all other pixels of its group.
         count += root == n
         labels[pixels[n]] = count if root == n else labels[pixels[root]]
     return labels.reshape(shape), count
 
 
 def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16, people: int) -> Float:
-    """(groups + 1, 15 + K) each group's area, low and high corner, sum of points, pixels, box, contacts."""
+    """Returns (groups + 1, 15 + K) measures of each group.
+
+    They are its area, low and high corner, sum of points, number of pixels, box and contacts.
+    """
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)
     return np.asarray(_measured(view.z, view.points, pixels, labels, groups, owner, people, pixel))
@@ -202,7 +220,7 @@ def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16,
 
 @njit(cache=True, nogil=True)
 def _measured(z, points, pixels, labels, groups, owner, people, pixel):
-    """See :func:`_table`."""
+    """Computes the table for :func:`_table`."""
     height, width = z.shape
     out = np.zeros((groups + 1, 15 + people))
     out[:, 1:4], out[:, 4:7] = np.inf, -np.inf
@@ -216,7 +234,7 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
         row[0] += depth[i] * depth[i] * pixel
         for a in range(3):
             p = place[i, a]
-            # Few pixels are a corner, so most are only compared.
+            # Few pixels extend the box, so a comparison is cheaper than a store.
             if p < row[1 + a]:
                 row[1 + a] = p
             if p > row[4 + a]:
@@ -235,7 +253,7 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
 
 
 def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
-    """The loose groups that stay, and (groups + 1,) the person that each other group joins, or -1."""
+    """Returns the loose groups that remain, and (groups + 1,) the person that other groups join, or -1."""
     area, joined = table[:, 0], _limbs(table)
     large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
     return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
@@ -243,7 +261,7 @@ def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
 
 @njit(cache=True, nogil=True)
 def _limbs(table):
-    """(groups + 1,) the person that each limb touches most; -1 for a group that is no limb."""
+    """Returns (groups + 1,) the person that each limb touches most. -1 for a group that is not a limb."""
     joined = np.full(len(table), -1)
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]
@@ -261,7 +279,10 @@ def _loose(g: int, row: Float) -> LooseGroup:
 
 @njit(cache=True, nogil=True)
 def _join(owner, labels, pixels, joined, people):
-    """Gives the (M,) pixels of joined groups to their owners, in place; returns each person's number."""
+    """Assigns the (M,) pixels of joined groups to their owners, in place.
+
+    Returns each person's number of pixels.
+    """
     owner, labels = owner.ravel(), labels.ravel()
     for i in pixels:
         person = joined[labels[i]]

@@ -1,4 +1,4 @@
-"""Compiled measures of a group of pixels: widths of its rows, cells, outline and edges."""
+"""Compiled measures of a blob of pixels: widths of its rows, filled cells, outline and edges."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import numpy as np
 from enliven.kernels import njit
 
 BIN = 0.04
-"""Metres of a step in which widths are counted: several to a head."""
+"""Bin size in metres for measuring widths. A head covers several bins."""
 GRID = 0.06
-"""Metres of a cell in which the filled part of the upright box is counted: a few samples fall into each."""
+"""Cell size in metres for measuring the filled part of the upright box. A few samples fall into each cell."""
 _TELLING = 0.1
-"""Share of an outline beyond which depth must be measured to tell what stands free."""
+"""Minimum fraction of an outline with measured depth beyond it to decide whether it is free."""
 _TELLING_IN_THE_OPEN = 0.3
-"""The same share in the open, where few pixels have a depth to compare with."""
+"""The same minimum in the open, where few pixels have depth to compare with."""
 _OPEN = 0.4
-"""Share of the image with depth up to which it shows the open: a hall too deep for the sensor."""
+"""Maximum fraction of pixels with depth of an image that shows the open: a hall too deep for the sensor."""
 
 
 @njit(cache=True, nogil=True)
 def least_eigenvalue(xx, yy, zz, xy, xz, yz):
-    """The smallest eigenvalue of a symmetric 3 by 3 matrix, by the cosines that solve its cubic equation."""
+    """Returns the smallest eigenvalue of a symmetric 3 by 3 matrix, by the trigonometric cubic formula."""
     mean = (xx + yy + zz) / 3.0
     x, y, z = xx - mean, yy - mean, zz - mean
     size = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
@@ -33,10 +33,13 @@ def least_eigenvalue(xx, yy, zz, xy, xz, yz):
 
 @njit(cache=True, nogil=True)
 def widths_at(along, height, crown, bands):
-    """(B,) metres, in steps, that (M,) points fill ``along`` a line within each of (B, 2) bands of height.
+    """Returns (B,) metres, in bins, that (M,) points fill ``along`` a line within (B, 2) bands of height.
 
     Args:
-        bands: metres below the crown where each begins and ends.
+        along: (M,) coordinates in metres along the line.
+        height: (M,) metres above the floor.
+        crown: height of the crown in metres.
+        bands: (B, 2) metres below the crown of the start and end of each band.
     """
     first = np.floor(along.min() / BIN)
     met = np.zeros((len(bands), int(np.floor(along.max() / BIN) - first) + 1), np.bool_)
@@ -53,7 +56,7 @@ def widths_at(along, height, crown, bands):
 
 @njit(cache=True, nogil=True)
 def filled_cells(along, height):
-    """The number of cells of an upright grid that (M,) points fill."""
+    """Returns the number of cells of an upright grid that (M,) points fill."""
     left, low = np.floor(along.min() / GRID), np.floor(height.min() / GRID)
     wide, tall = int(np.floor(along.max() / GRID) - left), int(np.floor(height.max() / GRID) - low)
     met = np.zeros((wide + 1, tall + 1), np.bool_)
@@ -64,13 +67,16 @@ def filled_cells(along, height):
 
 @njit(cache=True, nogil=True)
 def outline_of_pixels(z, mask, pixels):
-    """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
+    """Returns the fractions of a mask's outline next to farther pixels, nearer pixels and the border.
 
-    The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
-    because the first may lie on the edge itself. Where too little of it is known, all the outline is free.
+    The outline consists of the sides and the top. The fourth value is whether the mask extends beyond the
+    lower image border. Depth is compared three pixels away, because the first pixels may lie on the edge
+    itself. If too little depth is known around the outline, all of it is free.
 
     Args:
-        pixels: (N,) the places of the mask's pixels, in reading order.
+        z: (h, w) metres.
+        mask: (h, w) the blob.
+        pixels: (N,) the flat indices of the mask's pixels, in reading order.
     """
     height, width = z.shape
     farther, nearer, other, unknown = 0, 0, 0, 0
@@ -87,6 +93,7 @@ def outline_of_pixels(z, mask, pixels):
                 farther += z[y, x] > z[v, u] + step
                 nearer += z[y, x] < z[v, u] - step
                 other += abs(z[y, x] - z[v, u]) <= step
+    # The image border counts as a part of the outline.
     border = np.count_nonzero(mask[0]) + np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, width - 1])
     cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
     total = max(1.0, farther + nearer + other + border)
@@ -99,9 +106,9 @@ def outline_of_pixels(z, mask, pixels):
 
 @njit(cache=True, nogil=True)
 def _edges(mask, pixels):
-    """(M,) the (N,) masked places with a neighbour beside or above them that is not masked.
+    """Returns (M,) those of the (N,) masked indices that have an unmasked neighbour at a side or above.
 
-    Other places at the image's border may be among them.
+    Other pixels at the image border may be among them.
     """
     flat, width = mask.ravel(), mask.shape[1]
     out, count = np.empty(len(pixels) + 1, np.int32), 0

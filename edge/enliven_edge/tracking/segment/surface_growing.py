@@ -1,7 +1,7 @@
-"""Region growing along the surface: where people meet, connected surface decides, not the nearest fit.
+"""Region growing along the surface: where people meet, connected surface decides instead of the nearest fit.
 
-A lost arm is far from its own fit and may be near another person's, above all when the two hold hands. Its
-surface still begins at its own shoulder.
+An arm that the fit lost is far from its own model and may be near another person's, especially if the two
+hold hands. Its surface is still connected to its own shoulder.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
 _HOLDS = 3
-"""Pixels by which a piece must touch a person to be joined to that person: fewer may be noise."""
+"""Minimum number of contact pixels for a piece to be joined to a person. Fewer may be noise."""
 _A_PART = 0.4
-"""Size of such a piece over that of the person's largest at most: a limb, not another body."""
+"""Maximum size of such a piece relative to the person's largest piece: a limb, not another body."""
 _PLAIN = 0.1
-"""Metres from a person's surface within which a pixel is plainly the person's."""
+"""Distance in metres from a person's surface within which a pixel clearly belongs to the person."""
 
 
 def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
-    """Reassigns, in place, the pixels that are not plainly one person's where two people meet.
+    """Reassigns, in place, the ambiguous pixels where two people meet.
 
-    Each goes to the person with the nearest plain pixels along the surface.
+    Each goes to the person with the nearest clearly assigned pixels along the surface.
 
     Args:
         owner: (h, w) the index of the person that owns each pixel, or -1.
@@ -36,9 +36,11 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _abut(owner, v):
-    """Whether two people's pixels are neighbours in a row, or in the row and the one above, at any depth.
+    """Returns True if two people's pixels are neighbours in a row or across it and the row above.
 
-    It has no branch, so that many pixels are compared at once: mostly no two do.
+    The depth does not matter.
+
+    The loop has no branch, so that the compiler can vectorise it: mostly the answer is no.
     """
     row, above = owner[v], owner[max(0, v - 1)]
     found = False
@@ -51,7 +53,10 @@ def _abut(owner, v):
 
 @njit(cache=True, nogil=True)
 def _meet(owner, z, distance, least):
-    """Whether two people's pixels are neighbours on one surface, at a ``distance`` (h, w) above the least."""
+    """Returns True if two people's pixels are neighbours on one surface.
+
+    One of them must have a (h, w) ``distance`` above ``least``.
+    """
     height, width = owner.shape
     for v in range(height):
         if not _abut(owner, v):
@@ -67,7 +72,10 @@ def _meet(owner, z, distance, least):
 
 @njit(cache=True, nogil=True)
 def _grow(owner, distance, z):
-    """Grows breadth first from all plain pixels at once; pixels that none reaches keep their owner."""
+    """Grows regions breadth first from all clearly assigned pixels at once.
+
+    Unreached pixels keep their owner.
+    """
     height, width = owner.shape
     queue, reached = np.empty(height * width, np.int64), np.zeros((height, width), np.bool_)
     last = 0
@@ -87,18 +95,18 @@ def _grow(owner, distance, z):
 
 
 def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
-    """Gives pieces that are joined to another person, and not to their owner, to that person, in place.
+    """Gives pieces that are connected to another person, and not to their owner, to that person, in place.
 
-    After two arms have touched, one person's fit may follow the other's arm: it gives the arm back here as
+    After two arms have touched, one person's fit may follow the other's arm. This step returns the arm as
     soon as the two people are apart.
 
     Args:
         owner: (h, w) the index of the person that owns each pixel, or -1.
         z: (h, w) metres along the optical axis.
-        counts: (K,) each person's pixels.
+        counts: (K,) each person's number of pixels.
 
     Returns:
-        (K,) each person's pixels now.
+        (K,) each person's number of pixels afterwards.
     """
     if not _meet(owner, z, z, 0.0):  # anywhere: all depths are above 0
         return counts
@@ -116,14 +124,14 @@ def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
 
 
 def _largest(owner_of: Int, size: Int, person: int) -> int:
-    """The number of a person's largest piece; -1 where there is none."""
+    """Returns the number of a person's largest piece. -1 if there is none."""
     own = np.flatnonzero(owner_of == person)
     return int(own[size[own].argmax()]) if len(own) else -1
 
 
 @njit(cache=True, nogil=True)
 def _joined(owner, z):
-    """(h w,) union-find parents that join each person's connected pixels, -1 for pixels without an owner."""
+    """Returns (h w,) union-find parents of each person's connected pixels, -1 without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
     for v in range(height):
@@ -140,13 +148,16 @@ def _joined(owner, z):
 
 @njit(cache=True, nogil=True)
 def _near(one, other):
-    """Whether the depths of two neighbours are on one surface."""
+    """Returns True if the depths of two neighbours are on one surface."""
     return abs(one - other) < 0.035 + 0.012 * one * other
 
 
 @njit(cache=True, nogil=True)
 def _pieces(parent, owner):
-    """(h, w) the piece of each pixel, or -1; (P,) the owner of each piece, and (P,) its pixels."""
+    """Returns (h, w) the piece of each pixel, or -1, and two arrays over the pieces.
+
+    These are (P,) the owner of each piece, and (P,) its number of pixels.
+    """
     height, width = owner.shape
     number = np.full((height, width), -1, np.int64)
     owner_of, size = np.empty(len(parent), np.int64), np.zeros(len(parent), np.int64)
@@ -155,7 +166,7 @@ def _pieces(parent, owner):
         if parent[here] < 0:
             continue
         v, u, root = here // width, here % width, root_of(parent, here)
-        # A root is the smallest index of its piece: it was numbered before all others.
+        # The root is the smallest index of its piece, so it was numbered before all other pixels.
         if root == here:
             number[v, u], owner_of[pieces], pieces = pieces, owner[v, u], pieces + 1
         number[v, u] = number[root // width, root % width]
@@ -165,7 +176,7 @@ def _pieces(parent, owner):
 
 @njit(cache=True, nogil=True)
 def _contacts(owner, z, number, owner_of, largest):
-    """(P, K) the pixels at which each piece touches the largest piece of each other person."""
+    """Returns (P, K) the contact pixels of each piece with the largest piece of each other person."""
     height, width = z.shape
     out = np.zeros((len(owner_of), len(largest)), np.int64)
     for v in range(height):
