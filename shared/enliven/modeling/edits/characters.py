@@ -57,7 +57,7 @@ def paste_character(
     Takes and streams that the project already contains, bit for bit, are reused; others are copied.
 
     Raises:
-        InputError: if there is no such character, or the offset or delay is not a number.
+        InputError: if the character does not exist, or the offset or delay is not a number.
     """
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
@@ -74,7 +74,7 @@ def delete_character(project: Project, character_id: str) -> Project:
     """Deletes a character. The takes that it played stay.
 
     Raises:
-        InputError: if there is no such character.
+        InputError: if the character does not exist.
     """
     return project.without(character_id)
 
@@ -83,7 +83,7 @@ def rename_character(project: Project, character_id: str, wanted: str) -> Projec
     """Renames a character, and keeps its position in the order.
 
     Raises:
-        InputError: if there is no such character, or the name is taken.
+        InputError: if the character does not exist, or the name is taken.
     """
     character = project.character(character_id)
     if wanted == character_id:
@@ -114,7 +114,7 @@ def move_character(
         about: (3,) metres, the fixed point of the rotation.
 
     Raises:
-        InputError: if there is no such character, or a number is not finite.
+        InputError: if the character does not exist, or a number is not finite.
     """
     character = project.character(character_id)
     way, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
@@ -131,7 +131,7 @@ def turn_character(project: Project, character_id: str, turn: AnyArray) -> Proje
     """Rotates a character by ``turn`` (4,) about its centre, at every time.
 
     Raises:
-        InputError: if there is no such character, or the rotation is not a unit quaternion.
+        InputError: if the character does not exist, or the rotation is not a unit quaternion.
     """
     character = project.character(character_id)
     return move_character(project, character_id, _ORIGIN, turn, rig_of(character).centre(character))
@@ -141,7 +141,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     """Scales a character by ``factor`` about its centre. Strides scale with it.
 
     Raises:
-        InputError: if there is no such character, or the factor is not above zero.
+        InputError: if the character does not exist, or the factor is not above zero.
     """
     character = project.character(character_id)
     if not (np.isfinite(factor) and factor > 0.0):
@@ -156,7 +156,7 @@ def mirror_character(project: Project, character_id: str, normal: AnyArray | Seq
     To keep both, copy it first.
 
     Raises:
-        InputError: if there is no such character, or the normal is zero.
+        InputError: if the character does not exist, or the normal is zero.
     """
     character = project.character(character_id)
     axes = Axes.mirror(np.asarray(normal, np.float64))
@@ -167,7 +167,7 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
     """Delays all motion of a character by ``delay`` seconds.
 
     Raises:
-        InputError: if there is no such character, or the delay is not a number.
+        InputError: if the character does not exist, or the delay is not a number.
     """
     return project.with_characters(project.character(character_id).later(delay))
 
@@ -177,7 +177,7 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     have.
 
     Raises:
-        InputError: if there is no such character or layer, or it cannot be played with these values.
+        InputError: if the character or layer does not exist, or it cannot be played with these values.
     """
     character, wanted = project.character(character_id), set(numbers)
     _layers(character, wanted)
@@ -191,7 +191,7 @@ def remove_layer(project: Project, character_id: str, number: int) -> Project:
     """Removes a layer of a character; the take stays.
 
     Raises:
-        InputError: if there is no such character or layer, or it has no motion without it.
+        InputError: if the character or layer does not exist, or it has no motion without it.
     """
     character = project.character(character_id)
     _layers(character, {number})
@@ -211,7 +211,7 @@ def drag_handle(
         handle: a joint or a control point, by number or name.
 
     Raises:
-        InputError: if there is no such character or handle, the place is not finite, or the character's
+        InputError: if the character or handle does not exist, the place is not finite, or the character's
             motion cannot be posed by hand.
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
@@ -234,7 +234,7 @@ def cut_character(
         The project and the ids: the first part keeps ``character_id``, the others get new ones.
 
     Raises:
-        InputError: if there is no such character, or the stroke cuts nothing off.
+        InputError: if the character does not exist, or the stroke cuts nothing off.
     """
     rig, told = rig_of(project.character(character_id)), [] if notes is None else notes
     return rig.cut(project, character_id, stroke, time, notes=told)

@@ -31,7 +31,7 @@ def clips_of(project: Project, character_id: str, number: int) -> tuple[Segment,
     """Returns the clips of a layer, in seconds of the project.
 
     Raises:
-        InputError: if there is no such character or layer.
+        InputError: if the character or layer does not exist.
     """
     layer = _layer(project.character(character_id), number)
     return layer.clips(project.length_of(layer))

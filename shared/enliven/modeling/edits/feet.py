@@ -31,7 +31,7 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
         feet: "auto", "always", "never" or "ground"; see :mod:`enliven.motion.layers.footing`.
 
     Raises:
-        InputError: if there is no such character, layer or mode, or no foot is found. Also for a puppet,
+        InputError: if the character, layer or mode does not exist, or no foot is found. Also for a puppet,
             which has its own contacts.
     """
     character = project.character(character_id)

@@ -81,7 +81,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
             above the floor. "ground" only lifts feet below the floor, and "never" leaves them as performed.
 
     Raises:
-        InputError: if there is no such mesh or mode, or it has no feet there.
+        InputError: if the mesh or mode does not exist, or it has no feet there.
     """
     shape = project.graph(shape_id)
     if feet not in FEET:

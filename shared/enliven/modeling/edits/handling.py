@@ -25,7 +25,7 @@ def handle_characters(
         exaggeration: strength with which their soft parts overshoot the motion there.
 
     Raises:
-        InputError: if there is no such character.
+        InputError: if the character does not exist.
     """
     handling = dict(project.handling)
     for name in names:
@@ -58,7 +58,7 @@ def order_characters(project: Project, name: str, place: int) -> Project:
     """Moves a character to another position in the order; 0 is the first.
 
     Raises:
-        InputError: if there is no such character.
+        InputError: if the character does not exist.
     """
     moved = project.character(name)
     rest = [one for one in project.characters.values() if one is not moved]
@@ -71,7 +71,7 @@ def rename_take(project: Project, name: str, wanted: str) -> Project:
     """Renames a take. Characters that play it keep playing it.
 
     Raises:
-        InputError: if there is no such take, or the name is taken.
+        InputError: if the take does not exist, or the name is taken.
     """
     take = project.takes.get(name)
     if take is None or not wanted or (wanted != name and wanted in project.takes):
@@ -99,7 +99,7 @@ def delete_take(project: Project, name: str) -> Project:
     """Deletes a take that no character plays.
 
     Raises:
-        InputError: if there is no such take, or a character plays it.
+        InputError: if the take does not exist, or a character plays it.
     """
     users = [one.id for one in project.characters.values() if name in one.needed()["takes"]]
     if name not in project.takes or users:

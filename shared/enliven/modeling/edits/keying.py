@@ -71,7 +71,7 @@ def key_characters(
         offset, turn, about: as in :func:`~enliven.modeling.edits.characters.move_character`.
 
     Raises:
-        InputError: if there is no such character, its keys do not play at that time, or a number is not
+        InputError: if the character does not exist, its keys do not play at that time, or a number is not
             finite.
     """
     way, centre, turned = (np.asarray(one, np.float64) for one in (offset, about, turn))

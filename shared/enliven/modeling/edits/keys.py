@@ -95,7 +95,7 @@ def set_key(
         ease: interpolation to the next key; None keeps the one of a replaced key, else "smooth".
 
     Raises:
-        InputError: if there is no such handle, it takes no keys, or the numbers do not form a key.
+        InputError: if the handle does not exist, it takes no keys, or the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
     made = _changed(key_at(project, character_id, handle, time), degrees, metres)
@@ -126,7 +126,7 @@ def move_key(
     """Moves a key of a handle to another time, or changes its degrees or metres. None leaves them unchanged.
 
     Raises:
-        InputError: if there is no such key, or another is on that frame.
+        InputError: if the key does not exist, or another is on that frame.
     """
     number, found = _key(project, character_id, handle, key)
     character = project.character(character_id)
@@ -141,7 +141,7 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
     """Changes the interpolation from a key to the next: "smooth", "linear" or "step".
 
     Raises:
-        InputError: if there is no such key or interpolation.
+        InputError: if the key or interpolation does not exist.
     """
     number, found = _key(project, character_id, handle, key)
     keys = _keyed(project, project.character(character_id).playing[number]).keys
@@ -153,7 +153,7 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     """Removes a key of a handle. Removing the last one also removes its layer and its take.
 
     Raises:
-        InputError: if there is no such key.
+        InputError: if the key does not exist.
     """
     number, found = _key(project, character_id, handle, key)
     layer = project.character(character_id).playing[number]

@@ -27,7 +27,7 @@ def layer_keys(project: Project, character_id: str, layer: int, number: Number) 
     """Returns the keys of one attribute of a layer, in the order of time.
 
     Raises:
-        InputError: if there is no such character or layer.
+        InputError: if the character or layer does not exist.
     """
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
@@ -54,7 +54,7 @@ def set_layer_key(
         value: a weight from 0 to 1, or a speed factor.
 
     Raises:
-        InputError: if there is no such layer, or the value cannot be played.
+        InputError: if the layer does not exist, or the value cannot be played.
     """
     wanted = tuple(layers)
     keys = layer_keys(project, character_id, wanted[0], number)
@@ -76,7 +76,7 @@ def move_layer_key(
     """Moves a key of one attribute of layers to another time, or changes its value or interpolation.
 
     Raises:
-        InputError: if there is no such key, another is there, or the value cannot be played.
+        InputError: if the key does not exist, another is there, or the value cannot be played.
     """
     wanted = tuple(layers)
     found, keys = _key(project, character_id, wanted[0], number, key)
@@ -95,7 +95,7 @@ def remove_layer_key(
     """Removes a key of one attribute of layers. Without any key the attribute has its default value.
 
     Raises:
-        InputError: if there is no such key.
+        InputError: if the key does not exist.
     """
     wanted = tuple(layers)
     _, keys = _key(project, character_id, wanted[0], number, key)

@@ -24,7 +24,7 @@ def rename_marker(project: Project, name: str, wanted: str) -> Project:
     """Renames a marker, and keeps its position in the order.
 
     Raises:
-        InputError: if there is no such marker, or the name is taken.
+        InputError: if the marker does not exist, or the name is taken.
     """
     marker = _marker(project, name)
     if wanted != name and wanted in project.markers:
@@ -38,7 +38,7 @@ def remove_marker(project: Project, name: str) -> Project:
     """Removes a marker.
 
     Raises:
-        InputError: if there is no such marker.
+        InputError: if the marker does not exist.
     """
     _marker(project, name)
     return replace(project, markers={key: one for key, one in project.markers.items() if key != name})

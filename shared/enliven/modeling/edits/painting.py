@@ -67,7 +67,7 @@ def paint_character(
     """Paints one stroke onto a character; see :func:`brushed`.
 
     Raises:
-        InputError: if there is no such character, or it has no surface.
+        InputError: if the character does not exist, or it has no surface.
     """
     mesh = _mesh_of(project, character_id)
     return _with_stiffness(project, character_id, brushed(mesh, stroke, radius, brush, mirror))
@@ -77,7 +77,7 @@ def unpaint_character(project: Project, character_id: str) -> Project:
     """Removes all painted stiffness from a character.
 
     Raises:
-        InputError: if there is no such character, or it has no surface.
+        InputError: if the character does not exist, or it has no surface.
     """
     _mesh_of(project, character_id)
     return _with_stiffness(project, character_id, None)

@@ -51,7 +51,7 @@ def vertices_of(project: Project, character_id: str, time: float) -> Float:
     """Returns (V, 3) metres: the vertices of a character at a time of the project.
 
     Raises:
-        InputError: if there is no such character, or it lacks data that it needs to move.
+        InputError: if the character does not exist, or it lacks data that it needs to move.
     """
     character = project.character(character_id)
     return rig_of(character).seen(project, character, time)

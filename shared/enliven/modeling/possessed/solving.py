@@ -76,7 +76,7 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
     """Replaces the possession of the first part that performers moved. The part has to be solved again then.
 
     Raises:
-        InputError: if there is no such shape, or performers moved no part of it.
+        InputError: if the shape does not exist, or performers moved no part of it.
     """
     shape = project.graph(shape_id)
     for number, part, how in _possessed(shape):
@@ -137,7 +137,7 @@ def solve_again(
         notes: receives a sentence about each attachment that the current mesh refused.
 
     Raises:
-        InputError: if there is no such shape, or its performers cannot attach to any point of a part.
+        InputError: if the shape does not exist, or its performers cannot attach to any point of a part.
     """
     shape = project.graph(shape_id)
     due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]

@@ -43,7 +43,7 @@ def cut_graph(
         other gets a new one.
 
     Raises:
-        InputError: if there is no such shape, or the stroke cuts nothing off.
+        InputError: if the shape does not exist, or the stroke cuts nothing off.
     """
     shape = project.graph(shape_id)
     seen = graph_vertices(shape, *graph_pose(project, shape, time))

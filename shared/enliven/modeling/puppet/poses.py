@@ -65,7 +65,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     The plane is the puppet's own. If the puppet has none, the plane is that of the mesh.
 
     Raises:
-        InputError: if there is no such pose, the mesh is not symmetric, or a control point has no mirror
+        InputError: if the pose does not exist, the mesh is not symmetric, or a control point has no mirror
             image.
     """
     puppet = project.puppet(puppet_id)

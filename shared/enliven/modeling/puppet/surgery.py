@@ -73,7 +73,7 @@ def cut_puppet(
         equal numbers it is the larger side (of two equal halves the near one).
 
     Raises:
-        InputError: if there is no such puppet, the time is not finite, or the stroke cuts nothing off.
+        InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
     puppet, told = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)

@@ -71,7 +71,7 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
     """Returns the number of a bone given by number or by the name of its joint.
 
     Raises:
-        InputError: if there is no such bone, or it is the root and ``root`` is false.
+        InputError: if the bone does not exist, or it is the root and ``root`` is false.
     """
     where = f"shape {shape.id!r}"
     count = len(shape.skeleton)

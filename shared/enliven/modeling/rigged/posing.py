@@ -21,7 +21,7 @@ def set_bone(
     whole.
 
     Raises:
-        InputError: if there is no such bone, or ``world`` is not a rotation.
+        InputError: if the bone does not exist, or ``world`` is not a rotation.
     """
     shape, j, turns, _ = _seen(project, shape_id, bone, time)
     world = _rotation(world, shape_id)
@@ -37,7 +37,7 @@ def turn_bone(
     """Rotates a bone at ``time`` by ``turn`` (4,), in world axes.
 
     Raises:
-        InputError: if there is no such bone, or ``turn`` is not a rotation.
+        InputError: if the bone does not exist, or ``turn`` is not a rotation.
     """
     shape, j, turns, _ = _seen(project, shape_id, bone, time)
     above = _above(turns, shape, j)
@@ -55,7 +55,7 @@ def drag_joint(
     The root is moved to the point instead.
 
     Raises:
-        InputError: if there is no such joint, or the point is not finite.
+        InputError: if the joint does not exist, or the point is not finite.
     """
     shape, j, _, joints = _seen(project, shape_id, joint, time)
     point = _point(point, shape_id)
