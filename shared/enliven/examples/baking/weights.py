@@ -1,10 +1,10 @@
-"""Weights of a vertex over the transforms around it: bounded, at most four, their sum one.
+"""Weights of a vertex over the transforms around it: bounded, at most four, with sum one.
 
 B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: with the transforms
-known, each vertex is a least-squares problem of its own. With d_k(t) the distance from where transform k
-takes the vertex at time t to where it is, w asks for the least of sum_t |sum_k w_k d_k(t)|² = w' D w, for the
-weights sum to one. What is added here: a pull towards the mean of the neighbours' weights, so that the
-surface stays smooth between frames, and the weights of before where those found are no better.
+known, each vertex is a least-squares problem of its own. Let d_k(t) be the difference between the vertex
+moved by transform k at time t and its true position. Then w minimizes sum_t |sum_k w_k d_k(t)|² = w' D w,
+since the weights sum to one. Two parts are added here. A pull towards the mean of the neighbours' weights
+keeps the surface smooth between frames. The old weights are kept if the new ones are not better.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from enliven.kernels import njit
 
 _MOST = 4
-"""Transforms that a vertex follows at most: glTF's one set of joints, and the viewer's shader, have four."""
+"""Maximum number of transforms per vertex. One joint set in glTF, and the viewer's shader, have four."""
 
 
 @njit(cache=True, nogil=True)
@@ -23,12 +23,13 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
     Args:
         rest: (V, 3).
-        wanted: (V, 3 F) where the vertices are, frame by frame.
+        wanted: (V, 3 F) positions of the vertices, frame by frame.
         pivots: (K, 3).
         maps: (K, 4, 3 F) x = (v - pivot, 1) map.
         candidates: (V, C) int32, -1 for none.
         near, starts: the neighbours of vertex v are near[starts[v]:starts[v + 1]].
-        smooth: square metres that all frames together lose where the weights are not the neighbours'.
+        smooth: weight of the smoothness term: square metres over all frames per unit difference from the
+            neighbours.
     """
     count, most = len(rest), candidates.shape[1]
     old_indices, old_weights = indices.copy(), weights.copy()
@@ -72,7 +73,8 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _away(at, own, wanted, out):
-    """Into ``out`` (3 F) how far a transform (4, 3 F) takes ``at`` (3,) from where it is to be."""
+    """Computes into ``out`` (3 F) the differences between ``at`` (3,) moved by a transform (4, 3 F) and
+    ``wanted``."""
     x, y, z = at
     for j in range(len(out)):
         out[j] = own[3, j] + x * own[0, j] + y * own[1, j] + z * own[2, j] - wanted[j]
@@ -88,9 +90,9 @@ def _dot(a, b):
 
 @njit(cache=True, nogil=True)
 def solve_bounded(gram, pull, smooth, there, free, room, found):
-    """Fill ``found`` with the weights, at most four above zero; false where there is no solution.
+    """Fills ``found`` with the weights, at most four above zero. Returns False if no solution exists.
 
-    Weights below zero are dropped, the lowest first; then the smallest, until four are left.
+    Negative weights are dropped, the lowest first; then the smallest, until four are left.
     """
     scale = 0.0
     for c in range(there):
@@ -116,7 +118,7 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
 
 @njit(cache=True, nogil=True)
 def _equal(gram, pull, smooth, least, there, free, room, found):
-    """The free weights with the sum one, the others 0, by two solves of the free part."""
+    """Solves for the free weights with sum one, and sets the others to 0, with two right-hand sides."""
     n = 0
     order = np.empty(there, np.int64)
     for c in range(there):
@@ -173,7 +175,7 @@ def _cost(gram, found, pull, smooth, there):
 
 @njit(cache=True, nogil=True)
 def _neighbours(v, candidates, there, near, starts, indices, weights, pull):
-    """Into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
+    """Computes into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
     for c in range(there):
         pull[c] = 0.0
     around = starts[v + 1] - starts[v]
