@@ -1,8 +1,7 @@
 """Suggests a performer's joint for each control point, by side, height and amount of motion.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
-guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers joints that move in that
-take
+guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers moving joints
 
 Skeleton and mesh are compared from the front (+Z, left at +X), each scaled to its own width and height. A
 mesh that is deeper than wide is assumed to face +X. Ends of limbs are preferred to the joints between them.

@@ -1,7 +1,6 @@
 """Suggests which frames of a motion to pose: those farthest from one another, and how many are enough.
 
-suggested = suggest_poses(performed(clip, joints).poses)      # frames, and the remaining distance of all
-others
+suggested = suggest_poses(performed(clip, joints).poses)      # frames, and remaining distances
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The limbs of a body that choose and drive: branches of a matching source, with their chains."""
+"""The limbs of a body that select and drive parts of a skeleton: branches of a matching source, with their
+chains."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ def joints_of_limb(number: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False)
 class BodySource:
-    """The limbs of a body that choose and drive.
+    """The limbs of a body that select and drive parts of a skeleton.
 
     Attributes:
         source: the limbs as branches around one point of the trunk.
@@ -57,8 +58,8 @@ class BodySource:
 def body_source(body: Body, parts: str) -> BodySource:
     """Returns the limbs that the parts belong to, with this body's lengths.
 
-    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, taken as
-    one point. Parts of the trunk alone are one chain, from the hips to the head.
+    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, which
+    counts as one point. Parts of the trunk alone form one chain, from the hips to the head.
 
     Raises:
         InputError: for an unknown part.
