@@ -53,7 +53,7 @@ class FineFrames:
         return replace(self, root=self.root * scale + by, offsets=offsets)
 
     def between(self, start: float, stop: float) -> FineFrames | None:
-        """Returns the frames from ``start`` to ``stop`` seconds, relative to ``start``; None if there are
+        """Returns the frames from ``start`` to ``stop`` seconds, relative to ``start``, or None if there are
         fewer than two."""
         inside = (self.seconds > start - 1e-9) & (self.seconds < stop + 1e-9)
         if inside.sum() < 2:
@@ -164,7 +164,8 @@ class Clip:
 
     @property
     def stretch(self) -> Float | None:
-        """(F, N, 3, 3) stretch and reflection of each bone before it turns; None if there is none."""
+        """(F, N, 3, 3) stretch and reflection of each bone before it turns, or None without stretch and
+        reflection."""
         if self.strains is None and self.mirrors is None:
             return None
         made = np.eye(3) if self.strains is None else stretch_of(self.strains)

@@ -36,7 +36,7 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Coupling:
-    """``point`` is ``apart`` (3,) metres from ``other`` at a frame; by default at the same height."""
+    """``point`` is ``apart`` (3,) metres from ``other`` at a frame, by default at the same height."""
 
     point: str = setting(doc="The control point's name.")
     other: str = setting(doc="The other control point's name.")

@@ -9,8 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ExampleSettings:
-    """Settings for example-based retargeting. Lengths are relative to the sizes of poses and mesh: units do
-    not matter."""
+    """Settings for example-based retargeting, with lengths relative to the sizes of poses and mesh."""
 
     nearest: int = setting(6, "How many examples a control point mixes at one frame.", low=1, high=64)
     acceleration: float = setting(

@@ -55,12 +55,12 @@ class History:
 
     @property
     def undo_name(self) -> str | None:
-        """Name of the step that undo would revert; None if there is none."""
+        """Name of the step that undo would revert, or None at the first step."""
         return self._steps[self._at].name if self._at else None
 
     @property
     def redo_name(self) -> str | None:
-        """Name of the step that redo would restore; None if there is none."""
+        """Name of the step that redo would restore, or None at the last step."""
         return self._steps[self._at + 1].name if self._at + 1 < len(self._steps) else None
 
     @property
@@ -127,7 +127,7 @@ class History:
         """Reverts the last step, and returns the project.
 
         Raises:
-            InputError: if there is none.
+            InputError: at the first step.
         """
         if self._at == 0:
             raise InputError("there is nothing to undo", where="history")

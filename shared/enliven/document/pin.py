@@ -9,8 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """When a joint stands on the floor. Lengths are relative to its limb, so that spiders and giraffes are
-    treated alike."""
+    """Settings for when a joint stands on the floor, relative to the length of its limb."""
 
     height: float = setting(
         0.04, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0

@@ -226,7 +226,7 @@ class Project:
         return held[layer.take]
 
     def end_of(self, character: RigBase) -> float:
-        """Returns the time at which all unmuted layers of a character have been played once; 0 without
+        """Returns the time at which all unmuted layers of a character have been played once, or 0 without
         layers."""
         heard = [layer for layer in character.playing if not layer.muted]
         return max((layer.end(self.length_of(layer)) for layer in heard), default=0.0)

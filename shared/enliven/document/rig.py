@@ -79,12 +79,12 @@ class RigBase:
 
     @property
     def parents(self) -> Int32:
-        """(H,) the parent of each handle along a bone; -1 if it has none."""
+        """(H,) the parent of each handle along a bone, or -1 if it has none."""
         return np.full(len(self.handles), -1, np.int32)
 
     @property
     def playing(self) -> tuple[Playing, ...]:
-        """Its layers, each a take with a time map; the root layers come last."""
+        """Its layers, each a take with a time map. The root layers come last."""
         return (*getattr(self, self.played), *self.root_layers)
 
     def with_playing(self, *layers: Playing) -> Self:
@@ -94,7 +94,7 @@ class RigBase:
         return self.with_changes(**{self.played: own, "root_layers": root})
 
     def without_layer(self, number: int) -> Self:
-        """Returns the character without a layer; the take stays."""
+        """Returns the character without a layer. The take stays."""
         return self.with_playing(*self.playing[:number], *self.playing[number + 1 :])
 
     def with_changes(self, **changes: object) -> Self:

@@ -92,7 +92,7 @@ class Shape(RigBase):
 
     @property
     def parents(self) -> Int32:
-        """(N,) the parent of each joint; -1 for the root."""
+        """(N,) the parent of each joint, or -1 for the root."""
         return self.skeleton.parents
 
     def without_layer(self, number: int) -> Shape:
@@ -128,7 +128,8 @@ class Shape(RigBase):
 
 
 def names_of_layers(shape: Shape) -> tuple[str, ...]:
-    """Returns the layers that the spans of a shape refer to, without repetition; that of its travel last."""
+    """Returns the layers that the spans of a shape refer to, without repetition. The travel layer comes
+    last."""
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     if shape.travel is not None:
         named[shape.travel] = None

@@ -51,13 +51,13 @@ class Skeleton:
 
     @cached_property
     def vectors(self) -> Float:
-        """(N, 3) from each joint's parent to the joint, at rest; zero at the root."""
+        """(N, 3) from each joint's parent to the joint, at rest, zero at the root."""
         parents = np.maximum(self.parents, 0)
         return frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
 
     @cached_property
     def lengths(self) -> Float:
-        """(N,) metres of each bone; zero at the root."""
+        """(N,) metres of each bone, zero at the root."""
         return frozen(np.linalg.norm(self.vectors, axis=1))
 
     @cached_property

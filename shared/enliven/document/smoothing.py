@@ -1,4 +1,4 @@
-"""Smooths takes while they are played; the recording stays unchanged."""
+"""Smooths takes while they are played. The recording stays unchanged."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def smoothed(take: T, seconds: float) -> T:
 
 @lru_cache(maxsize=_KEPT)
 def _smoothed(take: Any, seconds: float) -> Any:
-    from scipy.ndimage import gaussian_filter1d  # where nothing is smoothed nothing of it is loaded
+    from scipy.ndimage import gaussian_filter1d  # imported on demand: slow to load
 
     frames = seconds / take.step
 

@@ -22,9 +22,9 @@ _MOST = 4.0
 _ALMOST = 0.02
 """Maximum mismatch of loops at that time, as a fraction of a loop: too small to be visible as a jump."""
 _SHORTEST_ROUND = 0.05
-"""Minimum duration of a loop in seconds that is considered; a shorter one is a static pose."""
+"""Minimum duration of a loop in seconds. A shorter one counts as a static pose and is ignored."""
 _NEAR = 1e-9
-"""Maximum distance in seconds of two clips that touch; allows for rounding."""
+"""Maximum distance in seconds of two clips that touch. It allows for rounding."""
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,8 @@ def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
 
 
 def unposed(puppet: Puppet) -> tuple[str, ...]:
-    """Returns a sentence if all key poses are equal because none has been posed yet; else nothing."""
+    """Returns a sentence if all key poses are equal because none has been posed yet. Otherwise returns
+    nothing."""
     if len(puppet.poses) < 2:
         return ()
     near = _SAME * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))

@@ -33,12 +33,13 @@ _OTHER = 0.9
 _END = 0.4
 """Fraction of a limb's length, from its end, that counts as its end."""
 _ACROSS = 0.5
-"""Weight of width relative to height. Arms held out are wider than legs; those of a mesh may not be."""
+"""Weight of width relative to height. Arms held out are wider than legs, which may not hold for those of a
+mesh."""
 _DEPTH = 0.3
 """Weight of depth relative to height."""
 _SIDE = 0.3
-"""Cost of following a side joint from the middle, or a middle joint from a side; twice that for the opposite
-side."""
+"""Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
+twice that."""
 _NARROW = 0.1
 """Maximum half width, in heights, of a mesh that counts as a post without sides."""
 _BASE = 0.1
@@ -267,7 +268,8 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:
-    """Returns (J,) for each joint of a paired limb the joint of the other side; other joints themselves."""
+    """Returns (J,) the joint of the other side for each joint of a paired limb. Other joints map to
+    themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
         for one, other in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
@@ -337,7 +339,7 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     for limb in limbs:
         cost[list(_hand(skeleton, limb))] = _SAME_END
         cost[limb.chain[-1]] = 0.0
-    if anatomy.head is None:  # too short for a limb
+    if anatomy.head is None:  # the head is too short to count as a limb
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
         cost[single[skeleton.positions[single, 1].argmax()]] = 0.0
     for one, other in anatomy.pairs:

@@ -109,7 +109,7 @@ def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: 
 
 
 def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
-    """Returns the mean length of the legs along the bones in metres; 0 without legs."""
+    """Returns the mean length of the legs along the bones in metres, or 0 without legs."""
     legs = [skeleton.lengths[list(limb.proper[1:])].sum() for pair in anatomy.legs for limb in pair]
     return float(np.mean(legs)) if legs else 0.0
 

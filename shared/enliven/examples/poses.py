@@ -113,5 +113,5 @@ def distinct(sources: Float) -> list[int]:
 
 
 def _size(poses: Float) -> float:
-    """Computes the root-mean-square length of (n, P, 3); 1 if all are zero."""
+    """Computes the root-mean-square length of (n, P, 3), or 1 if all are zero."""
     return float(np.sqrt((poses**2).sum(2).mean())) or 1.0

@@ -43,7 +43,7 @@ class Weak(Generic[T]):
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """The referenced value. The creator of the key must keep it alive."""
+        """Returns the referenced value. The creator of the key must keep it alive."""
         value = self._value()
         assert value is not None
         return value
@@ -165,7 +165,7 @@ def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Ske
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
-    """Returns sentences about the data that a puppet still lacks before it can move; none if it is ready."""
+    """Returns sentences about the data that a puppet still lacks, or none if it is ready to move."""
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
     return lacks(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
 
@@ -211,7 +211,7 @@ def frame_at(clip: Clip, seconds: float) -> int:
     Raises:
         InputError: if the time is outside the take.
     """
-    frames = float(seconds) / float(clip.step)  # infinite for the largest of times
+    frames = float(seconds) / float(clip.step)  # may overflow to infinity
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         what = f"{seconds:g} s is outside of the take"

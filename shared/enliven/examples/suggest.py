@@ -106,8 +106,10 @@ def distance_to(poses: Float, known: Float) -> Float:
 
 
 def _slips(poses: Float, far: float) -> Bool:
-    """Returns (F,) true for frames far from both neighbours (tracking outliers); none if at least half would
-    be."""
+    """Returns (F,) true for frames far from both neighbours (tracking outliers).
+
+    If that holds for at least half of the frames, it returns False for all.
+    """
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
     alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
     return alone if alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)

@@ -25,11 +25,11 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
 _TRUNK = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
 """The chain of the trunk, from the hips to the head."""
 _CHAINS = (*LIMBS.values(), _TRUNK)
-"""The chains by the number of the limb; the last is the trunk."""
+"""The chains by the number of the limb. The last is the trunk."""
 
 
 def limb_number(chain: Sequence[int]) -> int:
-    """Returns the number of the limb that a chain of a body's joints belongs to; -1 for none."""
+    """Returns the number of the limb that a chain of a body's joints belongs to, or -1 for none."""
     joints = tuple(int(joint) for joint in chain)
     exact = [number for number, limb in enumerate(_CHAINS) if joints == tuple(map(int, limb))]
     near = [number for number, limb in enumerate(_CHAINS) if joints and joints[-1] in limb[1:]]
@@ -37,7 +37,7 @@ def limb_number(chain: Sequence[int]) -> int:
 
 
 def joints_of_limb(number: int) -> tuple[int, ...]:
-    """Returns the joints at the outer ends of a limb's bones; none for an unknown number."""
+    """Returns the joints at the outer ends of a limb's bones, or none for an unknown number."""
     known = 0 <= number < len(_CHAINS)
     return tuple(int(joint) for joint in _CHAINS[number][1:]) if known else ()
 

@@ -98,8 +98,7 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):
 
 @njit(cache=True, nogil=True)
 def _on_screen(point, axes, eye, perspective):
-    """Returns right and up on the screen, and the depth; see
-    :meth:`enliven.matching.views.ScreenView.project`."""
+    """Returns right, up and depth on the screen, as :meth:`enliven.matching.views.ScreenView.project`."""
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0
     if perspective:

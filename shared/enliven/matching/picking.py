@@ -112,7 +112,8 @@ class Picker:
         return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
 
     def cycle(self, step: int = 1) -> Pick:
-        """Shows the next or previous match of the ranking, in its order at the first step; wraps around."""
+        """Shows the next or previous match of the ranking, in its order at the first step. The list wraps
+        around."""
         if self._ranking is not None and len(self._ranking) and self._taken is None:
             if self._browsed is None or self._shown not in self._listed:
                 self._listed = [self._ranking.identity(place) for place in range(len(self._ranking))]

@@ -109,7 +109,7 @@ def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
 
 
 def _shared(weights: Weights) -> Weights:
-    """Scales the weights to sum one; equal weights if all are zero."""
+    """Scales the weights to sum one. If all are zero, they become equal."""
     total = float(sum(weights.values()))
     if total <= 0.0:
         return dict.fromkeys(weights, 1.0 / len(weights))

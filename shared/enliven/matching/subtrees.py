@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 
 Weights = dict[int, float]
-"""A point as a weighted average of joints; the weights sum to one."""
+"""A point as a weighted average of joints. The weights sum to one."""
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """Finds equal limbs, so that the motion of one can be copied to all (future work in AniMesh, section 8).
 
-A *limb* is a joint with all its descendants, relative to its parent joint. Limbs of one joint are equal if a
-rotation about an axis through that joint, or a reflection in a plane through it, maps one to the other, joint
-to joint. Examples are tentacles around a squid's head, and the left and right limbs of any character.
-Hand-made skeletons are only approximately symmetric, so positions may differ by a fraction of the limb's
-reach.
+A *limb* is a joint with all its descendants, relative to its parent joint. Two limbs of one joint are equal
+if one rotation or reflection maps one to the other, joint to joint. The axis of the rotation, or the plane of
+the reflection, goes through the parent joint. Examples are tentacles around a squid's head, and the left and
+right limbs of any character. Hand-made skeletons are only approximately symmetric, so positions may differ by
+a fraction of the limb's reach.
 
 The axis of several limbs is the normal of the plane through their centres (three centres at equal distance
 from the joint define one circle). For two limbs, the plane is half-way between their centres.
@@ -86,7 +86,7 @@ class EqualLimbs:
         return np.asarray(self.limbs[end].linear @ self.limbs[start].linear.T)
 
     def joint_map(self, start: int, end: int) -> dict[int, int]:
-        """Maps the joints of limb ``start`` to those of limb ``end``; the group's joint maps to itself."""
+        """Maps the joints of limb ``start`` to those of limb ``end``. The group's joint maps to itself."""
         pairs = zip(self.limbs[start].joints, self.limbs[end].joints, strict=True)
         return {self.joint: self.joint, **dict(pairs)}
 

@@ -68,7 +68,7 @@ class ScreenView:
         return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
 
     def depths(self, points: Float) -> Float:
-        """Returns (...,) the depth of (..., 3) points in metres; one for an orthographic view."""
+        """Returns (...,) the depth of (..., 3) points in metres, or one for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
         return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
@@ -95,8 +95,8 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     """Finds the view that shows most bone: the largest sum of projected lengths (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
-    sum(v v^T). From there, from the current direction and from the other eigenvectors, the sum of lengths
-    itself, sum sqrt(|v|^2 - (v.d)^2), is increased step by step on the sphere. Each step maximizes a
+    sum(v v^T). The search starts there, at the current direction, and at the other eigenvectors. It increases
+    the sum of lengths itself, sum sqrt(|v|^2 - (v.d)^2), step by step on the sphere. Each step maximizes a
     quadratic bound of it (iteratively reweighted scatter), so it never decreases.
 
     Args:

@@ -61,7 +61,7 @@ class PoseStream:
 
     @property
     def keyed(self) -> int:
-        """The node with the keys; -1 without keys."""
+        """The node with the keys, or -1 without keys."""
         return int(self.follow[:, 0].argmax()) if self.keys else -1
 
 

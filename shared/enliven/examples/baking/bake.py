@@ -192,7 +192,7 @@ class _Fit:
             self._better_maps()
 
     def _share(self) -> Float:
-        """Returns (V,) each vertex's error divided by the tolerance; above 1 if it exceeds it."""
+        """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)

@@ -30,8 +30,8 @@ class SurfaceFrames:
     _known: list[Float32] = field(default_factory=list, init=False)
 
     def __call__(self) -> Iterator[Float]:
-        """Yields (V, 3) metres in the mesh's frame. The first frame is settled; each other starts at the
-        previous one."""
+        """Yields (V, 3) metres in the mesh's frame. The first frame is settled. Each other one starts at the
+        previous frame."""
         if len(self._known) == len(self.places):
             for known in self._known:
                 yield known.astype(np.float64)

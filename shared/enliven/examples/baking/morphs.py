@@ -103,7 +103,7 @@ def _components(moved: Float, most: int) -> tuple[Float, Float]:
 
 
 def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
-    """Returns the number of shapes that suffice for the frames ``moved`` (C, 3 V); all if none suffices."""
+    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or all if none suffices."""
     left = moved.copy()
     for count, shape in enumerate(shapes, 1):
         left -= np.outer(left @ shape, shape)

@@ -34,7 +34,7 @@ class EdgeGraph:
         self.lengths: csr_matrix = (half + half.T).tocsr()
 
     def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
-        """Returns (S, V) metres along the edges from each seed; infinite beyond the limit."""
+        """Returns (S, V) metres along the edges from each seed, or infinite beyond the limit."""
         return np.asarray(dijkstra(self.lengths, directed=False, indices=list(seeds), limit=limit))
 
 
@@ -72,7 +72,7 @@ class Seeds:
         return len(self.vertices) - before
 
     def nearest(self, count: int) -> Int32:
-        """Returns (V, C) the nearest seeds of each vertex, the nearest first; -1 if there are fewer."""
+        """Returns (V, C) the nearest seeds of each vertex, the nearest first, or -1 if there are fewer."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T
         filled = np.full((self.away.shape[1], count), -1, np.int32)

@@ -14,10 +14,10 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 
     Args:
         turned: (F, P, 3) metres, the control points with the yaw applied.
-        feet: (K,) numbers of the control points on which it can stand.
-        stands: (F, K) bool, the feet on which the performer stands; all False if unknown.
-        grip: metres by which another foot must be lower than the anchor to become the anchor, if ``stands``
-            is unknown.
+        feet: (K,) numbers of the control points that it can stand on.
+        stands: (F, K) bool, the feet that the performer stands on; all False if unknown.
+        grip: height difference in metres for another, lower foot to become the anchor if ``stands`` is
+            unknown.
         root: (F, 3) metres, output.
         anchors: (F,) numbers of control points, -1 in flight, output.
     """
@@ -40,7 +40,7 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 def _anchor(places, feet, stands, before, highest):
     """Chooses the anchor after ``before`` (-1: none).
 
-    An anchor on which the performer stands stays. Otherwise it is the lowest standing foot. If ``stands`` is
+    The anchor stays while the performer stands on it. Then it is the lowest standing foot. If ``stands`` is
     unknown, the previous anchor stays while it is not above ``highest``; otherwise it is the lowest foot.
     """
     known = stands.any()

@@ -31,13 +31,13 @@ class Nodes:
     right: Float  # (P, F, E)
     reach: Float  # (P, F, E, 3)
     offset: Float  # (P, F, 3)
-    slack: Float  # (P, F, 3), zero along an axis that is held
-    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high one, 2 not known
+    slack: Float  # (P, F, 3), zero along a held axis
+    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high bound, 2 unknown
     still: Float  # (P, F, E)
     swing: Float  # (P, F, E, 3)
     base: Float  # (P, F, 3)
     give: Float  # (P, F, 3, 3)
-    least: Float  # (P, F) the least energy without a pull
+    least: Float  # (P, F) the minimum energy without a pull
 
     @staticmethod
     def empty(points: int, frames: int, most: int) -> Nodes:
@@ -98,8 +98,8 @@ def respond(
 def workspace(most):
     """Allocates the work arrays of :func:`answers`.
 
-    They are the weights, their right-hand sides (b - C q), the numbers of the free weights, the factor of
-    their part of the matrix, and the trial states.
+    They are the weights, their right-hand sides (b - C q), the numbers of the free weights, the Cholesky
+    factor of their part of the matrix, and the trial states.
     """
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
     return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial
@@ -164,7 +164,7 @@ def _renew(node, known, f, qx, qy, qz, low, high, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _wrong(matrix, f, g, state, w, low, high):
-    """Returns the first weight that is out of bounds, or at a bound that it should leave; -1 for none."""
+    """Returns the first weight that is out of bounds, or at a bound that it should leave, or -1 for none."""
     for e in range(len(w)):
         if _is_wrong(matrix, f, g, state, w, low, high, e):
             return e

@@ -114,12 +114,12 @@ def locate(
         yaw: (F,) radians, the performer's.
         step: seconds between frames.
         switches: ascending, the first at frame 0.
-        feet: numbers of the control points on which it can stand.
-        stands: (F, K) true for feet on which the performer stands (:func:`standing_feet`). They are the
+        feet: numbers of the control points that it can stand on.
+        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). They are the
             anchors, each until it is lifted. None takes the lowest foot, independent of the performer.
 
     Raises:
-        InputError: if switches are out of order or outside the motion, or if there are no feet.
+        InputError: if switches are out of order or outside the motion, or without feet.
     """
     settings = settings or LocomotionSettings()
     turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])

@@ -25,7 +25,7 @@ from enliven.examples.spacetime.bounded import Nodes
 from enliven.kernels import njit
 
 _LEAVING = 1e-6
-"""Minimum relative distance to the first excluded example; limits t_e for an example that is about to
+"""Minimum relative distance to the first excluded example. It limits t_e for an example that is about to
 leave."""
 
 

@@ -31,11 +31,11 @@ def planted(
     """Locks standing feet to the floor. Returns (F, P, 3) metres in the mesh's frame.
 
     Args:
-        places: (F, P, 3) metres in the mesh's frame, as they were placed in the world.
+        places: (F, P, 3) metres in the mesh's frame, before the lock.
         yaw: (F,) radians.
         placed: the resulting motion in the world.
         feet: (K,) numbers of the control points that are feet.
-        stands: (F, K) true for feet on which the performer stands.
+        stands: (F, K) true for feet that the performer stands on.
         step: seconds between frames.
         settings: ``plant`` is the strength of the lock, ``contact.blend`` its transition time.
     """

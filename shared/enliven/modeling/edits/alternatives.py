@@ -30,7 +30,8 @@ def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
 
 
 def alternatives_of(project: Project, recorded: str) -> str:
-    """Returns the name of the group of alternatives of a recording; empty if no layer of it is left."""
+    """Returns the name of the group of alternatives of a recording. It is empty if no layer of the recording
+    is left."""
     layers = (layer for one in project.characters.values() for layer in one.playing)
     return next((one.alternatives for one in layers if recorded and one.recorded == recorded), "")
 
@@ -84,8 +85,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     """Removes one of several alternatives: its layers, and takes that are no longer played.
 
     The first recording of a possessed mesh drives its nodes. There the nodes keep the pose of its first frame
-    instead. If the removed alternative was the one that plays, the one before it plays next, or else the one
-    after it.
+    instead. If the removed alternative was playing, its predecessor plays next, or else its successor.
 
     Raises:
         InputError: if the recording is not in the group.

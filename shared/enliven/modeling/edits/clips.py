@@ -223,7 +223,7 @@ def _changed(
     clip: int,
     change: Callable[[Segment], Segment],
 ) -> Project:
-    """Changes one clip; the others stay."""
+    """Changes one clip. The others stay."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _number(clips, clip, character_id)

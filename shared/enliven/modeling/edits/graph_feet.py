@@ -4,10 +4,10 @@
     way_to_stand(shape, 0) -> "always"
 
 The feet are the lowest parts of the mesh at rest, or those that an artist named. Their paths are analysed
-once; contacts are detected as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share by which
-node n follows foot j (:func:`~enliven.modeling.possessed.followers`). The corrections c solve S c = d, where
-S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its required correction
-d_i, and the mesh bends above it.
+once; contacts are detected as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot
+j's displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve
+S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
+required correction d_i, and the mesh bends above it.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class StandingFoot:
 
 
 def way_to_stand(shape: GraphShape, number: int) -> str:
-    """Returns the foot lock mode of the feet that a layer moves; "never" if they stay as performed."""
+    """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of(shape, [number])
     found = [one.feet for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
     return found[0] if found else "never"

@@ -69,7 +69,7 @@ def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) 
 def copy_characters(
     project: Project, source: Project, names: Sequence[str], offset: AnyArray
 ) -> tuple[Project, tuple[str, ...]]:
-    """Copies characters of another project, all with the same ``offset`` (3,) metres; also returns their
+    """Copies characters of another project, all with the same ``offset`` (3,) metres. Also returns their
     ids."""
     made: list[str] = []
     for name in names:

@@ -18,7 +18,7 @@ _SEAM = SeamSettings()
 _LONGEST = 20.0
 """Seconds after the merge that are recorded for loops with different lengths, or for loops that travel."""
 _SAME = 1e-6
-"""Maximum distance in metres between the start and end of a closed loop; allows for rounding."""
+"""Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 
 
 def merge_characters(
@@ -85,7 +85,7 @@ def recorded(project: Project, character_id: str, time: float, notes: list[str])
 
 
 def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
-    """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``; and True for a
+    """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True for a
     loop."""
     rig = rig_of(character)
     heard = [layer for layer in character.playing if not layer.muted]

@@ -35,7 +35,7 @@ class RigidMotion(NamedTuple):
     move: Float
 
     def __call__(self, points: AnyArray) -> Float:
-        """Transforms points (..., N, 3); one row of points for each moment. Returns (..., N, 3) metres."""
+        """Transforms points (..., N, 3) to (..., N, 3) metres, with one row of points for each moment."""
         points = np.asarray(points, np.float64)
         return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
 

@@ -65,7 +65,7 @@ class RootedRig(RigEdits):
         return lambda time: root_motion(project, character, time)(own(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
-        """Returns the rig's own list; root layers do not change it."""
+        """Returns the rig's own list. Root layers do not change it."""
         return self.own.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
@@ -83,7 +83,7 @@ class RootedRig(RigEdits):
         return self.own.key_layer(project, character, handle)
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
-        """Adds the layer to the rig; root layers stay."""
+        """Adds the layer to the rig. Root layers stay."""
         return self.own.with_key_layer(project, character, handle, key)
 
     def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:

@@ -1,4 +1,4 @@
-"""The boolean union of two meshes. Kept vertices stay bit-exact; new ones are traced to both meshes and
+"""The boolean union of two meshes. Kept vertices stay bit-exact. New ones are traced to both meshes and
 skinned."""
 
 from __future__ import annotations

@@ -191,7 +191,7 @@ class _Work:
         cap = cap_of([np.arange(len(rim))], flattened(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
-        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # it lies on a line, or crosses itself
+        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # the border is a line, or crosses itself
             turn = np.arange(len(rim))
             order, how = rim, _mean
             faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)

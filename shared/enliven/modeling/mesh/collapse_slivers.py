@@ -23,8 +23,8 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
         new: (V,) true for vertices that may be moved or removed.
 
     Returns:
-        (V, 3) vertices, of which only new ones moved; (G, 3) faces, starting with the unchanged faces without
-        a new vertex; (V,) true for remaining vertices; and (V,) true for vertices that others were contracted
+        (V, 3) vertices, with only new ones moved; (G, 3) faces, starting with the unchanged faces without a
+        new vertex; (V,) true for remaining vertices; and (V,) true for vertices that others were contracted
         into.
     """
     touching: Bool = np.asarray(new[faces].any(1))

@@ -50,8 +50,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut. Its topology is that of the welded mesh; its result is in terms of the given
-    mesh."""
+    """The plan of a cut. Its topology is that of the welded mesh, but its result refers to the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None

@@ -156,7 +156,7 @@ def _parted(work: CutPlan) -> Cut:
 
 
 def rounded(piece: Piece, share: float) -> Piece:
-    """Inflates the caps of a piece with the method of ``inflate``; 1 makes hemispheres."""
+    """Inflates the caps of a piece with the method of ``inflate``. A share of 1 makes hemispheres."""
     if share == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh

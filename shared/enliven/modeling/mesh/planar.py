@@ -71,8 +71,8 @@ def _turn(a, b, c):
 
 @njit(cache=True, nogil=True)
 def _in_circle(a, b, c, d):
-    """Returns a positive value if d lies inside the circle through a, b, c (counter-clockwise); scaled to
-    about one."""
+    """Returns a positive value, scaled to about one, if d lies inside the circle through a, b, c
+    (counter-clockwise)."""
     ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
     size = max(aa, bb, cc)
@@ -114,7 +114,7 @@ def _legalise_all(points, cells, beside):
 
 @njit(cache=True, nogil=True)
 def _refine(points, sizes, cells, beside, count, some, growth):
-    """Repeatedly adds the centre of each oversized triangle and flips edges. Returns the numbers of points
+    """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
     and triangles."""
     for _ in range(60):
         before, first = count, some

@@ -81,7 +81,7 @@ def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
 
 
 def signed_volume(mesh: Mesh) -> float:
-    """Computes the volume of a closed mesh in cubic metres; negative if its faces point inward."""
+    """Computes the volume of a closed mesh in cubic metres. It is negative if its faces point inward."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(0) for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 

@@ -39,13 +39,13 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     reach = max(_REACH * size, _AROUND * float(np.median(near)) if len(near) else 0.0)
     shares = np.where(away < reach, (1.0 - np.minimum(away / reach, 1.0) ** 2) ** 2, 0.0)
     shares = np.minimum(shares, 1.0 - _EVEN)
-    shares[node] = 1.0  # and of no other node, wherever it is
+    shares[node] = 1.0  # the only node with the full share
     own = np.flatnonzero(shares > 0.0)
     return own, np.concatenate([shares[own, None], _slopes(rest, edges, shares, node)[own]], 1)
 
 
 def _slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
-    """Computes (N, 3) the slope per metre of the shares (N,) at each node; 0 at the dragged node."""
+    """Computes (N, 3) the slope per metre of the shares (N,) at each node. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     ways = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]

@@ -154,7 +154,7 @@ def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | Non
 
 
 def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
-    """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``; the motion
+    """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``. The motion
     stays."""
     positions = to + rotate(axes, shape.positions - root)
     vertices = to + rotate(axes, shape.mesh.vertices - root)

@@ -211,8 +211,7 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 
 
 def _sources(project: Project, puppet: Puppet) -> Float | None:
-    """Returns (n, P, 3) metres, the joints in the body's frame at the key poses; None if there are no
-    examples."""
+    """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
     try:
         return examples_of(project, puppet.with_changes(symmetry=None)).sources
     except InputError:

@@ -24,9 +24,9 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
         places: (P, 3) metres in the mesh's own frame, one row per control point.
 
     Raises:
-        InputError: if the take does not exist, the time is outside of it or already has a key pose, the
-            positions are not finite or not one per control point, or the performer's pose equals that of
-            another example.
+        InputError: if the take does not exist, or the time is outside of it or already has a key pose. Also
+            if the positions are not finite or not one per control point, or if the performer's pose equals
+            that of another example.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)

@@ -84,7 +84,7 @@ class PuppetRig(RigEdits):
         return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
-        """Moves the puppet; its own frame stays."""
+        """Moves the puppet. Its own frame stays."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 

@@ -49,15 +49,15 @@ def merge(
 
     The graft moves to the node without rotating. At ``time`` every bone of both keeps its world rotation. The
     joints of the graft keep their positions if its root was at the node; else the graft is moved there. From
-    then on it follows the bone that ends at the node. With W the world rotation of that bone at ``time``, the
-    modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left (AniMesh,
-    section 6, Figure 8). The host moves as before at every time.
+    then on it follows the bone that ends at the node. Let W be the world rotation of that bone at ``time``.
+    The modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left
+    (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
-    The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time), so that
-    skeleton and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first
-    bone. It is the root's entry in the rest pose, if several bones leave the root, or if skin follows the
-    root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis. The rotation of
-    the graft's root goes into the bones that leave it, as a rotation at the joint (a span without length). If
+    The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
+    and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
+    the root's entry in the rest pose, if several bones leave the root, or if skin follows the root. A
+    modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis. The rotation of the
+    graft's root goes into the bones that leave it, as a rotation at the joint (a span without length). If
     skin follows a root that moves, the root stays as a bone without length. The graft's travel is dropped,
     since the host carries it.
 
@@ -157,8 +157,8 @@ def _one_surface(
     seam: SeamSettings,
     notes: list[str],
 ) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns the mesh and skin of the merged shape. ``then`` is its pose at the merge; None is the rest
-    pose."""
+    """Returns the mesh and skin of the merged shape. ``then`` is its pose at the merge, with None for the
+    rest pose."""
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)

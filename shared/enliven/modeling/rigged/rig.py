@@ -71,7 +71,7 @@ class ShapeRig(RigEdits):
         return at
 
     def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
-        """Points the bone of the joint at ``place``; the root is moved there."""
+        """Points the bone of the joint at ``place``. The root is moved there."""
         return drag_joint(project, shape.id, handle, place, time)
 
     def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
@@ -144,7 +144,7 @@ class ShapeRig(RigEdits):
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Attaches the graft's root to the node; by default to the joint nearest to it."""
+        """Attaches the graft's root to the node, by default to the joint nearest to it."""
         node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
             joints, root = posed(project, host, merge.time)[1], posed(project, graft, merge.time)[1][0]

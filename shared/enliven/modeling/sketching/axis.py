@@ -39,7 +39,7 @@ class Axis:
 
 
 def smooth(points: Float, times: int = 3) -> Float:
-    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline; their means do
+    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline, but their means do
     not."""
     for _ in range(times):
         inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])

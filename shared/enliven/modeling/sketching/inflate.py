@@ -56,7 +56,7 @@ def inflated(
 
 
 def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
-    """Returns (V,) square metres: z squared at depth 1; zero on the first ``rim`` points, the outline."""
+    """Returns (V,) square metres: z squared at depth 1, zero on the first ``rim`` points, the outline."""
     points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
     inner = np.arange(rim, len(flat))
     if len(inner) == 0:
