@@ -170,6 +170,7 @@ def assign(gain, state, columns):
 @njit(cache=True, nogil=True)
 def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
     """Assigns a column to one more row. Column n represents the row without a column."""
+    # Grow a tree of shortest alternating paths (Dijkstra with reduced costs) to a free column.
     n = gain.shape[1]
     nearest = np.full(n + 1, np.inf)
     previous = np.full(n + 1, n, np.int64)
@@ -188,6 +189,7 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
                 nearest[j], previous[j] = reduced, at
             if nearest[j] < step:
                 step, following = nearest[j], j
+        # Update the prices so that reduced costs stay non-negative.
         for j in range(n + 1):
             if visited[j]:
                 row_price[rows_of[j]] += step
@@ -195,6 +197,7 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
             else:
                 nearest[j] -= step
         at = following
+    # Reassign the columns along the path.
     while at != n:
         rows_of[at] = rows_of[previous[at]]
         at = previous[at]
@@ -220,6 +223,7 @@ def best_choices(gain, scores, picks):
     open_ = np.zeros(room, np.bool_)
     open_[0] = True
     for k in range(len(scores)):
+        # Take the best open part; its optimum is the next choice.
         best = -1
         for i in range(used):
             if open_[i] and (best < 0 or values[i] > values[best]):
@@ -227,6 +231,7 @@ def best_choices(gain, scores, picks):
         open_[best] = False
         scores[k] = values[best]
         copy_row(picks[k], columns[best])
+        # Split the rest of the part: forbid one column of the optimum, and require those before it.
         state = states[best].copy()
         free = n
         for j in range(n):

@@ -33,6 +33,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
         most = max(most, first[c + 1] - first[c])
     table = binomials(most)
     for c in range(count):
+        # Cosines between source and target branches; the smaller side gets the rows.
         n = first[c + 1] - first[c]
         gain = np.empty((min(m, n), max(m, n)))
         for i in range(m):
@@ -43,6 +44,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
                     gain[i, j] = cosine
                 else:
                     gain[j, i] = cosine
+        # Score the choices of this candidate.
         low, high = rows[c], rows[c + 1]
         which[low:high] = c
         picks = np.empty((high - low, len(gain)), np.int32)
@@ -50,6 +52,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
             all_choices(gain, table, scores[low:high], picks)
         else:
             best_choices(gain, scores[low:high], picks)
+        # Convert the choices to columns per source branch.
         for k in range(high - low):
             for i in range(len(gain)):
                 if m <= n:

@@ -40,6 +40,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
     room = np.empty((most, most + 2))
     free = np.empty(most, np.bool_)
     for v in range(count):
+        # Gram matrix D of the candidates' errors over all frames.
         there = 0
         while there < most and candidates[v, there] >= 0:
             there += 1
@@ -48,6 +49,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
             _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
             for d in range(c + 1):
                 gram[c, d] = gram[d, c] = _dot(away[c], away[d])
+        # Old weights of the candidates, and the cost of keeping them.
         _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
         for c in range(there):
             found[c] = 0.0
@@ -58,10 +60,12 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
         whole = 0.0
         for c in range(there):
             whole += found[c]
+        # Solve. Keep the old weights if there is no solution, or no better one.
         if not solve_bounded(gram, pull, smooth, there, free, room, found):
             continue
         if abs(whole - 1.0) < 1e-6 and _cost(gram, found, pull, smooth, there) >= before:
             continue
+        # Store the positive weights, and clear the remaining slots.
         slot = 0
         for c in range(there):
             if found[c] > 0.0:
@@ -119,6 +123,7 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
 @njit(cache=True, nogil=True)
 def _equal(gram, pull, smooth, least, there, free, room, found):
     """Solves for the free weights with sum one, and sets the others to 0, with two right-hand sides."""
+    # Collect the free weights, and build their matrix with two right-hand sides: pull, and ones.
     n = 0
     order = np.empty(there, np.int64)
     for c in range(there):
@@ -131,6 +136,7 @@ def _equal(gram, pull, smooth, least, there, free, room, found):
             room[i, j] = gram[order[i], order[j]]
         room[i, i] += smooth + least
         room[i, n], room[i, n + 1] = smooth * pull[order[i]], 1.0
+    # Cholesky factorization with forward substitution of both right-hand sides.
     for i in range(n):
         for j in range(i + 1):
             total = room[i, j]
@@ -146,11 +152,13 @@ def _equal(gram, pull, smooth, least, there, free, room, found):
             for k in range(i):
                 room[i, side] -= room[i, k] * room[k, side]
             room[i, side] /= room[i, i]
+    # Back substitution.
     for i in range(n - 1, -1, -1):
         for side in range(n, n + 2):
             for k in range(i + 1, n):
                 room[i, side] -= room[k, i] * room[k, side]
             room[i, side] /= room[i, i]
+    # Combine the two solutions so that the weights sum to one (Lagrange multiplier).
     first, second = 0.0, 0.0
     for i in range(n):
         first += room[i, n]

@@ -251,6 +251,7 @@ def _linear(node, known, f, qx, qy, qz, work):
     for e in range(most):
         count += state[e] == 0
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = 0.0, 0.0, 0.0
+    # Forward substitution: solve the free part for the three axes of reach.
     for a in range(count):
         x, y, z = reach[f, free[a], 0], reach[f, free[a], 1], reach[f, free[a], 2]
         for k in range(a):
@@ -258,6 +259,7 @@ def _linear(node, known, f, qx, qy, qz, work):
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
         over, b = factor[a, a], free[a]
         swing[f, b, 0], swing[f, b, 1], swing[f, b, 2] = x * over, y * over, z * over
+    # Back substitution. ``swing`` is now the response of the free weights to a pull.
     for a in range(count - 1, -1, -1):
         e = free[a]
         x, y, z = swing[f, e, 0], swing[f, e, 1], swing[f, e, 2]
@@ -266,6 +268,7 @@ def _linear(node, known, f, qx, qy, qz, work):
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
         over = factor[a, a]
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = x * over, y * over, z * over
+    # Start from the fixed offset and the slack; then add the contribution of each weight.
     for i in range(3):
         base[f, i] = offset[f, i]
         for j in range(3):

@@ -75,6 +75,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _OUTWARD * np.sqrt((d * d).sum()):
         return True
+    # Set up the grid traversal (Amanatides and Woo): cell, direction, and next crossing per axis.
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
     ahead, each = np.empty(3), np.empty(3)
     for a in range(3):
@@ -85,6 +86,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
         else:
             border = low[a] + (at[a] + (1 if d[a] > 0 else 0)) * cell
             ahead[a], each[a] = (border - p[a]) / d[a], cell / abs(d[a])
+    # Test the faces of each cell on the segment, then step to the next cell.
     while True:
         c = (at[0] * size[1] + at[1]) * size[2] + at[2]
         for m in range(offsets[c], offsets[c + 1]):
@@ -113,6 +115,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
     distance = np.full(count, np.inf)
     near, who, points = np.empty(some), np.empty(some, np.int64), np.empty((some, 3))
     for v in range(count):
+        # Find the nearest segments by insertion into a sorted list.
         found = 0
         for s in range(segments.shape[0]):
             a, b = segments[s, 0], segments[s, 1]
@@ -136,6 +139,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             for k in range(3):
                 points[i, k] = a[k] + u * (b[k] - a[k])
             found = min(found + 1, some)
+        # Take the nearest visible segment, and visible ones at nearly the same distance.
         taken = 0
         for i in range(found):
             far = np.sqrt(near[i])
@@ -147,6 +151,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
                 distance[v] = far
             chosen[v, taken] = who[i]
             taken += 1
+        # Increase the distance if nearer segments are occluded.
         if taken:
             distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
     return chosen, distance
