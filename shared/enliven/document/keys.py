@@ -98,7 +98,7 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
 
 
 def _slopes(wide: Float, steep: Float) -> Float:
-    """Computes (K, 3) slopes at K keys for pieces with durations (K - 1, 1) and gradients (K - 1, C).
+    """Computes (K, C) slopes at K keys for pieces with durations (K - 1, 1) and gradients (K - 1, C).
 
     The slope is 0 at the ends, and where a channel changes direction.
     """

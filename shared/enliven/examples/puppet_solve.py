@@ -145,7 +145,7 @@ class _Solve:
     def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
         """Returns the motion kept near the performer's path, and (F, K) metres by which feet are
         displaced."""
-        # A weight scales the whole motion and the leash, so that it equals a layer of a smaller puppet.
+        # A weight scales the whole motion, including the leash: half the weight gives half the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
         following = Following(size, self._material.locomotion, self.took.step, len(feet))

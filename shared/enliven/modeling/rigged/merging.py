@@ -55,11 +55,11 @@ def merge(
 
     The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
     and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
-    the root's entry in the rest pose, if several bones leave the root, or if skin follows the root. A
-    modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis. The rotation of the
-    graft's root goes into the bones that leave it, as a rotation at the joint (a span without length). If
-    skin follows a root that moves, the root stays as a bone without length. The graft's travel is dropped,
-    since the host carries it.
+    the root's own entry in three cases: for a merge in the rest pose, if several bones leave the root, or if
+    skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
+    The rotation of the graft's root goes into the bones that leave it, as a rotation at the joint (a span
+    without length). If skin follows a root that moves, the root stays as a bone without length. The graft's
+    travel is dropped, since the host carries it.
 
     The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
     weights are recomputed; elsewhere rest positions and weights stay bit-exact. Two meshes that do not meet
@@ -184,6 +184,6 @@ def _exact(turn: Float) -> Float:
 
 
 def _first_bone(graft: Shape, time: float | None) -> int:
-    """Returns the bone that moves rigidly with the mesh at the root. In the rest pose this is the root."""
+    """Returns the bone that moves rigidly with the mesh at the root. In the rest pose it is the root."""
     only = graft.skeleton.children[0]
     return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0
