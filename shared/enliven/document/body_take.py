@@ -1,4 +1,4 @@
-"""What performers did, as a tracker measured it: the take of a possession."""
+"""The tracked bodies of performers: the take of a possession."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from enliven.errors import InputError
 from enliven.person import Body, Joint
 
 HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
-"""What happens to the holds of a character."""
+"""Effect of a change on the attachments (holds) of a character."""
 _LONGEST = 1e7
-"""Seconds that a take may last, 115 days: what lies beyond is a damaged clock."""
+"""Maximum duration of a take in seconds, 115 days. Later times come from a damaged clock."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyTake:
-    """The joints of performers over time. Like every take it never changes.
+    """The joints of performers over time. Like every take it is immutable.
 
     Attributes:
         id: its name in the project.
         seconds: (F,) float64, rising from 0.
         people: (B,) int64 ids of the performers.
-        joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer who is not in view.
+        joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer that is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
-        present: (F, B) bool, who is in view.
-        stature: (F, B) metres from soles to crown, 0 where it was not measured; None: nowhere.
+        present: (F, B) bool, true for performers in view.
+        stature: (F, B) metres from soles to crown, 0 if it was not measured; None if it was never measured.
 
     Raises:
-        InputError: where the arrays do not fit together or are not finite.
+        InputError: if the arrays do not fit together or are not finite.
     """
 
     id: str
@@ -74,18 +74,18 @@ class BodyTake:
 
 @dataclass(frozen=True)
 class HoldChange:
-    """A performer takes hold of a character, or lets go, at a moment of a take.
+    """A performer attaches to a character, or releases it, at a moment of a take.
 
     A change follows the frame of its moment, except for "take over", which comes before it.
 
     Attributes:
         seconds: of the take.
-        performer: the id; None: the first in view, and for "release" all.
-        parts: the parts of the body that take hold: "all", "legs", "upper body", ...
-        mode: "alone" ends all other holds, "join" keeps those of other performers, "extend" keeps the
-            performer's own too; "release" lets go; "take over" goes on with what ``former`` held; "remove"
-            takes the character from the stage.
-        former: the id of the performer who was away for long, for "take over".
+        performer: the id; None means the first in view, and for "release" all performers.
+        parts: the parts of the body that attach: "all", "legs", "upper body", ...
+        mode: "alone" ends all other attachments. "join" keeps those of other performers. "extend" also keeps
+            the performer's own. "release" ends them. "take over" continues the attachments of ``former``.
+            "remove" takes the character from the stage.
+        former: for "take over", the id of the performer that has been away for long.
     """
 
     seconds: float
@@ -97,18 +97,20 @@ class HoldChange:
 
 @dataclass(frozen=True, eq=False)
 class Possession:
-    """How performers moved a mesh: all that its motion is solved from, on this mesh or on another.
+    """How performers moved a mesh: all inputs for solving its motion, on this mesh or on another.
 
     Attributes:
         take: the id of the performers' take.
-        holds: who took hold, and who let go, in the order of time.
+        holds: when performers attached and released, in the order of time.
         settings: of the actor, as JSON.
-        height: metres of the mesh at rest when it was possessed, by which it was placed; 0: as it is.
-        size: metres of the mesh as modelled for one of its rest space.
-        place: where it waits: scale, radians about +Y, x, y, z in metres; empty: as the settings say.
-        start, end: seconds of the take that are played; an end of 0 is the take's.
+        height: height in metres of the mesh at rest when it was possessed, which determined its placement; 0:
+            its current height.
+        size: metres of the mesh as modelled for one metre of its rest space.
+        place: its waiting position: scale, radians about +Y, x, y, z in metres; empty: according to the
+            settings.
+        start, end: seconds of the played part of the take; an end of 0 is the take's.
         rest: (N, 3) metres, the nodes at rest when the motion was solved or recorded.
-        solved: a checksum of what the motion was solved from; empty: it has to be solved.
+        solved: a checksum of the inputs of the solution; empty: it has to be solved.
     """
 
     take: str
@@ -133,7 +135,7 @@ class Possession:
             raise InputError(what, where=f"take {self.take!r}", mend="Record it again.")
 
     def last(self, take: BodyTake) -> float:
-        """The second of the take at which it ends."""
+        """Returns the second of the take at which it ends."""
         return self.end if self.end > 0.0 else take.duration
 
 

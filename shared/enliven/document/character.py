@@ -1,8 +1,8 @@
-"""A character and its poses: a mesh and its transforms; a vertex follows four of them at most.
+"""A character and its poses: a mesh and its transforms. Each vertex follows at most four of them.
 
-A bone of a rig and a node of a deformation graph are one thing for wire, shader and export: a transform about
-a pivot that moves the vertices around it. So there is one pose, one shader and one message for both. A
-control point of a puppet is a transform too; the program that shows the puppet solves the surface between
+A bone of a rig and a node of a deformation graph are equivalent for network, shader and export: a transform
+about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both. A
+control point of a puppet is a transform too. The program that shows the puppet solves the surface between
 them (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SkinWeights:
-    """At most four transforms a vertex: indices (V, 4) uint16, weights (V, 4) float32 that sum to one."""
+    """At most four transforms per vertex: indices (V, 4) uint16, weights (V, 4) float32 that sum to one."""
 
     indices: UInt16
     weights: Float32
@@ -34,20 +34,20 @@ class Character:
     """A mesh at rest, in world metres, with the pivots that move it.
 
     Attributes:
-        id: the name it has on the wire, unique on its edge.
+        id: its name on the network, unique on its edge.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
-        skin: four transforms a vertex.
+        skin: four transforms per vertex.
         pivots: (J, 3) float32 rest positions of the graph nodes, or of the bones' joints.
         edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
         kind: "graph", "bones" or "points".
         colours: (V, 3) uint8 sRGB, or None.
-        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
-        pulls: (J - 1,) float32, how hard each pulls as a soft handle, 0 for a hard one; None: all are hard.
-        surface: how the surface follows them; None: as the defaults say.
-        names: (J,) of the joints that the bones end at, each once; None where they have none.
-        materials: the materials of the faces with their textures, or None: the colours are all there is.
-        stiffness: (V,) float32 as of :class:`enliven.meshes.Mesh`, for kind "graph"; None: 1 everywhere.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform except the first positions.
+        pulls: (J - 1,) float32, strength of each as a soft handle, 0 for a hard one; None: all are hard.
+        surface: settings for how the surface follows them; None: the defaults.
+        names: (J,) unique names of the joints that the bones end at; None if they have none.
+        materials: the materials of the faces with their textures, or None for colours only.
+        stiffness: (V,) float32 as in :class:`enliven.meshes.Mesh`, for kind "graph"; None: 1 everywhere.
     """
 
     id: str
@@ -71,7 +71,7 @@ class Character:
             raise InputError(problem, where=f"character {self.id!r}", mend="Build the character again.")
 
     def rest_pose(self, time_ns: int = 0) -> Pose:
-        """The pose that leaves every vertex where it is."""
+        """Returns the pose that leaves every vertex at rest."""
         count = len(self.pivots)
         return Pose(
             self.id,
@@ -82,7 +82,7 @@ class Character:
 
 
 def _problem_of(character: Character) -> str:
-    """A sentence about what is inconsistent in a character's arrays, or an empty string."""
+    """Returns a sentence about inconsistent arrays of a character, or an empty string."""
     count, vertices = len(character.pivots), len(character.vertices)
     if vertices == 0 or len(character.faces) == 0 or count == 0:
         return "it has no vertices, no faces or no pivots"
@@ -125,7 +125,7 @@ class Pose:
         character: the id of the character.
         time_ns: the sensor's clock.
         linear: (J, 3, 3) float32; a rotation for a bone, nearly one for a graph node.
-        positions: (J, 3) float32 metres, where the pivots have moved to, world frame.
+        positions: (J, 3) float32 metres, the positions of the moved pivots, world frame.
     """
 
     character: str
@@ -134,6 +134,6 @@ class Pose:
     positions: Float32
 
     def matrices(self, pivots: Float32 | Float) -> Float32:
-        """(J, 3, 4) world_from_rest of every transform: linear | position - linear @ pivot."""
+        """Returns (J, 3, 4) world_from_rest of every transform: linear | position - linear @ pivot."""
         offset = self.positions - np.einsum("jab,jb->ja", self.linear, pivots)
         return np.concatenate([self.linear, offset[..., None]], -1).astype(np.float32)

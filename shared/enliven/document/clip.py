@@ -1,6 +1,7 @@
-"""A clip: the motion of a skeleton over time, as world turns of its bones since the rest pose.
+"""A clip: the motion of a skeleton over time, as world rotations of its bones relative to the rest pose.
 
-A performance, or keys: a clip of keys is of one bone, and its frames are made from them.
+It is a performance, or it is made from keys. A clip of keys has one bone, and its frames are computed from
+the keys.
 
     keyed_clip("arm keys", "arm", [MotionKey(0.5, (0.0, 40.0, 0.0)), MotionKey(1.0, ease="linear")])
 """
@@ -21,14 +22,14 @@ from enliven.rotation import from_rotation_vector, rotate, stretch_of
 
 @dataclass(frozen=True, eq=False)
 class FineFrames:
-    """A clip's motion at times of its own, where even frames would lose keys or jumps.
+    """A clip's motion at uneven times, for clips in which even frames would lose keys or jumps.
 
     Attributes:
         seconds: (K,) rising, from the clip's first frame to its last.
-        turns, root, offsets, strains, mirrors: as the clip has them, K frames each.
+        turns, root, offsets, strains, mirrors: as in the clip, K frames each.
 
     Raises:
-        InputError: where the arrays do not fit together, or the times do not rise.
+        InputError: if the arrays do not fit together, or the times do not rise.
     """
 
     seconds: Float
@@ -47,12 +48,13 @@ class FineFrames:
             raise InputError("its fine frames do not fit together", where="clip", mend="Import it again.")
 
     def scaled(self, scale: float, by: Float) -> FineFrames:
-        """The same motion of a skeleton that was scaled, then moved by ``by`` (3,) metres."""
+        """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
         offsets = None if self.offsets is None else self.offsets * scale
         return replace(self, root=self.root * scale + by, offsets=offsets)
 
     def between(self, start: float, stop: float) -> FineFrames | None:
-        """The frames from ``start`` to ``stop`` seconds, counted from ``start``; None for less than two."""
+        """Returns the frames from ``start`` to ``stop`` seconds, relative to ``start``, or None if there are
+        fewer than two."""
         inside = (self.seconds > start - 1e-9) & (self.seconds < stop + 1e-9)
         if inside.sum() < 2:
             return None
@@ -63,28 +65,28 @@ class FineFrames:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A take of a skeleton. It never changes: whatever is edited, the performance stays.
+    """A take of a skeleton. It is immutable: edits never change the performance.
 
     Attributes:
         id: its name in the project.
         skeleton: the performer's, at rest.
-        turns: (F, N, 4) float64 unit quaternions D_j in world axes: the bone that ends at joint j points
-            along D_j @ (its direction at rest), and what is rigid with it is turned by D_j. Entry 0 is the
-            turn of the whole.
+        turns: (F, N, 4) float64 unit quaternions D_j in world axes. The bone that ends at joint j points
+            along D_j @ (its direction at rest), and everything rigidly attached to it is rotated by D_j.
+            Entry 0 is the rotation of the whole.
         root: (F, 3) float64 metres, the position of joint 0.
         step: seconds from one frame to the next.
-        offsets: (F, N, 3) metres that each joint is moved by along its bone's rest axes, before the bone
+        offsets: (F, N, 3) metres, displacement of each joint along its bone's rest axes, before the bone
             stretches and turns; None: bones keep their lengths.
-        strains: (F, N, 6) the Hencky strain log U_j of each bone in the axes of rest, as
-            :func:`enliven.rotation.strain_of` has it: what is rigid with bone j is moved by D_j U_j, and
+        strains: (F, N, 6) the Hencky strain log U_j of each bone in the rest axes, in the format of
+            :func:`enliven.rotation.strain_of`. Everything rigidly attached to bone j is moved by D_j U_j, and
             joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only turn.
-        mirrors: (F, N) 1, or -1 for a bone that is also mirrored through the joint that it begins at: U_j is
-            negated then. None: no bone is.
-        keys: what the frames were made from, in the order of time; of a performance none.
-        fine: the motion at more times, which players and exporters use; None where the frames hold all.
+        mirrors: (F, N) 1, or -1 for a bone that is also reflected through its start joint, which negates U_j.
+            None: no bone is reflected.
+        keys: the keys that the frames were computed from, in the order of time; empty for a performance.
+        fine: the motion at more times, for players and exporters; None if the frames contain everything.
 
     Raises:
-        InputError: where the arrays do not fit the skeleton or are not finite.
+        InputError: if the arrays do not fit the skeleton or are not finite.
     """
 
     id: str
@@ -132,12 +134,12 @@ class Clip:
 
     @property
     def tracks(self) -> tuple[tuple[str, Float], ...]:
-        """What it has of offsets (F, N, 3) and strains (F, N, 6), each with its name."""
+        """Its existing tracks, offsets (F, N, 3) and strains (F, N, 6), each with its name."""
         both = (("offsets", self.offsets), ("strains", self.strains))
         return tuple((name, track) for name, track in both if track is not None)
 
     def mapped(self, change: Callable[[Float], Float]) -> Clip:
-        """The clip with other frames: ``change`` gives them for turns, root, offsets and strains alike."""
+        """Returns the clip with ``change`` applied to turns, root, offsets and strains."""
         tracks: dict[str, Float] = {name: change(track) for name, track in self.tracks}
         if self.mirrors is not None:
             tracks["mirrors"] = np.where(change(self.mirrors) < 0.0, -1.0, 1.0)
@@ -145,7 +147,7 @@ class Clip:
 
     @property
     def finest(self) -> Clip | FineFrames:
-        """What holds its turns, root, offsets and strains with all their keys."""
+        """The object that contains the turns, root, offsets and strains with all their keys."""
         return self if self.fine is None else self.fine
 
     @property
@@ -157,12 +159,13 @@ class Clip:
 
     @property
     def deforms(self) -> bool:
-        """Whether it does more with bones than to turn them."""
+        """Whether bones do more than turn."""
         return bool(self.tracks) or self.mirrors is not None
 
     @property
     def stretch(self) -> Float | None:
-        """(F, N, 3, 3) by what each bone is stretched and mirrored before it turns; None: by nothing."""
+        """(F, N, 3, 3) stretch and reflection of each bone before it turns, or None without stretch and
+        reflection."""
         if self.strains is None and self.mirrors is None:
             return None
         made = np.eye(3) if self.strains is None else stretch_of(self.strains)
@@ -170,10 +173,10 @@ class Clip:
 
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
-    """(F, N, 3) metres, the joints of a clip in the world.
+    """Returns (F, N, 3) metres, the joints of a clip in the world.
 
     Args:
-        only: which of them are asked for; the others are anywhere. None for all.
+        only: the required joints; others have undefined values. None for all.
     """
     skeleton = clip.skeleton
     wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
@@ -187,15 +190,15 @@ def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
 
 
 def stretched(stretch: Float, vectors: Float) -> Float:
-    """(..., 3) vectors (..., 3) under stretches (..., 3, 3)."""
+    """Returns (..., 3) vectors (..., 3) under stretches (..., 3, 3)."""
     return np.asarray(np.einsum("...ab,...b->...a", stretch, vectors))
 
 
 def keyed_clip(clip_id: str, bone: str, keys: Sequence[MotionKey]) -> Clip:
-    """A clip of one bone, or of a whole character, that goes through keys, which are put on its frames.
+    """Builds a clip of one bone, or of a whole character, through keys. The keys are rounded to its frames.
 
     Raises:
-        InputError: without a key, or for two on one frame.
+        InputError: without a key, or if two are on one frame.
     """
     made = placed_keys(keys, f"clip {clip_id!r}")
     seconds = np.arange(round(made[-1].second / KEY_STEP) + 1) * KEY_STEP

@@ -1,4 +1,4 @@
-"""Hard constraints on the control points of a puppet at single frames: places, velocities, couplings."""
+"""Hard constraints on the control points of a puppet at single frames: positions, velocities, couplings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ class Position:
 
 @dataclass(frozen=True)
 class Velocity:
-    """A control point moves with ``velocity`` (3,) metres a second from the frame before to this one."""
+    """A control point moves with ``velocity`` (3,), metres per second, from the previous frame to this
+    one."""
 
     point: str = setting(doc="The control point's name.")
     frame: int = setting(doc="Of the layer's take.", low=0)
@@ -35,7 +36,7 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Coupling:
-    """``point`` is ``apart`` (3,) metres from ``other`` at a frame; by default at the same height."""
+    """``point`` is ``apart`` (3,) metres from ``other`` at a frame, by default at the same height."""
 
     point: str = setting(doc="The control point's name.")
     other: str = setting(doc="The other control point's name.")
@@ -51,5 +52,5 @@ Constraint = Position | Velocity | Coupling
 
 
 def names_in(one: Constraint) -> tuple[str, ...]:
-    """The control points that a constraint speaks of."""
+    """Returns the control points of a constraint."""
     return (one.point, one.other) if isinstance(one, Coupling) else (one.point,)

@@ -1,4 +1,4 @@
-"""How trajectories are made of examples."""
+"""Settings for example-based retargeting."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ExampleSettings:
-    """Lengths are compared in sizes of the performer's poses and of the mesh's: units do not matter."""
+    """Settings for example-based retargeting, with lengths relative to the sizes of poses and mesh."""
 
     nearest: int = setting(6, "How many examples a control point mixes at one frame.", low=1, high=64)
     acceleration: float = setting(

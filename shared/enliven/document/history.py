@@ -1,4 +1,4 @@
-"""Undo and redo: a project is a value, so its history is a list of values."""
+"""Undo and redo: a project is an immutable value, so its history is a list of values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class HistorySettings:
-    """How much of the past is kept."""
+    """Settings for the memory of the undo history."""
 
     megabytes: float = setting(
         1024.0, "memory of all steps together; the oldest are forgotten beyond it", unit="MB", low=0.0
@@ -35,9 +35,9 @@ class _Step:
 class History:
     """A project and its values before each edit.
 
-    Every ``do`` is one step with a name. Steps of one ``drag`` that follow one another are one step, until
-    ``end_drag``. Arrays that are equal are held once, so a step costs what it changed. The memory is bounded:
-    the oldest steps are forgotten, never the project itself.
+    Every ``do`` is one step with a name. Consecutive steps of one ``drag`` form one step, until ``end_drag``.
+    Equal arrays are stored once, so a step only costs the memory of its changes. The memory is bounded: the
+    oldest steps are dropped, never the project itself.
     """
 
     def __init__(self, project: Project, settings: HistorySettings | None = None) -> None:
@@ -50,39 +50,39 @@ class History:
 
     @property
     def project(self) -> Project:
-        """The project now."""
+        """The current project."""
         return self._steps[self._at].project
 
     @property
     def undo_name(self) -> str | None:
-        """What undo would take back; None where nothing is left."""
+        """Name of the step that undo would revert, or None at the first step."""
         return self._steps[self._at].name if self._at else None
 
     @property
     def redo_name(self) -> str | None:
-        """What redo would do again; None where nothing was undone."""
+        """Name of the step that redo would restore, or None at the last step."""
         return self._steps[self._at + 1].name if self._at + 1 < len(self._steps) else None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The steps that undo can take back, the oldest first."""
+        """The steps that undo can revert, the oldest first."""
         return tuple(step.name for step in self._steps[1 : self._at + 1])
 
     @property
     def steps(self) -> tuple[str, ...]:
-        """Every step, those that were undone too; the first has no name, and is the project as it began."""
+        """All steps, including undone ones. The first has no name, and is the initial project."""
         return tuple(step.name for step in self._steps)
 
     @property
     def at(self) -> int:
-        """The number of the step that made the project as it is now."""
+        """The number of the step that created the current project."""
         return self._at
 
     def go(self, step: int) -> Project:
-        """The project after a step, back or on.
+        """Goes back or forward to a step, and returns the project after it.
 
         Raises:
-            InputError: where there is no such step.
+            InputError: if the step does not exist.
         """
         if not 0 <= step < len(self._steps):
             raise InputError(
@@ -98,11 +98,11 @@ class History:
         return self._bytes / 1e6
 
     def do(self, name: str, project: Project, *, drag: str | None = None) -> Project:
-        """Record the project after an edit; undone steps can no longer be redone.
+        """Records the project after an edit. Undone steps can no longer be redone.
 
         Args:
             name: of the step, for the menu.
-            drag: a name for a movement of the hand that makes many edits; its edits are one step.
+            drag: a name for a mouse drag that makes many edits; its edits form one step.
         """
         for step in self._steps[self._at + 1 :]:
             self._let_go(step.project)
@@ -120,14 +120,14 @@ class History:
         return project
 
     def end_drag(self) -> None:
-        """End a drag: the next edit is a step of its own."""
+        """Ends a drag: the next edit is a step of its own."""
         self._steps[self._at] = replace(self._steps[self._at], drag=None)
 
     def undo(self) -> Project:
-        """The project before the last step.
+        """Reverts the last step, and returns the project.
 
         Raises:
-            InputError: where nothing is left.
+            InputError: at the first step.
         """
         if self._at == 0:
             raise InputError("there is nothing to undo", where="history")
@@ -136,10 +136,10 @@ class History:
         return self.project
 
     def redo(self) -> Project:
-        """The project with the step that was undone last.
+        """Restores the step that was undone last, and returns the project.
 
         Raises:
-            InputError: where nothing was undone.
+            InputError: if nothing was undone.
         """
         if self._at + 1 == len(self._steps):
             raise InputError("there is nothing to do again", where="history")
@@ -160,14 +160,14 @@ class History:
                 del self._count[id(array)]
 
     def _forget(self) -> None:
-        """Drops the oldest steps beyond the memory, but never the project."""
+        """Drops the oldest steps that exceed the memory, but never the project."""
         while self._at > 0 and self._bytes > self._settings.megabytes * 1e6:
             self._let_go(self._steps.pop(0).project)
             self._at -= 1
 
 
 def shared_with(project: Project, before: Project) -> Project:
-    """The same project, holding the parts of ``before`` wherever they are the same bit for bit."""
+    """Returns the project with parts of ``before`` reused wherever they are equal bit for bit."""
     maps = {}
     for part in fields(project):
         old: Mapping[str, Any] = getattr(before, part.name)
@@ -176,7 +176,7 @@ def shared_with(project: Project, before: Project) -> Project:
 
 
 def _shared(new: Any, old: Any) -> Any:
-    """``old`` where it is the same; of two characters of one kind, the attributes that are."""
+    """Returns ``old`` if it equals ``new``. For characters of one kind, reuses equal attributes."""
     if old is None or new is old:
         return new
     if same(new, old):
@@ -188,7 +188,7 @@ def _shared(new: Any, old: Any) -> Any:
 
 
 def _arrays(part: object) -> Iterator[AnyArray]:
-    """Every array in a project or a part of one."""
+    """Yields every array in a project or a part of one."""
     if isinstance(part, np.ndarray):
         yield part
     elif is_dataclass(part):

@@ -1,4 +1,4 @@
-"""Keys: moments at which an artist says how far something is turned and moved, and curves through them."""
+"""Keyframes: rotations and displacements that an artist sets at moments, and curves through them."""
 
 from __future__ import annotations
 
@@ -13,25 +13,24 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 
 KEY_STEP = 1.0 / 30.0
-"""Seconds of a frame of a take that is made from keys, on which keys lie: a frame of film."""
+"""Frame duration in seconds of takes that are made from keys. Keys lie on these frames."""
 _LATEST = 3600.0
-"""Seconds of the last key at most: an hour has 100,000 frames."""
+"""Maximum time of a key in seconds: an hour has about 100,000 frames."""
 EASES: tuple[str, ...] = ("smooth", "linear", "step")
-"""How a key goes over into the next: without a jump in speed and no farther than either, straight, or at
-once."""
+"""Interpolation from a key to the next: smooth (continuous speed, without overshoot), linear, or a step."""
 _HALVINGS = 60
-"""Halvings by which a second is found: a thousand seconds come down to rounding."""
+"""Number of bisection steps for finding a time: they reduce a thousand seconds to rounding error."""
 
 
 @dataclass(frozen=True)
 class MotionKey:
-    """What a bone, a node or a whole character is turned and moved by at a moment.
+    """The rotation and displacement of a bone, a node or a whole character at a moment.
 
     Attributes:
         second: of the take.
         degrees: a rotation vector, in the axes of the rest pose.
-        ease: how it goes over into the next key.
-        metres: how far it is moved, in the same axes; a bone is only turned.
+        ease: interpolation to the next key.
+        metres: displacement, in the same axes; a bone is only rotated.
     """
 
     second: float
@@ -53,10 +52,10 @@ class MotionKey:
 
 
 def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
-    """The keys in the order of time, each on a frame of its own.
+    """Returns the keys in the order of time, each rounded to a frame of its own.
 
     Raises:
-        InputError: without a key, or for two on one frame.
+        InputError: without a key, or if two are on one frame.
     """
     placed = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
     if not placed or len({frame for frame, _ in placed}) < len(placed):
@@ -66,22 +65,22 @@ def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
 
 
 def key_values(keys: Sequence[MotionKey], seconds: AnyArray) -> Float:
-    """(T, 6) degrees and metres at seconds (T,), as :func:`through_keys` has them."""
+    """Returns (T, 6) degrees and metres at seconds (T,), interpolated by :func:`through_keys`."""
     values = np.array([(*key.degrees, *key.metres) for key in keys], np.float64)
     return through_keys([key.second for key in keys], values, [key.ease for key in keys], seconds)
 
 
 def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], seconds: AnyArray) -> Float:
-    """(T, C) values at seconds (T,), of channels through values (K, C) at seconds ``at`` (K,).
+    """Interpolates channels through values (K, C) at seconds ``at`` (K,). Returns (T, C) at seconds (T,).
 
-    Before the first key they are as there, and after the last. Smooth pieces are cubic, with the slopes of
-    Fritsch and Carlson (1980), which go beyond neither key.
+    Before the first and after the last key the values are constant. Smooth pieces are cubic, with the
+    monotone slopes of Fritsch and Carlson (1980), which do not overshoot.
     """
     times = np.asarray(at, np.float64)
     seconds = np.clip(np.asarray(seconds, np.float64), times[0], times[-1])
     if len(times) == 1:
         return np.repeat(values, len(seconds), axis=0)
-    # A frame that lies on a key by rounding is on it.
+    # Treat a frame within rounding error of a key as lying on it.
     left = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
     wide = np.diff(times)[:, None]
     slopes = _slopes(wide, np.diff(values, axis=0) / wide)
@@ -99,8 +98,10 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
 
 
 def _slopes(wide: Float, steep: Float) -> Float:
-    """(K, 3) slopes at K keys for pieces (K - 1, 1) seconds wide that are (K - 1, C) steep; 0 at the ends,
-    and where a channel turns back."""
+    """Computes (K, C) slopes at K keys for pieces with durations (K - 1, 1) and gradients (K - 1, C).
+
+    The slope is 0 at the ends, and where a channel changes direction.
+    """
     before, after = steep[:-1], steep[1:]
     first, second = 2 * wide[1:] + wide[:-1], wide[1:] + 2 * wide[:-1]
     on = before * after > 0.0
@@ -111,12 +112,12 @@ def _slopes(wide: Float, steep: Float) -> Float:
 
 @dataclass(frozen=True)
 class CurveKey:
-    """The value of a number of a layer at a moment.
+    """The value of an attribute of a layer at a moment.
 
     Attributes:
-        second: of the project, after the beginning of the layer's lane.
-        value: a share from 0 to 1 of a weight, or how many times as fast.
-        ease: how it goes over into the next key.
+        second: of the project, relative to the start of the layer's lane.
+        value: a weight from 0 to 1, or a speed factor.
+        ease: interpolation to the next key.
     """
 
     second: float
@@ -130,7 +131,7 @@ class CurveKey:
 
 
 class Curve:
-    """A curve through keys, and the area under it; before the first key it is as there, and after the last.
+    """A curve through keys, and its integral. Before the first and after the last key it is constant.
 
     Args:
         keys: at least one, in the order of time.
@@ -147,18 +148,18 @@ class Curve:
         self._sums = np.concatenate([[0.0], np.cumsum(ends)])
 
     def __call__(self, seconds: AnyArray | Sequence[float]) -> Float:
-        """(T,) values at seconds (T,)."""
+        """Returns (T,) values at seconds (T,)."""
         at = np.asarray(seconds, np.float64)
         return through_keys(self._at.tolist(), self._values[:, None], self._eases, at)[:, 0]
 
     def area(self, seconds: AnyArray | Sequence[float]) -> Float:
-        """(T,) the integrals from 0 to seconds (T,)."""
+        """Returns (T,) the integrals from 0 to seconds (T,)."""
         seconds = np.asarray(seconds, np.float64)
         both = self._from_first(np.append(seconds, 0.0))
         return np.asarray(both[:-1] - both[-1])
 
     def reached(self, area: float) -> float:
-        """The second to which the integral from 0 is ``area``, of a curve that is above 0 everywhere."""
+        """Returns the second at which the integral from 0 equals ``area``, for a curve above 0 everywhere."""
         reach = abs(area) / float(self._values.min()) + 1e-9
         low, high = -reach, reach
         for _ in range(_HALVINGS):
@@ -167,7 +168,7 @@ class Curve:
         return (low + high) / 2.0
 
     def _from_first(self, seconds: Float) -> Float:
-        """(T,) the integrals from the first key to seconds (T,)."""
+        """Returns (T,) the integrals from the first key to seconds (T,)."""
         before = self._values[0] * np.minimum(seconds - self._at[0], 0.0)
         after = self._values[-1] * np.maximum(seconds - self._at[-1], 0.0)
         out = before + after
@@ -180,7 +181,7 @@ class Curve:
         return np.asarray(out)
 
     def _within(self, piece: int, u: Float) -> Float:
-        """The integrals of a piece from its key to the share u (T,) of it: those of Hermite's cubics."""
+        """Computes the integrals of a piece from its key to the fraction u (T,) of it (Hermite cubics)."""
         wide = self._at[piece + 1] - self._at[piece]
         one, other = self._values[piece], self._values[piece + 1]
         if self._eases[piece] == "step":
@@ -197,5 +198,5 @@ class Curve:
 
 @lru_cache(maxsize=256)
 def curve_of(keys: tuple[CurveKey, ...]) -> Curve:
-    """The curve through keys, kept while it is used."""
+    """Returns the curve through keys, from a cache."""
     return Curve(keys)

@@ -1,9 +1,10 @@
-"""Layers: references to takes. A bone keeps spans of them; nothing is baked before export.
+"""Layers: references to takes. A bone stores spans of them; nothing is baked before export.
 
-A layer says which chain of a take's skeleton drives, in which basis, and when. A bone holds *spans*: shares
-of its length, each with the interval [start, end] of every layer's arc length that falls on it. Inserting a
-node splits a span in proportion; removing a node puts the spans of two bones one after the other. So a bone
-between two different takes keeps both of them, exactly, where AniMesh (section 8, Figure 13) drops them.
+A layer states which chain of a take's skeleton drives bones, in which basis, and when. A bone has *spans*:
+fractions of its length, each with the interval [start, end] of every layer's arc length that falls on it.
+Inserting a node splits a span in proportion. Removing a node concatenates the spans of two bones. So a bone
+between two different takes keeps both of them, exactly. AniMesh drops them in that case (section 8, Figure
+13).
 """
 
 from __future__ import annotations
@@ -18,34 +19,36 @@ from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
 MODES: tuple[str, ...] = ("turns", "end")
-"""What of a take a layer gives: the turns along its chain, or the place of the chain's end."""
+"""The part of a take that a layer uses: the rotations along its chain, or the position of the chain's end."""
 FEET: tuple[str, ...] = ("auto", "always", "never", "ground")
-"""How the pinned feet stand while a layer plays: held where they are low and slow; held wherever they are
-low; let go; or only kept above the floor."""
+"""Foot lock modes of a layer: locked while low and slow; locked whenever low; never locked; or only kept
+above the floor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layer(Playing):
-    """A take with the chain, basis and time by which it drives bones.
+    """A take with the chain, basis and timing that it drives bones with.
 
     Attributes:
         id: its name in the project.
         take: the id of a clip.
-        chain: joints of the take's skeleton, neighbours in its tree; arc length s runs from 0 at the first to
-            1 at the last. The turns are relative to what carries the first joint: the bone that ends there.
-            A chain of one joint stands for the turn of that entry itself (the root's: (0,)), from nothing at
-            s = 0 to the whole at s = 1.
-        basis: (4,) unit quaternion target_from_source: a turn Q of the source becomes basis Q basis^-1.
-        weight: 0 to leave the bone as modeled, 1 for the whole turn; the turn of each source bone is scaled.
+        chain: joints of the take's skeleton, neighbours in its tree. Arc length s runs from 0 at the first to
+            1 at the last. The rotations are relative to the bone that ends at the first joint. A chain of one
+            joint means the rotation of that entry itself (the root's: (0,)), from nothing at s = 0 to the
+            whole at s = 1.
+        basis: (4,) unit quaternion target_from_source: a rotation Q of the source becomes basis Q basis^-1.
+        weight: 0 to leave the bone as modeled, 1 for the whole rotation; scales the rotation of each source
+            bone.
         muted: true leaves the layer out.
-        mirrored: the source seen in a mirror: its turns q = (w, x, y, z) are taken as (w, x, -y, -z) and its
-            displacements (x, y, z) as (-x, y, z), the reflection in the plane x = 0, before the basis.
-        mode: "turns", the bones turn as the take's polyline does (AniMesh, 5); or "end", they turn so that
-            the end of their chain is, from its start, where the end of the take's is, scaled by the lengths;
-            see :mod:`enliven.motion.layers.end_effector`.
-        stretch: whether the bones take the lengths and stretches of the take too, and not its turns alone: so
-            plays a model's own clip, while a take of another body leaves the model its proportions.
-        feet: how the pinned feet of its legs stand while it plays; see :mod:`enliven.motion.layers.footing`.
+        mirrored: reflects the source in the plane x = 0, before the basis: its rotations q = (w, x, y, z)
+            become (w, x, -y, -z) and its displacements (x, y, z) become (-x, y, z).
+        mode: "turns": the bones turn like the take's polyline (AniMesh, 5). "end": the end of the bones'
+            chain, relative to its start, follows the end of the take's chain, scaled by the lengths; see
+            :mod:`enliven.motion.layers.end_effector`.
+        stretch: whether the bones also take the lengths and stretches of the take, and not only its
+            rotations. A model's own clip uses this. A take of another body leaves the model's proportions
+            unchanged.
+        feet: foot lock mode of the pinned feet while it plays; see :mod:`enliven.motion.layers.footing`.
     """
 
     id: str
@@ -81,17 +84,17 @@ class Layer(Playing):
 
 @dataclass(frozen=True, eq=False)
 class RootLayer(Playing):
-    """A clip by which a whole character is turned and moved in the world, over all that it plays.
+    """A clip that rotates and moves a whole character in the world, on top of its other layers.
 
-    With the clip's turn r and place d at a time, x in the world becomes R (x - about) + about + m, where
-    R = L r L^-1 and m = size L d, with L = basis S where it is mirrored, S = diag(-1, 1, 1), else L = basis.
-    Of several the first is the innermost.
+    Let r be the clip's rotation and d its position at a time. Then x in the world becomes R (x - about) +
+    about + m, with R = L r L^-1 and m = size L d. L is basis S if it is mirrored, with S = diag(-1, 1, 1),
+    else basis. If there are several, the first is the innermost.
 
     Attributes:
-        take: the id of a clip; the turn of its whole and the place of its joint 0 are played.
-        about: (3,) metres in the world, what it turns about.
-        basis, size, mirrored: how the character was turned, scaled and mirrored since.
-        weight: from 0 to 1, how much of it is played.
+        take: the id of a clip, which provides the rotation of the whole and the position of joint 0.
+        about: (3,) metres in the world, centre of the rotation.
+        basis, size, mirrored: how the character was rotated, scaled and mirrored since.
+        weight: from 0 to 1, its strength.
         muted: true leaves it out.
     """
 
@@ -117,7 +120,7 @@ class RootLayer(Playing):
 
     @property
     def id(self) -> str:
-        """What it is called: as its clip."""
+        """Its name: the id of its clip."""
         return self.take
 
 
@@ -125,8 +128,8 @@ class RootLayer(Playing):
 class Ref:
     """The part of a layer's arc length that falls on a span: from ``start`` to ``end``, within [0, 1].
 
-    One that begins where it ends turns nothing; a bone that goes on rigidly takes the stretches of that
-    place.
+    A reference with equal start and end causes no rotation. A bone that rigidly continues another uses it to
+    take the stretches at that position.
     """
 
     layer: str
@@ -138,17 +141,17 @@ class Ref:
 class Span:
     """A part of a bone: its ``share`` of the bone's length, and the layers that turn it, the first outermost.
 
-    Its own turn is C(0)^-1 C(1), with C(u) the product, in order, of every layer's q(start + u (end -
-    start)): a product of functions of the place telescopes along a chain, so the total turn is kept whatever
-    is inserted, however many layers lie on one another. The turn of a bone is the product over its spans of
-    ``before`` and the span's own turn: a_j = before_0 turn_0 before_1 turn_1 ...
+    Its own rotation is C(0)^-1 C(1), with C(u) the product, in order, of every layer's q(start + u (end -
+    start)). Such a product telescopes along a chain, so inserted nodes never change the total rotation, for
+    any number of layers. The rotation of a bone is the product over its spans of ``before`` and the span's
+    own rotation: a_j = before_0 turn_0 before_1 turn_1 ...
 
     Attributes:
-        share: of the bone's length, in [0, 1]; those of a bone sum to one. A share of 0 is a turn at the
-            joint itself: that of a root which was grafted onto another shape.
+        share: of the bone's length, in [0, 1]; the shares of a bone sum to one. A share of 0 is a rotation at
+            the joint itself: that of a root that was grafted onto another shape.
         refs: the parts of layers that fall on it.
-        before: unit quaternion (w, x, y, z), a fixed turn at the beginning of the span: the modeling rotation
-            of a bone that was joined to the one before it when the node between them was removed.
+        before: unit quaternion (w, x, y, z), a fixed rotation at the start of the span. It is the modeling
+            rotation of a bone that was joined to its parent when the node between them was removed.
     """
 
     share: float = 1.0

@@ -1,4 +1,4 @@
-"""How a puppet gets over the floor: its settings, and when its performer touches it."""
+"""Settings for how a puppet moves over the floor, and the times at which its performer touches it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Kind = Literal["contact", "flight"]
 
 @dataclass(frozen=True)
 class LocomotionSettings:
-    """How a mesh gets over the floor."""
+    """Settings for how a mesh moves over the floor."""
 
     contact: ContactSettings = setting(ContactSettings)
     runner: float = setting(
@@ -54,7 +54,7 @@ class LocomotionSettings:
 
 @dataclass(frozen=True)
 class Switch:
-    """From this frame on the performer touches the floor, or does not."""
+    """The start of contact with the floor, or of flight, at a frame."""
 
     frame: int = setting(doc="Of the layer's take.", low=0)
     kind: Kind = setting(doc='"contact" or "flight" from there on.')

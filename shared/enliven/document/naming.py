@@ -1,4 +1,4 @@
-"""Names that are not taken yet."""
+"""Generates unused names."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Container
 
 
 def unused(stem: str, taken: Container[str], between: str = " ") -> str:
-    """``stem``, or the first of ``stem 2``, ``stem 3``, ... that is not taken.
+    """Returns ``stem``, or the first of ``stem 2``, ``stem 3``, ... that is not taken.
 
-    A stem that has a number counts on from it: after "part 2" comes "part 3".
+    If the stem ends in a number, counting continues from it: after "part 2" comes "part 3".
     """
     if stem not in taken:
         return stem

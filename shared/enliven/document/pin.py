@@ -1,4 +1,4 @@
-"""Pins: joints that stay in their place while they are in contact."""
+"""Pins (foot lock): joints that stay in place while they are in contact."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """When a joint stands on the floor, in lengths of its limb so that a spider is judged as a giraffe is."""
+    """Settings for when a joint stands on the floor, relative to the length of its limb."""
 
     height: float = setting(
         0.04, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0
@@ -48,11 +48,11 @@ class ContactSettings:
 
 @dataclass(frozen=True)
 class Pin:
-    """A joint that stays in its place while it is in contact; the limb above gives way by two-bone IK.
+    """A joint that stays in place while it is in contact; the limb above follows by two-bone IK.
 
     Attributes:
-        joint: the name of the foot's joint. A pin is ignored where an edit removed one of its joints.
-        start: the name of the joint where the limb begins (a hip), above it.
+        joint: the name of the foot's joint. A pin is ignored if an edit removed one of its joints.
+        start: the name of the joint at which the limb starts (a hip), above the foot.
         settings: when it is in contact.
     """
 

@@ -1,4 +1,5 @@
-"""The project: characters and takes. It is a value: an edit makes another, and undo is the one before."""
+"""The project: characters and takes. It is an immutable value: an edit creates another, and undo restores the
+old one."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ R = TypeVar("R", bound=RigBase)
 
 @dataclass(frozen=True)
 class Marker:
-    """A moment of the project with a name.
+    """A named moment of the project.
 
     Attributes:
         id: its name.
@@ -43,11 +44,11 @@ class Marker:
 
 @dataclass(frozen=True)
 class CameraMark:
-    """A view that was stored, to be taken again.
+    """A stored camera view (bookmark).
 
     Attributes:
         id: its name.
-        target: x, y, z in metres, what the camera looks at.
+        target: x, y, z in metres, the point that the camera looks at.
         azimuth: radians around the target from +Z towards +X.
         elevation: radians above the floor.
         distance: metres from the target.
@@ -67,13 +68,14 @@ class CameraMark:
 
 @dataclass(frozen=True)
 class Handling:
-    """How an artist's window treats a character; exports do not ask.
+    """The display state of a character in an artist's window; exports ignore it.
 
     Attributes:
         hidden: the window does not draw it.
-        locked: it is neither picked nor edited.
-        size: how many times its own size it stands on a stage, as performers' hands made it.
-        exaggeration: how far its soft parts swing past the motion there; None: as the stage's settings say.
+        locked: it can be neither selected nor edited.
+        size: its scale on a stage relative to its own size, as set by performers' gestures.
+        exaggeration: strength with which its soft parts overshoot the motion there; None: the stage's
+            setting.
     """
 
     hidden: bool = False
@@ -90,25 +92,26 @@ class Handling:
 
 
 FREE = Handling()
-"""A character that is seen, and can be edited."""
+"""The state of a character that is visible and editable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """All characters by id, of any rig, and what they play. Takes and streams never change.
+    """All characters by id, with any rig, and the takes and streams that they play. Takes and streams are
+    immutable.
 
     Attributes:
-        characters: rigged shapes, possessed meshes, puppets, and what else has a rig.
-        takes: what performers did, as motion of a skeleton.
-        streams: what possessed meshes did, as motion of their nodes.
-        bodies: what performers did, as it was tracked: possessed meshes are solved from it.
-        markers: moments with names, in the order in which they were made.
+        characters: rigged shapes, possessed meshes, puppets, and other characters with a rig.
+        takes: performances as motion of a skeleton.
+        streams: motion of the nodes of possessed meshes.
+        bodies: tracked performers, from which the motion of possessed meshes is solved.
+        markers: named moments, in the order in which they were created.
         handling: the characters that are hidden or locked, and how.
         views: camera bookmarks.
-        sounds: what is performed along.
+        sounds: audio to perform to.
 
     Raises:
-        InputError: where a character plays a take that is not there.
+        InputError: if a character plays a take that does not exist.
     """
 
     characters: Mapping[str, RigBase] = field(default_factory=dict)
@@ -130,42 +133,42 @@ class Project:
             character.check(held)
 
     def with_characters(self, *characters: RigBase) -> Project:
-        """A project with these characters added, or put in the place of those of the same id."""
+        """Returns the project with these characters added, or replacing those with the same id."""
         return replace(self, characters={**self.characters, **{one.id: one for one in characters}})
 
     def without(self, character_id: str) -> Project:
-        """A project without a character; what it played stays.
+        """Returns the project without a character; the takes that it played stay.
 
         Raises:
-            InputError: where there is none, with the ids that there are.
+            InputError: if it does not exist; the message lists the existing ids.
         """
         self.character(character_id)
         return replace(self, characters={k: v for k, v in self.characters.items() if k != character_id})
 
     def with_takes(self, *takes: Clip) -> Project:
-        """A project with these takes added."""
+        """Returns the project with these takes added."""
         return replace(self, takes={**self.takes, **{take.id: take for take in takes}})
 
     def with_streams(self, *streams: PoseStream) -> Project:
-        """A project with these pose streams added."""
+        """Returns the project with these pose streams added."""
         return replace(self, streams={**self.streams, **{stream.id: stream for stream in streams}})
 
     def with_bodies(self, *takes: BodyTake) -> Project:
-        """A project with these takes of tracked bodies added."""
+        """Returns the project with these takes of tracked bodies added."""
         return replace(self, bodies={**self.bodies, **{take.id: take for take in takes}})
 
     def with_sounds(self, *sounds: Sound) -> Project:
-        """A project with these sounds added, or put in the place of those of the same id."""
+        """Returns the project with these sounds added, or replacing those with the same id."""
         return replace(self, sounds={**self.sounds, **{one.id: one for one in sounds}})
 
     def character(self, character_id: str, rig: type[R] = RigBase) -> R:  # type: ignore[assignment]
-        """The character of an id.
+        """Returns the character with an id.
 
         Args:
-            rig: the kind that it has to be; any, by default.
+            rig: the required kind; any, by default.
 
         Raises:
-            InputError: where there is none of that kind, with the ids that there are.
+            InputError: if none of that kind has the id; the message lists the existing ids.
         """
         found = self.characters.get(character_id)
         if isinstance(found, rig):
@@ -175,19 +178,19 @@ class Project:
         raise InputError(f"there is no {word} {character_id!r}", where="project", mend=mend)
 
     def of(self, rig: type[R]) -> dict[str, R]:
-        """The characters of one kind, by id."""
+        """Returns the characters of one kind, by id."""
         return {key: one for key, one in self.characters.items() if isinstance(one, rig)}
 
     def shape(self, shape_id: str) -> Shape:
-        """The rigged shape of an id, as :meth:`character` does."""
+        """Returns the rigged shape with an id; see :meth:`character`."""
         return self.character(shape_id, Shape)
 
     def graph(self, shape_id: str) -> GraphShape:
-        """The possessed mesh of an id, as :meth:`character` does."""
+        """Returns the possessed mesh with an id; see :meth:`character`."""
         return self.character(shape_id, GraphShape)
 
     def puppet(self, puppet_id: str) -> Puppet:
-        """The puppet of an id, as :meth:`character` does."""
+        """Returns the puppet with an id; see :meth:`character`."""
         return self.character(puppet_id, Puppet)
 
     @property
@@ -211,11 +214,11 @@ class Project:
         return dict.fromkeys(layer.id for shape in self.shapes.values() for layer in shape.layers)
 
     def length_of(self, layer: Playing) -> float:
-        """Seconds of the take that a layer plays."""
+        """Returns the duration of the take that a layer plays, in seconds."""
         return self._recorded(layer).duration
 
     def take_of(self, layer: Playing) -> Clip | PoseStream:
-        """The take that a layer plays, as smooth as it plays it."""
+        """Returns the take that a layer plays, with the layer's smoothing applied."""
         return smoothed(self._recorded(layer), layer.smooth)
 
     def _recorded(self, layer: Playing) -> Clip | PoseStream:
@@ -223,15 +226,16 @@ class Project:
         return held[layer.take]
 
     def end_of(self, character: RigBase) -> float:
-        """The time at which each of a character's layers that is not muted was played once; 0 without."""
+        """Returns the time at which all unmuted layers of a character have been played once, or 0 without
+        layers."""
         heard = [layer for layer in character.playing if not layer.muted]
         return max((layer.end(self.length_of(layer)) for layer in heard), default=0.0)
 
 
 def same(a: object, b: object) -> bool:
-    """Whether two projects, or two parts of them, are the same value, bit for bit.
+    """Returns True if two projects, or two parts of them, are equal bit for bit.
 
-    Arrays are the same with the same type, shape and bytes; so -0.0 is not 0.0, and a NaN is itself.
+    Arrays are equal if type, shape and bytes are; so -0.0 differs from 0.0, and a NaN equals itself.
     """
     if a is b:
         return True

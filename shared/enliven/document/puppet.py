@@ -1,11 +1,11 @@
-"""A puppet: a mesh that control points move, and example poses that pair a performer's poses with its own.
+"""A puppet: a mesh driven by control points, with example poses that pair a performer's poses with its own.
 
-Where a skeleton has no counterpart in the mesh (a cactus that directs traffic), the user pairs joints of a
-performer with control points of the mesh and poses a few examples; every motion of that kind follows
-(Celikcan, Yaz and Capin, "Example-based retargeting of human motion to arbitrary mesh models", 2015). The
-trajectories of the points come from :mod:`enliven.examples`, the surface between them from
-:mod:`enliven.deformation.arap.solver`. Nothing is baked: a puppet holds its examples, and layers that
-refer to takes.
+A mesh may have no counterpart of a skeleton (a cactus that directs traffic). The user then pairs joints of a
+performer with control points of the mesh and poses a few examples. They determine how the mesh follows every
+motion of that kind (Celikcan, Yaz and Capin, "Example-based retargeting of human motion to arbitrary mesh
+models", 2015). :mod:`enliven.examples` computes the trajectories of the points, and
+:mod:`enliven.deformation.arap.solver` the surface between them. Nothing is baked: a puppet stores its
+examples, and layers that refer to takes.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class ControlPoint:
     Attributes:
         name: unique on the puppet.
         vertex: of the mesh.
-        joint: of the performer, that it is paired with; empty while it is paired with none.
+        joint: the performer's joint that it is paired with; empty if none.
         foot: whether the puppet can stand on it.
-        weight: how hard it pulls as a soft handle; None is hard (``Handle``).
+        weight: strength as a soft handle; None is hard (``Handle``).
     """
 
     name: str
@@ -49,12 +49,12 @@ class ControlPoint:
 
 @dataclass(frozen=True, eq=False)
 class KeyPose:
-    """An example: where the control points are to be when the performer is as at a time of a take.
+    """An example: the positions of the control points for the performer's pose at a time of a take.
 
     Attributes:
         take: its id.
-        time: seconds since its begin.
-        places: (P, 3) metres in the mesh's own frame, one row a control point of the puppet.
+        time: seconds since its start.
+        places: (P, 3) metres in the mesh's own frame, one row per control point of the puppet.
     """
 
     take: str
@@ -67,7 +67,7 @@ class KeyPose:
 
 @dataclass(frozen=True)
 class Plane:
-    """The mesh's plane of symmetry: a point (3,) of it, metres, and its normal (3,)."""
+    """The mesh's symmetry plane: one of its points (3,), metres, and its normal (3,)."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -75,18 +75,18 @@ class Plane:
 
 @dataclass(frozen=True)
 class PuppetLayer(Playing):
-    """A take that the puppet plays, as an animation layer of a shape: the first is at the bottom.
+    """A take that the puppet plays, like an animation layer of a shape: the first is at the bottom.
 
     Attributes:
-        take: its id; it has the joints that the control points are paired with.
+        take: its id; it contains the joints that the control points are paired with.
         points: names of the control points that it moves; empty: all.
-        weight: 0..1, how far it takes the points from where the layers under it put them.
-        travel: whether the puppet goes through the world with it (``locomotion``); the
-            first layer that is not muted and does so decides. Otherwise it stays where it is.
-        level_feet: couple the heights of two feet at the frame where the anchor goes from one to the other.
-        switches: frames of the take at which contact and flight begin, or None to find them.
+        weight: 0..1, interpolation from the positions given by the layers below (0) to its own (1).
+        travel: whether the puppet moves through the world with it (``locomotion``). The first unmuted layer
+            with ``travel`` determines the path. Otherwise the puppet stays in place.
+        level_feet: couple the heights of two feet at the frame at which the anchor changes between them.
+        switches: frames of the take at which contact and flight begin, or None to detect them.
         positions, velocities, couplings: hard constraints; their frames are the take's.
-        mirrored: its turns go the other way round, as a mirror shows them; a mirrored puppet's do.
+        mirrored: reverses its rotations as in a mirror, which a mirrored puppet needs.
     """
 
     take: str
@@ -112,23 +112,23 @@ class PuppetLayer(Playing):
 class Puppet(RigBase):
     """A mesh with control points, its example poses, and the takes that it plays.
 
-    In the world it is at ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and the
-    yaw and root of the layer that travels; see :class:`PuppetLayer`.
+    Its position in the world is ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and
+    the yaw and root of the layer that travels; see :class:`PuppetLayer`.
 
     Attributes:
         id: its name in the project.
-        mesh: the surface at rest, metres, +Y up; it stands on y = 0 where it has feet.
+        mesh: the surface at rest, metres, +Y up; it stands on y = 0 if it has feet.
         points: its control points.
-        poses: its example poses, in the order in which they were made.
-        layers: what it plays, the first at the bottom.
-        symmetry: the mesh's plane of symmetry where examples are to be doubled by it, or None.
+        poses: its example poses, in the order in which they were created.
+        layers: the layers that it plays, the first at the bottom.
+        symmetry: the mesh's symmetry plane if it should add mirrored examples, or None.
         place: (3,) metres.
         turn: (4,) unit quaternion.
         surface, examples, locomotion: settings of the three solvers.
 
     Raises:
-        InputError: where the parts do not fit together. An unfinished puppet, with too few examples or points
-            without a joint, is accepted: it is refused only when it is to move.
+        InputError: if the parts do not fit together. An unfinished puppet, with too few examples or points
+            without a joint, is accepted. It is refused only when it should move.
     """
 
     id: str
@@ -161,13 +161,13 @@ class Puppet(RigBase):
         return tuple(point.name for point in self.points)
 
     def needed(self) -> Mapping[str, set[str]]:
-        """The ids of its takes, with those of its key poses."""
+        """Returns the ids of its takes, including those of its key poses."""
         found = super().needed()
         found["takes"].update(pose.take for pose in self.poses)
         return found
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Puppet:
-        """The same with other ids of its takes, in layers and key poses."""
+        """Returns the puppet with other ids of its takes, in layers and key poses."""
         poses = tuple(replace(pose, take=names["takes", pose.take]) for pose in self.poses)
         return super().with_takes_named(names).with_changes(poses=poses)
 
@@ -177,10 +177,10 @@ class Puppet(RigBase):
         return np.asarray(self.mesh.vertices[[point.vertex for point in self.points]])
 
     def index(self, name: str) -> int:
-        """The number of a control point.
+        """Returns the number of a control point.
 
         Raises:
-            InputError: where none has the name, with those that have.
+            InputError: if the name does not exist; the message lists the existing ones.
         """
         for number, point in enumerate(self.points):
             if point.name == name:
@@ -191,12 +191,13 @@ class Puppet(RigBase):
 
 
 def character_of_puppet(puppet: Puppet) -> Character:
-    """The puppet as viewers know it: kind "points", transform 0 its frame, transform k control point k - 1.
+    """Returns the puppet for viewers: kind "points", with its frame as transform 0 and control point k - 1 as
+    transform k.
 
-    Viewers solve the surface. Without that it moves as one rigid piece: all vertices follow transform 0.
+    Viewers solve the surface. Without a solver it moves as one rigid piece: all vertices follow transform 0.
 
     Raises:
-        InputError: for a puppet without control points.
+        InputError: if the puppet has no control points.
     """
     if not puppet.points:
         mend = "Put one on the mesh."

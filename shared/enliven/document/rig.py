@@ -1,11 +1,12 @@
-"""The rig of a character: what every kind of it has, whatever moves its mesh.
+"""The rig of a character: the common part of all kinds of rigs.
 
-A character is one value, and its rig is its class: it is not put together of a mesh, a rig, layers and a
-placement. Only the mesh could be taken out of all three. The layers of a skeleton are named by the spans of
-its bones, and go when no span names them; those of a deformation graph are its nodes, each part with its own
-place in the world and what it rides on; so neither is whole without the other. The placement of a skeleton is
-the first of its modeling rotations, and that of a graph is in every part. What is common is here, and the
-edits are written once against :class:`enliven.modeling.rig.RigEdits`.
+A character is one value, and its rig is its class. It is not composed of a mesh, a rig, layers and a
+placement, since only the mesh could be separated in all three kinds. The layers of a skeleton are referenced
+by the spans of its bones, and removed with the last reference. The layers of a deformation graph are its
+nodes; each part has its own placement in the world and its own carrier. So neither is complete without the
+other. The placement of a skeleton is the first of its modeling rotations, and that of a graph is in every
+part. This module contains the common part, and the edits are written once against
+:class:`enliven.modeling.rig.RigEdits`.
 """
 
 from __future__ import annotations
@@ -27,19 +28,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigBase:
-    """A character of a project: a mesh, what moves it, and the layers that it plays.
+    """A character of a project: a mesh, the rig that moves it, and the layers that it plays.
 
-    The edits of all rigs are in :mod:`enliven.modeling.edits`; each rig's part of them in the rig's own room.
+    The edits of all rigs are in :mod:`enliven.modeling.edits`; the part that depends on the rig is in the
+    rig's own package.
 
     Attributes:
-        kind: its number among the rigs: "bones", "graph" or "points", in files and on the wire.
-        word: what it is called in messages.
-        played: the attribute that holds its layers.
-        drawn_by: the attributes on which its surface at rest depends.
-        kinds: every rig by its kind; a class enters itself.
+        kind: identifies the rig in files and on the network: "bones", "graph" or "points".
+        word: its name in messages.
+        played: the attribute that contains its layers.
+        drawn_by: the attributes that its surface at rest depends on.
+        kinds: all rigs by kind; each class registers itself.
         id: its name in the project.
         mesh: the surface at rest, or None.
-        root_layers: what turns and moves the whole of it over what it plays, the innermost first.
+        root_layers: layers that rotate and move the whole character on top of the others, the innermost
+            first.
     """
 
     kind: ClassVar[str]
@@ -61,53 +64,54 @@ class RigBase:
 
     @property
     def where(self) -> str:
-        """How messages name it."""
+        """Its name in messages."""
         return f"{self.word} {self.id!r}"
 
     @property
     def handles(self) -> tuple[str, ...]:
-        """The names of what it is posed by: joints or control points. Nodes of a graph have numbers alone."""
+        """The names of its handles: joints or control points. Nodes of a graph only have numbers."""
         return ()
 
     @property
     def keyable(self) -> int:
-        """How many handles, or nodes, can have keys of their own over its motion."""
+        """The number of handles, or nodes, that can have keys of their own on top of its motion."""
         return 0
 
     @property
     def parents(self) -> Int32:
-        """(H,) the handle that each handle hangs on by a bone; -1 where none is."""
+        """(H,) the parent of each handle along a bone, or -1 if it has none."""
         return np.full(len(self.handles), -1, np.int32)
 
     @property
     def playing(self) -> tuple[Playing, ...]:
-        """Its layers, each a take with a time map; those of its root last."""
+        """Its layers, each a take with a time map. The root layers come last."""
         return (*getattr(self, self.played), *self.root_layers)
 
     def with_playing(self, *layers: Playing) -> Self:
-        """The same with other layers."""
+        """Returns the character with other layers."""
         own = tuple(one for one in layers if not isinstance(one, RootLayer))
         root = tuple(one for one in layers if isinstance(one, RootLayer))
         return self.with_changes(**{self.played: own, "root_layers": root})
 
     def without_layer(self, number: int) -> Self:
-        """The same without a layer; the take stays."""
+        """Returns the character without a layer. The take stays."""
         return self.with_playing(*self.playing[:number], *self.playing[number + 1 :])
 
     def with_changes(self, **changes: object) -> Self:
-        """A copy with some attributes changed; this one stays as it is."""
+        """Returns a copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[type-var]
 
     def later(self, delay: float) -> Self:
-        """The same, playing ``delay`` seconds later."""
+        """Returns the character with its motion delayed by ``delay`` seconds."""
         return self.with_playing(*(layer.later(delay) for layer in self.playing))
 
     def at_rest(self, mesh: Mesh | None) -> tuple[Self, tuple[Any, ...]]:
-        """The same without motion, with another mesh of as many vertices, and the streams that it needs."""
+        """Returns the character without motion, with another mesh with the same vertex count, and the streams
+        that it needs."""
         return self.with_playing().with_changes(mesh=mesh), ()
 
     def needed(self) -> Mapping[str, set[str]]:
-        """The ids that it refers to in each map of takes of the project: "takes", "streams" and "bodies"."""
+        """Returns the ids that it refers to in the project's collections "takes", "streams" and "bodies"."""
         found: dict[str, set[str]] = {"takes": set(), "streams": set(), "bodies": set()}
         for layer in self.playing:
             for held, name in layer.needs():
@@ -115,17 +119,18 @@ class RigBase:
         return found
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """The same with other ids of the takes that it refers to, by the map of the project and the id."""
+        """Returns the character with other ids of its takes, by the name of the project's collection and the
+        old id."""
         return self.with_playing(*(one.with_takes_named(names) for one in self.playing))
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse takes that are not there, or that are of something else.
+        """Raises an error if a take does not exist or does not fit.
 
         Args:
-            held: the maps of the project, by their names.
+            held: the collections of the project, by name.
 
         Raises:
-            InputError: which one is missing.
+            InputError: names the missing take.
         """
         for kind, names in self.needed().items():
             missing = names - set(held[kind])

@@ -1,4 +1,4 @@
-"""A shape: a skeleton that takes drive, with the mesh that it carries."""
+"""A shape: a skeleton that takes drive, with its skinned mesh."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class Shape(RigBase):
-    """A skeleton with its rest shape, the rotations it was posed by, and the takes that move it.
+    """A skeleton with its rest shape, its modeling rotations, and the takes that move it.
 
-    The turn of bone j in the world is D_j = D_parent m_j a_j(t): m_j is the *modeling rotation* (posing,
-    cutting and merging put it there), a_j(t) the *animation rotation* that the layers give (AniMesh, section
-    6). Both are in the axes of the rest pose. The root has D_0 = m_0 a_0(t).
+    The world rotation of bone j is D_j = D_parent m_j a_j(t). m_j is the *modeling rotation*, which posing,
+    cutting and merging change. a_j(t) is the *animation rotation* that the layers give (AniMesh, section 6).
+    Both are in the axes of the rest pose. The root has D_0 = m_0 a_0(t).
 
     Attributes:
         id: its name in the project.
         skeleton: the joints at rest.
         modeling: (N, 4) unit quaternions m_j.
-        spans: (N,) what takes move each bone; see :mod:`enliven.document.layers`.
-        place: (3,) metres that the root joint is moved by from its rest position.
-        travel: the id of the layer with a take that moves this root too, or None; a looped take goes on from
+        spans: (N,) the parts of takes that move each bone; see :mod:`enliven.document.layers`.
+        place: (3,) metres, displacement of the root joint from its rest position.
+        travel: the id of the layer with a take that also moves this root, or None. A looped take continues
             where it ended.
         mesh: the surface at rest, in the skeleton's frame, or None.
-        skin: which bones each vertex follows, or None without a mesh.
-        travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their
+        skin: the bones that each vertex follows, or None without a mesh.
+        travel_scale: metres that this root moves per metre of the take's root, or None for the ratio of their
             sizes; see :mod:`enliven.motion.layers.travel`.
-        pins: the feet that stay where they stand; see :mod:`enliven.motion.contact.pin`.
-        layers: those that the spans and the travel name; one that none of them names is left out.
+        pins: the feet that are locked while they stand; see :mod:`enliven.motion.contact.pin`.
+        layers: the layers that spans and travel refer to; others are dropped.
 
     Raises:
-        InputError: where the parts do not fit together.
+        InputError: if the parts do not fit together.
     """
 
     id: str
@@ -72,7 +72,7 @@ class Shape(RigBase):
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
     def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
-        """The same without motion, travel and pins."""
+        """Returns the shape without motion, travel and pins."""
         spans = (STILL,) * len(self.skeleton)
         return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=(), root_layers=()), ()
 
@@ -87,16 +87,16 @@ class Shape(RigBase):
 
     @property
     def keyable(self) -> int:
-        """Every bone."""
+        """The number of bones."""
         return len(self.skeleton)
 
     @property
     def parents(self) -> Int32:
-        """(N,) the joint before each; -1 for the root."""
+        """(N,) the parent of each joint, or -1 for the root."""
         return self.skeleton.parents
 
     def without_layer(self, number: int) -> Shape:
-        """The same without a layer, which no bone and no travel names any more."""
+        """Returns the shape without a layer, and without references to it."""
         if number >= len(self.layers):
             return super().without_layer(number)
         gone = self.layers[number].id
@@ -107,10 +107,10 @@ class Shape(RigBase):
         return self.with_changes(spans=spans, travel=None if self.travel == gone else self.travel)
 
     def layer(self, layer_id: str) -> Layer:
-        """The layer of an id.
+        """Returns the layer with an id.
 
         Raises:
-            InputError: where there is none, with those that there are.
+            InputError: if it does not exist; the message lists the existing ones.
         """
         for layer in self.layers:
             if layer.id == layer_id:
@@ -120,7 +120,7 @@ class Shape(RigBase):
         raise InputError(f"there is no layer {layer_id!r}", where=self.where, mend=mend)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse takes that are not there, or that are of something else."""
+        """Raises an error if a take does not exist or does not fit."""
         super().check(held)
         for layer in self.layers:
             if max(layer.chain) >= len(held["takes"][layer.take].skeleton):
@@ -128,7 +128,8 @@ class Shape(RigBase):
 
 
 def names_of_layers(shape: Shape) -> tuple[str, ...]:
-    """The layers that the spans of a shape name, each once; that of its travel last."""
+    """Returns the layers that the spans of a shape refer to, without repetition. The travel layer comes
+    last."""
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     if shape.travel is not None:
         named[shape.travel] = None
@@ -138,16 +139,16 @@ def names_of_layers(shape: Shape) -> tuple[str, ...]:
 def still_shape(
     id: str, skeleton: Skeleton, mesh: Mesh | None = None, skin: SkinWeights | None = None
 ) -> Shape:
-    """A shape at rest that nothing moves."""
+    """Returns a shape at rest without motion."""
     count = len(skeleton)
     return Shape(id, skeleton, np.tile(IDENTITY, (count, 1)), (STILL,) * count, np.zeros(3), None, mesh, skin)
 
 
 def character_of(shape: Shape) -> Character:
-    """The shape as viewers know it: transform j is bone j, about the rest position of its parent joint.
+    """Returns the shape for viewers: transform j is bone j, about the rest position of its parent joint.
 
     Raises:
-        InputError: for a shape without a mesh.
+        InputError: if the shape has no mesh.
     """
     if shape.mesh is None or shape.skin is None:
         raise InputError(
@@ -170,8 +171,8 @@ def character_of(shape: Shape) -> Character:
 
 
 def _drawn(skeleton: Skeleton) -> Int32:
-    """(E, 2) pairs of transforms with pivots at the two ends of a bone."""
-    # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
+    """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
+    # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to that of a child.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)
 

@@ -1,8 +1,8 @@
 """A skeleton: a tree of joints at rest, and the bones between them.
 
-Bone ``j`` is the link from ``parents[j]`` to joint ``j``; it turns about ``parents[j]`` and carries joint
-``j`` and all that hangs on it. Entry 0, the root, has no link: its turn is the turn of the whole. So there
-are as many turns as joints, and two arms that leave one chest turn apart, as AniMesh's bones do.
+Bone ``j`` is the link from ``parents[j]`` to joint ``j``. It turns about ``parents[j]`` and carries joint
+``j`` and all its descendants. Entry 0, the root, has no link: its rotation is that of the whole. So there is
+one rotation per joint, and two arms at one chest turn independently, like AniMesh's bones.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ class Skeleton:
     """A tree of joints at rest.
 
     Attributes:
-        names: (N,) of the joints, each once.
+        names: (N,) unique names of the joints.
         parents: (N,) int32; -1 at entry 0, the root, and smaller than the joint's own number elsewhere.
         positions: (N, 3) float64 metres at rest.
 
     Raises:
-        InputError: where the arrays do not fit together; :func:`skeleton_of` sorts what is only out of order.
+        InputError: if the arrays do not fit together. :func:`skeleton_of` sorts joints that are only out of
+            order.
     """
 
     names: tuple[str, ...]
@@ -50,18 +51,18 @@ class Skeleton:
 
     @cached_property
     def vectors(self) -> Float:
-        """(N, 3) from each joint's parent to the joint, at rest; zero at the root."""
+        """(N, 3) from each joint's parent to the joint, at rest, zero at the root."""
         parents = np.maximum(self.parents, 0)
         return frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
 
     @cached_property
     def lengths(self) -> Float:
-        """(N,) metres of each bone; zero at the root."""
+        """(N,) metres of each bone, zero at the root."""
         return frozen(np.linalg.norm(self.vectors, axis=1))
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
-        """The joints that hang on each joint, in their order."""
+        """The child joints of each joint, in their order."""
         below: list[list[int]] = [[] for _ in self.names]
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
@@ -69,10 +70,10 @@ class Skeleton:
         return tuple(tuple(joints) for joints in below)
 
     def index(self, name: str) -> int:
-        """The number of a joint.
+        """Returns the number of a joint.
 
         Raises:
-            InputError: where no joint has the name, with those that have.
+            InputError: if the name does not exist; the message lists the existing ones.
         """
         if name not in self.names:
             known = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
@@ -80,7 +81,7 @@ class Skeleton:
         return self.names.index(name)
 
     def below(self, joint: int) -> tuple[int, ...]:
-        """The joint and all that hangs on it, ascending."""
+        """Returns the joint and all its descendants, ascending."""
         inside = {joint}
         for other in range(joint + 1, len(self)):
             if int(self.parents[other]) in inside:
@@ -88,7 +89,8 @@ class Skeleton:
         return tuple(sorted(inside))
 
     def path(self, start: int, end: int) -> tuple[int, ...]:
-        """The joints from ``start`` to ``end``, both included: up to where they meet, and down."""
+        """Returns the joints from ``start`` to ``end``, both included: up to their common ancestor, and
+        down."""
         up = self._to_root(start)
         down = self._to_root(end)
         meeting = next(joint for joint in up if joint in set(down))
@@ -107,18 +109,18 @@ def skeleton_of(
     positions: Float | Sequence[Sequence[float]],
     root: int | None = None,
 ) -> tuple[Skeleton, tuple[int, ...]]:
-    """A skeleton of joints and links in any order and direction.
+    """Builds a skeleton from joints and links in any order and direction.
 
     Args:
         links: pairs of joints.
         positions: (N, 3) metres at rest.
-        root: the joint to hang the tree on; None takes joint 0.
+        root: the joint that becomes the root; None takes joint 0.
 
     Returns:
-        The skeleton, and for each of its joints the number it had.
+        The skeleton, and for each of its joints the old number.
 
     Raises:
-        InputError: where the links make a cycle or leave joints apart, with the names of those joints.
+        InputError: if the links form a cycle or leave joints unconnected; the message names those joints.
     """
     where = "skeleton"
     if not names:
@@ -141,7 +143,8 @@ def skeleton_of(
 
 
 def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[list[int], dict[int, int]]:
-    """Joints in depth-first order from the root, and the parent of each; refuses a cycle."""
+    """Returns joints in depth-first order from the root, and the parent of each. Raises an error for a
+    cycle."""
     order, parents, waiting = [], {root: -1}, [root]
     while waiting:
         joint = waiting.pop()
@@ -161,7 +164,7 @@ def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[lis
 
 
 def _cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
-    """The joints of the cycle that a link from ``joint`` to ``other`` closes."""
+    """Returns the joints of the cycle that a link from ``joint`` to ``other`` closes."""
     chains = []
     for end in (joint, other):
         chain = [end]

@@ -1,4 +1,4 @@
-"""Takes smoothed as they are played: what was recorded stays as it is."""
+"""Smooths takes while they are played. The recording stays unchanged."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from enliven.rotation import normalized
 
 T = TypeVar("T", bound=Clip | PoseStream)
 _KEPT = 64
-"""Smoothed takes that are kept: those of some characters, while a slider is dragged."""
+"""Number of smoothed takes in the cache: enough for several characters while a slider is dragged."""
 
 
 def smoothed(take: T, seconds: float) -> T:
-    """A take with each moment mixed with those around it; the same object for the same take and seconds.
+    """Returns a take smoothed by a Gaussian filter over time. The result is cached by take and seconds.
 
     Args:
-        seconds: the standard deviation of the Gaussian weights; 0 gives the take itself.
+        seconds: the standard deviation of the Gaussian weights; 0 returns the take itself.
     """
     return take if seconds <= 0.0 else _smoothed(take, seconds)
 
 
 @lru_cache(maxsize=_KEPT)
 def _smoothed(take: Any, seconds: float) -> Any:
-    from scipy.ndimage import gaussian_filter1d  # where nothing is smoothed nothing of it is loaded
+    from scipy.ndimage import gaussian_filter1d  # imported on demand: slow to load
 
     frames = seconds / take.step
 
@@ -38,7 +38,7 @@ def _smoothed(take: Any, seconds: float) -> Any:
 
     if isinstance(take, PoseStream):
         return replace(take, linear=mixed(take.linear), positions=mixed(take.positions))
-    # A turn has two quaternions: each frame takes the one that is nearer to the frame before.
+    # Two quaternions represent each rotation: choose the one nearer to the previous frame.
     signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
     along = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
     even = replace(take, turns=take.turns * along[..., None]).mapped(mixed)

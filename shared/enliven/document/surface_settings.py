@@ -1,4 +1,4 @@
-"""How a surface follows its handles."""
+"""Settings for how a surface follows its handles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ArapSettings:
-    """How a surface follows its handles."""
+    """Settings for how a surface follows its handles."""
 
     iterations: int = setting(
         3, "Iterations a frame; with squash and stretch the last makes the pose.", low=1

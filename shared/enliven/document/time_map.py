@@ -1,4 +1,4 @@
-"""The time map of a layer: which second of its take is played at which second of the project."""
+"""The time map of a layer: maps seconds of the project to seconds of its take."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from enliven.document.keys import CurveKey, curve_of
 from enliven.errors import InputError
 
 SLOWEST = 0.02
-"""Times as fast that a key of the speed plays a lane at least: time goes on, and never back."""
+"""Minimum speed factor of a speed key. Time must never stop or reverse."""
 FASTEST = 50.0
-"""Times as fast that a key of the speed plays a lane at most."""
+"""Maximum speed factor of a speed key."""
 _APART = 1e-3
-"""Seconds between two keys of a weight or a speed at least: below it no frame is seen."""
+"""Minimum time in seconds between two keys of a weight or a speed. A shorter interval contains no frame."""
 _MOST = 4.0
-"""Times as long that it may take at most until all loops begin again together."""
+"""Maximum time until all loops start together again, as a multiple of the required minimum."""
 _ALMOST = 0.02
-"""Share of a round by which loops may miss one another there: too little to be seen as a jump."""
+"""Maximum mismatch of loops at that time, as a fraction of a loop: too small to be visible as a jump."""
 _SHORTEST_ROUND = 0.05
-"""Seconds of a loop that counts at least: a shorter one is a pose."""
+"""Minimum duration of a loop in seconds. A shorter one counts as a static pose and is ignored."""
 _NEAR = 1e-9
-"""Seconds within which two clips meet: rounding."""
+"""Maximum distance in seconds of two clips that touch. It allows for rounding."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a lane that plays a stretch of a take: what a timeline shows as one clip.
+    """A part of a lane that plays a part of a take: one clip on a timeline.
 
     Attributes:
         begin, end: seconds of the lane.
-        first: the second of the take that is played at ``begin``; before the take's first and after its last
-            frame these stand.
-        speed: seconds of the take for a second of the lane; below 0 backwards.
+        first: the second of the take that plays at ``begin``. Before its first and after its last frame, the
+            take holds that frame.
+        speed: seconds of the take per second of the lane; below 0 backwards.
     """
 
     begin: float
@@ -45,19 +45,19 @@ class Segment:
 
     @property
     def last(self) -> float:
-        """The second of the take that is played at :attr:`end`."""
+        """The second of the take that plays at :attr:`end`."""
         return self.first + (self.end - self.begin) * self.speed
 
     def second(self, at: float) -> float:
-        """The second of the take at a second of the lane."""
+        """Returns the second of the take at a second of the lane."""
         return self.first + (at - self.begin) * self.speed
 
 
 class Moment(NamedTuple):
-    """What a layer plays at one time: ``(1 - share)`` of one second of its take and ``share`` of another.
+    """The state of a layer at one time: ``(1 - share)`` of one second of its take and ``share`` of another.
 
-    ``rounds`` is how often the lane was played to its end before; ``weight``, from 0 to 1, how far the layer
-    is heard: 0 where it plays nothing and does not hold.
+    ``rounds`` is the number of completed loops of the lane. ``weight``, from 0 to 1, is the layer's strength:
+    0 if it plays nothing and does not hold.
     """
 
     second: float
@@ -69,26 +69,26 @@ class Moment(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimeMap:
-    """When a take is played; the layers of all rigs are time maps.
+    """The timing of a take; the layers of all rigs are time maps.
 
-    A layer plays a lane of segments, one after another; two that overlap are blended over the overlap. Its
-    lane without segments is the take once. At t seconds of the project, (t - offset) speed seconds of the
-    lane are played, counted from its end where the speed is below 0. Outside of its segments a layer holds
-    the frame that was played last, or plays nothing; or its lane begins again.
+    A layer plays a lane of segments, one after another. Two overlapping segments are blended over the
+    overlap. A lane without segments plays the take once. At t seconds of the project, the lane is at (t -
+    offset) speed seconds, counted from its end if the speed is below 0. Outside its segments a layer holds
+    the last frame, plays nothing, or loops.
 
     Attributes:
         offset: seconds of the project's time at which the lane begins.
-        speed: 1 as recorded; 0.5 half as fast; below 0 backwards from the end.
-        loop: begin again at the end; otherwise the last frame stays, or nothing does.
-        segments: of the lane, the first from 0 on; none: the take from its first frame to its last.
-        hold: whether the frame at an end stands beyond it; otherwise nothing is played there, as if muted.
-        ease: seconds of the lane over which a layer that does not hold comes in and goes out.
-        smooth: seconds over which the take is smoothed as it is played; 0 plays it as recorded.
-        recorded: the name of the recording that it came from; empty: from none.
-        alternatives: the name of the takes of which that is one; one of them is heard, on all characters.
-        weights: keys of how far it is heard, from 0 to 1, in the order of time; none: all the way.
-        speeds: keys of how many times as fast the lane is played, above 0, so that time never stands or goes
-            back; none: once.
+        speed: 1 as recorded; 0.5 at half speed; below 0 backwards from the end.
+        loop: start again at the end; otherwise the last frame is held, or nothing plays.
+        segments: of the lane, the first from 0 on; empty: the whole take.
+        hold: whether the frame at an end is held beyond it; otherwise nothing plays there, as if muted.
+        ease: seconds of the lane over which a layer that does not hold fades in and out.
+        smooth: seconds over which the take is smoothed; 0 plays it as recorded.
+        recorded: the name of the recording that it came from; empty for none.
+        alternatives: the name of the group of alternative takes that the recording belongs to. One of the
+            group plays, on all characters.
+        weights: keys of its weight, from 0 to 1, in the order of time; empty: full weight.
+        speeds: keys of the lane's speed factor, above 0, so that time never stops or reverses; empty: 1.
     """
 
     offset: float = 0.0
@@ -104,10 +104,10 @@ class TimeMap:
     speeds: tuple[CurveKey, ...] = ()
 
     def check_time(self, where: str) -> None:
-        """Refuse numbers that cannot be played.
+        """Raises an error for values that cannot be played.
 
         Raises:
-            InputError: where one is not finite, a speed is 0, or segments do not follow one another.
+            InputError: if a number is not finite, a speed is 0, or segments are not in sequence.
         """
         for name in ("segments", "weights", "speeds"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
@@ -124,22 +124,22 @@ class TimeMap:
             raise InputError(problem, where=where, mend="Move a clip away, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
-        """The segments that are played of a take of ``length`` seconds, at least one."""
+        """Returns the segments that are played of a take of ``length`` seconds, at least one."""
         return self.segments or (Segment(0.0, length),)
 
     def ends(self, length: float) -> tuple[float, float]:
-        """The seconds of a take of ``length`` seconds that are played at the lane's begin and its end."""
+        """Returns the seconds of a take of ``length`` seconds at the lane's start and end."""
         lane = self.lane(length)
         return _within(lane[0].first, length), _within(lane[-1].last, length)
 
     def extent(self, length: float) -> float:
-        """Seconds of the lane from its begin to its end."""
+        """Returns the duration of the lane in seconds."""
         return self.segments[-1].end if self.segments else length
 
     def moment(self, time: float, length: float) -> Moment:
-        """What is played of a take of ``length`` seconds at a time of the project.
+        """Returns the state of a take of ``length`` seconds at a time of the project.
 
-        :class:`enliven.motion.layers.timing.Clocks` is the same for many layers and times, compiled.
+        :class:`enliven.motion.layers.timing.Clocks` is the compiled version for many layers and times.
         """
         extent, lane = self.extent(length), self.lane(length)
         at = (self.even(time) - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
@@ -152,7 +152,7 @@ class TimeMap:
             weight = self._weight(at, rounds, lane, number)
         if self.weights:
             weight *= float(curve_of(self.weights)([time - self.offset])[0])
-        # A clip that is over holds its last frame until the next begins.
+        # A finished clip holds its last frame until the next begins.
         second = _within(now.second(min(max(at, now.begin), now.end)), length)
         if number and at < before.end:
             share = eased((at - now.begin) / (before.end - now.begin))
@@ -160,23 +160,23 @@ class TimeMap:
         return Moment(second, second, 0.0, rounds, weight)
 
     def even(self, time: float) -> float:
-        """The time of the project at which the same would be played without keys of the speed.
+        """Removes the effect of speed keys: returns the time at which the same would play without them.
 
-        It rises with the time, and is the offset there.
+        It increases with the time, and both are equal at the offset.
         """
         if not self.speeds:
             return time
         return self.offset + float(curve_of(self.speeds).area([time - self.offset])[0])
 
     def uneven(self, time: float) -> float:
-        """The inverse of :meth:`even`."""
+        """Returns the inverse of :meth:`even`."""
         return self.offset + curve_of(self.speeds).reached(time - self.offset) if self.speeds else time
 
     def _weight(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
-        """How far a layer that does not hold is heard at a second of its lane, which is of a round."""
+        """Returns the weight of a layer that does not hold at a second of its lane, within a loop."""
         begin, end = run_of(lane, number)
         if self.loop:
-            # Where rounds follow one another without a gap, it comes in once; before the first it is silent.
+            # Loops without a gap fade in only once; before the first loop the layer is silent.
             if (rounds < 0 and self.speed > 0.0) or (rounds > 0 and self.speed < 0.0):
                 return 0.0
             begin = -math.inf if begin <= _NEAR and rounds else begin
@@ -186,18 +186,19 @@ class TimeMap:
         return eased(min((at - begin) / self.ease, (end - at) / self.ease, 1.0)) if self.ease > 0.0 else 1.0
 
     def played(self, time: float, length: float) -> tuple[float, int]:
-        """The second of a take of ``length`` seconds that is played most at a time of the project.
+        """Returns the second of a take of ``length`` seconds with the largest share at a time of the project.
 
         Returns:
-            The second, within [0, length]; and how many times the lane was played to its end before, 0
-            without a loop.
+            The second, within [0, length]; and the number of completed loops of the lane, 0 without a loop.
         """
         found = self.moment(time, length)
         return (found.other if found.share > 0.5 else found.second), found.rounds
 
     def time_of(self, second: float, length: float) -> float:
-        """The time of the project at which a second of the take is played first; or would be, where none of
-        the segments has it."""
+        """Returns the time of the project at which a second of the take first plays.
+
+        If no segment contains it, the first segment is extrapolated.
+        """
         lane = self.lane(length)
         places = [one.begin + (second - one.first) / one.speed for one in lane]
         inside = [at for at, one in zip(places, lane, strict=True) if one.begin <= at <= one.end]
@@ -206,27 +207,28 @@ class TimeMap:
         return self.uneven(self.offset + at / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
-        """Whether a second of the take is played at any time: it may have been trimmed off."""
+        """Returns True if a second of the take plays at any time. It may have been trimmed off."""
         ends = (sorted((one.first, one.last)) for one in self.lane(length))
         return any(low - _NEAR <= second <= high + _NEAR for low, high in ends)
 
     def lasting(self, length: float) -> float:
-        """Seconds of the project that one round with a take of ``length`` seconds lasts."""
+        """Returns the duration of one loop with a take of ``length`` seconds, in seconds of the project."""
         lasts = self.extent(length) / abs(self.speed)
         return self.uneven(self.offset + lasts) - self.offset if self.speeds else lasts
 
     def end(self, length: float) -> float:
-        """The time of the project at which a lane with a take of ``length`` seconds has been played once."""
+        """Returns the time of the project at which a lane with a take of ``length`` seconds has been played
+        once."""
         return self.offset + self.lasting(length)
 
     def later(self, delay: float) -> Self:
-        """The same, ``delay`` seconds later."""
+        """Returns the time map delayed by ``delay`` seconds."""
         return replace(self, offset=self.offset + delay)
 
     def clips(self, length: float) -> tuple[Segment, ...]:
-        """The segments in seconds of the project, in the order of time.
+        """Returns the segments in seconds of the project, in the order of time.
 
-        Between their ends keys of the speed make them faster and slower; their own speed is the mean.
+        Speed keys change the speed within them; their own speed is the mean.
         """
         extent, speed = self.extent(length), self.speed
         start = self.offset - (extent / speed if speed < 0.0 else 0.0)
@@ -242,10 +244,11 @@ class TimeMap:
         return tuple(sorted(made, key=lambda one: one.begin))
 
     def with_clips(self, clips: Sequence[Segment], length: float) -> Self:
-        """The same with other segments, in seconds of the project; one that plays all is no segment.
+        """Returns the time map with other segments, in seconds of the project. A segment of the whole take is
+        simplified away.
 
         Raises:
-            InputError: where they are none, or do not follow one another.
+            InputError: if there are none, or they are not in sequence.
         """
         if not clips:
             raise InputError("nothing is left to be played", where="clip", mend="Remove the layer instead.")
@@ -258,10 +261,10 @@ class TimeMap:
         return replace(self, offset=start, speed=1.0, segments=lane)
 
     def with_lane(self, change: Callable[[Self], Self]) -> Self:
-        """The same with its lane changed by an edit that knows of no keys of weight or speed.
+        """Changes the lane by an edit that does not handle keys of weight or speed.
 
         Args:
-            change: gets the layer without these keys, on the time of :meth:`even`.
+            change: receives the layer without these keys, on the time of :meth:`even`.
         """
         made = change(self._without_keys())
         if not (self.weights or self.speeds):
@@ -278,19 +281,20 @@ class TimeMap:
         return replace(self, weights=(), speeds=())
 
     def when(self) -> tuple[object, ...]:
-        """All that decides when and how its take is played: layers with the same share a bar."""
+        """Returns all values that determine when and how its take plays: layers with equal values share a
+        bar."""
         return tuple(getattr(self, one.name) for one in fields(TimeMap))
 
     def timeless(self) -> Self:
-        """The same as the take is: from 0 on, once, at its own speed, and not smoothed."""
+        """Returns the layer with default timing: from 0 on, once, at recorded speed, and not smoothed."""
         return replace(self, **{one.name: one.default for one in fields(TimeMap)})
 
 
 class Playing(TimeMap):
-    """A layer of any rig: the take that it plays, when, and whether it is heard.
+    """A layer of any rig: the take that it plays, its timing, and whether it is muted.
 
     Attributes:
-        source: the map of the project that holds its take: "takes" or "streams".
+        source: the collection of the project that contains its take: "takes" or "streams".
         take: the id there.
         muted: true leaves the layer out.
     """
@@ -305,18 +309,19 @@ class Playing(TimeMap):
         def muted(self) -> bool: ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:
-        """What it refers to: maps of the project, and ids there."""
+        """Returns its references: collections of the project, and ids in them."""
         return ((self.source, self.take),)
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """The same layer with other ids of what it refers to."""
+        """Returns the layer with other ids of its references."""
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
 
 
 def closing_time(rounds: Sequence[float], least: float) -> float:
-    """Seconds, at least ``least``, at which loops of these lengths all begin again together, or nearly.
+    """Returns the time, at least ``least``, at which loops of these lengths all start together again, or
+    nearly.
 
-    It is ``least`` where that would take four times as long, and without loops.
+    It is ``least`` if that would take four times as long, and without loops. All times are in seconds.
     """
     rounds = [seconds for seconds in rounds if seconds > _SHORTEST_ROUND]
     if not rounds:
@@ -330,12 +335,12 @@ def closing_time(rounds: Sequence[float], least: float) -> float:
 
 
 def eased(share: float) -> float:
-    """How far a blend has gone that began and will end without a jump in speed: 3 s^2 - 2 s^3."""
+    """Returns the progress of a blend that starts and ends with zero speed (smoothstep): 3 s^2 - 2 s^3."""
     return share * share * (3.0 - 2.0 * share)
 
 
 def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
-    """From where to where segments follow one another without a gap, around one of them."""
+    """Returns the start and end of the gapless run of segments around one of them."""
     low = high = number
     while low > 0 and lane[low - 1].end >= lane[low].begin - _NEAR:
         low -= 1

@@ -1,8 +1,8 @@
-"""Motion from a few example poses: trajectories of control points.
+"""Example-based retargeting: trajectories of control points from a few key poses.
 
-After "Example-based retargeting of human motion to arbitrary mesh models" (2014), section 5: key poses pair
-joints of a performer with control points of a mesh, ``spacetime`` solves the trajectories, ``baking`` turns
-them into bones and morph targets for other formats.
+After "Example-based retargeting of human motion to arbitrary mesh models" (2014), section 5. Key poses pair
+joints of a performer with control points of a mesh. ``spacetime`` solves the trajectories, and ``baking``
+converts them to bones and morph targets for other formats.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""How well a puppet's examples cover what it plays."""
+"""Measures how well a puppet's examples cover the takes that it plays."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from enliven.examples.puppet_solve import seen_by
 from enliven.examples.suggest import distance_to
 
 _SAME = 1e-3
-"""Share of the mesh's size by which control points of two key poses are apart at most, to be posed alike."""
+"""Maximum distance of the control points of two equal key poses, as a fraction of the mesh's size."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """How far the poses of a take are from the examples.
+    """The distance of the poses of a take from the examples.
 
     Attributes:
-        take: its id.
-        gap: metres, a root mean square over the joints: the farthest pose from the example nearest to it.
-        frame, time: of that pose, in the take; seconds.
-        share: the gap as a share of how far the examples are apart at most.
+        take: id of the take.
+        gap: metres, a root mean square over the joints: the largest distance of a pose from its nearest
+            example.
+        frame, time: frame and seconds of that pose, in the take.
+        share: the gap divided by the largest distance between two examples.
     """
 
     take: str
@@ -40,10 +41,10 @@ class Coverage:
 
 
 def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
-    """How well the examples cover the take of a layer.
+    """Computes how well the examples cover the take of a layer.
 
     Raises:
-        InputError: where something is missing.
+        InputError: if data is missing.
     """
     material = material_of(project, puppet, puppet.layers[layer])
     examples, took = seen_by(material)
@@ -55,7 +56,8 @@ def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
 
 
 def unposed(puppet: Puppet) -> tuple[str, ...]:
-    """A sentence where all key poses are alike, since none has been posed yet; else nothing."""
+    """Returns a sentence if all key poses are equal because none has been posed yet. Otherwise returns
+    nothing."""
     if len(puppet.poses) < 2:
         return ()
     near = _SAME * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))

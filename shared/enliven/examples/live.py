@@ -1,8 +1,9 @@
-"""The mapping during a live performance: frame by frame, with a fixed small lag.
+"""Example-based retargeting during a live performance: frame by frame, with a fixed small lag.
 
-Each new pose is solved together with the frames that are not shown yet; shown frames are held, so that the
-picture never jumps back. The places of a frame are given `lag` frames after its pose; later poses hardly
-change them by then. Where a motion ends within the lag, its frames are exactly those of the batch solution.
+Each new pose is solved together with the frames that are not shown yet. Shown frames are held fixed, so that
+the motion never jumps back. The control points of a frame are returned ``lag`` frames after its pose; later
+poses hardly change them by then. If a motion ends within the lag, its frames are exactly those of the batch
+solution.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from enliven.examples.mapping import ExampleMap
 from enliven.examples.spacetime import Conditions
 
 _OUT = 2
-"""Frames already out that an acceleration can still feel."""
+"""Number of shown frames that still affect an acceleration."""
 
 
 class LiveExamples:
-    """Control points while the performer moves.
+    """The control points while the performer moves.
 
     Args:
-        mapping: what the examples say.
+        mapping: the retargeting by the examples.
         step: seconds between frames.
-        lag: frames from a pose to its places; 0 answers at once.
+        lag: frames from a pose to its control points; 0 answers at once.
     """
 
     def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
@@ -37,12 +38,13 @@ class LiveExamples:
         self._out = np.empty((pairs, 0, 3))
 
     def push(self, pose: Float) -> Float | None:
-        """Takes a pose (P, 3) in the body frame; gives the places (P, 3) metres of the pose `lag` before.
+        """Adds a pose (P, 3) in the body frame. Returns control points (P, 3), metres, of the pose ``lag``
+        frames before.
 
-        None while fewer have come.
+        Returns None while too few poses have arrived.
 
         Raises:
-            InputError: for a pose that does not fit or is not finite; it is as if it had not come.
+            InputError: if the pose has a wrong shape or is not finite. The pose is then ignored.
         """
         poses = np.concatenate([self._poses, self.mapping.checked(np.asarray(pose, np.float64)[None])])
         held = self._out.shape[1]
@@ -51,20 +53,21 @@ class LiveExamples:
             return None
         places = self._solved(poses)
         out = np.concatenate([self._out, places[:, held : held + 1]], axis=1)
-        # No open acceleration depends on the shown frames before these.
+        # No open acceleration depends on earlier shown frames.
         old = max(out.shape[1] - _OUT, 0)
         self._poses, self._out = poses[old:], out[:, old:]
         return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
 
     def finish(self) -> Float:
-        """(L, P, 3) metres: the places that are still due. Then it begins anew."""
+        """Returns (L, P, 3) metres, the control points that are still due, and resets the state."""
         held = self._out.shape[1]
         due = self.mapping.in_metres(self._solved(self._poses)[:, held:]) if len(self._poses) else self._poses
         self._poses, self._out = self._poses[:0], self._out[:, :0]
         return due
 
     def _solved(self, poses: Float) -> Float:
-        """(P, F, 3) places in sizes of the mesh of the frames that an answer still depends on."""
+        """Solves (P, F, 3) control points, in sizes of the mesh, for the frames that still affect an
+        answer."""
         held = np.zeros((poses.shape[1], len(poses), 3), np.bool_)
         values = np.zeros(held.shape)
         held[:, : self._out.shape[1]] = True

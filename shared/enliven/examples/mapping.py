@@ -1,4 +1,4 @@
-"""The mapping from a performer's poses to trajectories of control points (section 5).
+"""Retargeting from a performer's poses to trajectories of control points (section 5).
 
 mapping = ExampleMap(examples)
 places = mapping.solve(performed(clip, examples.joints).poses, clip.step)                # (F, P, 3)
@@ -22,7 +22,7 @@ _WHERE = "poses"
 
 
 class ExampleMap:
-    """Maps poses of a performer to places of control points, by examples."""
+    """Maps poses of a performer to positions of control points, by examples."""
 
     def __init__(self, examples: Examples, settings: ExampleSettings | None = None) -> None:
         self.examples, self.settings = examples, settings or ExampleSettings()
@@ -36,22 +36,22 @@ class ExampleMap:
         workers: Executor | None = None,
         known: Float | None = None,
     ) -> Float:
-        """Trajectories of the control points.
+        """Solves the trajectories of the control points.
 
         Args:
             poses: (F, P, 3) metres, the paired joints in the body frame.
             step: seconds between frames.
-            constraints: that must hold.
-            workers: threads to share the control points among.
-            known: (F, P, 3) metres that were solved with fewer constraints: points that no constraint names
-                are as there, and not solved again.
+            constraints: hard constraints.
+            workers: threads that share the control points.
+            known: (F, P, 3) metres, a solution with fewer constraints. Points without constraints are copied
+                from it and not solved again.
 
         Returns:
             (F, P, 3) metres in the mesh's own frame.
 
         Raises:
-            InputError: for poses that do not fit or are not finite, with the frame, and for constraints that
-                contradict one another.
+            InputError: for poses with a wrong shape or that are not finite (the message names the frames),
+                and for constraints that contradict one another.
         """
         poses = self.checked(poses)
         conditions = conditions_of(constraints, self.examples, len(poses), step)
@@ -64,7 +64,7 @@ class ExampleMap:
         return out
 
     def checked(self, poses: Float) -> Float:
-        """Poses (F, P, 3) that can be used."""
+        """Returns the poses (F, P, 3) after checking their shape and values."""
         poses = np.asarray(poses, np.float64)
         pairs = len(self.examples.points)
         if poses.ndim != 3 or poses.shape[1:] != (pairs, 3) or len(poses) == 0:
@@ -79,7 +79,7 @@ class ExampleMap:
         return poses
 
     def nodes(self, poses: Float) -> Nodes:
-        """The nodes of all control points at each frame of poses (F, P, 3)."""
+        """Returns the nodes of all control points at each frame of poses (F, P, 3)."""
         return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 
     def solution(
@@ -90,14 +90,15 @@ class ExampleMap:
         workers: Executor | None = None,
         only: Sequence[int] | None = None,
     ) -> Solution:
-        """Places in sizes of the mesh, for poses that were checked; of some points ``only``, or of all."""
-        # The same cost for the same acceleration in a second, whatever the rate.
+        """Solves checked poses. Returns positions in sizes of the mesh, for the points in ``only``, or for
+        all."""
+        # Equal accelerations per second have equal costs at any frame rate.
         weight = self.settings.acceleration / (step * self.settings.rate) ** 2
         bounds = -self.settings.margin, 1.0 + self.settings.margin
         nearest = Nearest(self.examples, self.settings, poses)
         return solve(nearest.nodes, conditions, weight, bounds, workers, only)
 
     def in_metres(self, places: Float) -> Float:
-        """(F, P, 3) metres in the mesh's frame of places (P, F, 3) in sizes of the mesh."""
+        """Converts positions (P, F, 3) in sizes of the mesh to (F, P, 3) metres in the mesh's frame."""
         middle = self.examples.targets.mean(0)
         return np.asarray(np.swapaxes(places, 0, 1) * self.examples.target_size + middle)

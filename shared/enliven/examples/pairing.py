@@ -1,11 +1,11 @@
-"""Suggests a performer's joint for each control point, by side, height and how much the joint moves.
+"""Suggests a performer's joint for each control point, by side, height and amount of motion.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
-guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers joints that act in that take
+guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers moving joints
 
 Skeleton and mesh are compared from the front (+Z, left at +X), each scaled to its own width and height. A
-mesh that is wider from the side is taken to look at +X. Ends of limbs come before the joints between them,
-and no joint is suggested twice while others are left.
+mesh that is deeper than wide is assumed to face +X. Ends of limbs are preferred to the joints between them.
+No joint is suggested twice while others are unused.
 """
 
 from __future__ import annotations
@@ -25,45 +25,48 @@ from enliven.examples.puppet_examples import Weak
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _MIDDLE = 0.65
-"""Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
+"""Cost, in widths and heights, of following the middle of a limb. The end of a limb costs nothing."""
 _TRUNK = 0.5
-"""The same, of following the trunk: it moves less than a limb."""
+"""Cost of following the trunk, which moves less than a limb."""
 _OTHER = 0.9
-"""The same, of following any other joint, such as a finger's."""
+"""Cost of following any other joint, such as a finger's."""
 _END = 0.4
-"""Share of a limb, from its end, that counts as its end."""
+"""Fraction of a limb's length, from its end, that counts as its end."""
 _ACROSS = 0.5
-"""Weight of width relative to height. Arms held out are wider than legs; those of a mesh may not be."""
+"""Weight of width relative to height. Arms held out are wider than legs, which may not hold for those of a
+mesh."""
 _DEPTH = 0.3
-"""How much depth counts beside width and height."""
+"""Weight of depth relative to height."""
 _SIDE = 0.3
-"""What it costs to follow a side from the middle or the middle from a side; twice that, the other side."""
+"""Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
+twice that."""
 _NARROW = 0.1
-"""Half the width, in heights, up to which a mesh is a post and has no sides."""
+"""Maximum half width, in heights, of a mesh that counts as a post without sides."""
 _BASE = 0.1
-"""Share of the height below which a control point is at a mesh's foot."""
+"""Fraction of the height below which a control point is at the base of a mesh."""
 _DEEPER = 1.5
-"""So many times deeper than wide, a mesh is looked at from the side."""
+"""Ratio of depth to width above which a mesh is compared from the side."""
 _STILL = 0.01
-"""Share of the performer's height by which a joint moves beside the hips at most while it is still."""
+"""A joint is still if it moves less than this fraction of body height relative to the hips."""
 _UPRIGHT = 0.6
-"""Height in lengths from which what has no two feet stands on one; a fish is longer."""
+"""Minimum ratio of height to length for a mesh without two feet to stand on one. A fish is longer."""
 _NEVER = 1000.0
-"""Cost of a joint that is not to be taken while there is any other."""
+"""Cost of a joint that is chosen only if no other joint is left."""
 _ASIDE = 0.15
-"""Share of half the width from which a place is on a side."""
+"""Fraction of half the width beyond which a position is on a side."""
 _GROUNDED = 0.3
-"""Cost of a foot for a point above the ground, and of any other joint for a point on it, if the feet act."""
+"""Cost of a foot joint for a point above the ground, and of another joint for a point on it, if the feet
+move."""
 _QUIET = 0.8
-"""Cost, in widths and heights, of a joint that hardly moves; the joint that moves most costs nothing."""
+"""Cost, in widths and heights, of a joint that hardly moves. The joint that moves most costs nothing."""
 _SAME_END = 5.0
-"""Cost of a wrist or a finger compared with the end of the hand, which moves as it does."""
+"""Cost of a wrist or a finger relative to the end of the hand, which moves in the same way."""
 _CROSSED = 100.0
 """Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
 _KEPT = 16
-"""Takes in the cache of :func:`joint_motion`; the least lately used goes."""
+"""Number of takes in the least-recently-used cache of :func:`joint_motion`."""
 _HAND = 0.35
-"""Share of a limb, from its end, that is its hand or foot."""
+"""Fraction of a limb, from its end, that is its hand or foot."""
 
 
 _Unit = tuple[int, ...]
@@ -78,12 +81,12 @@ class _Candidate(NamedTuple):
 
 @dataclass(frozen=True)
 class JointMotion:
-    """The motion of a performer's joints in a take, relative to the hips and without the yaw.
+    """The motion of a performer's joints in a take, relative to the hips and without yaw.
 
     Attributes:
         still: names of the joints that do not move, including the hips.
-        shares: by name, 0 to 1: the variance of the joint's place, divided by the largest of all joints. A
-            joint and its mirror image have the same share, the larger of both.
+        shares: by name, 0 to 1: the variance of the joint's position, divided by the largest of all joints. A
+            joint and its mirror image both have the larger of their two values.
     """
 
     still: frozenset[str]
@@ -116,25 +119,26 @@ def guess_joints(
     motion: JointMotion | None = None,
     partners: Sequence[int] | None = None,
 ) -> tuple[str, ...]:
-    """(P,) names of joints for control points at ``rest`` (P, 3) metres, in the mesh's own frame.
+    """Suggests (P,) names of joints for control points at ``rest`` (P, 3) metres, in the mesh's own frame.
 
-    A joint is guessed twice only where there are more control points than joints.
+    A joint is suggested twice only if there are more control points than joints.
 
     Args:
-        taken: joints that others follow already.
-        wanted: numbers of the control points that need one; None for all. The others only say how large
-            and how wide the mesh is.
-        motion: how much the joints move in the take. Joints that move more are preferred, and a joint that is
-            still is suggested only for the base of a mesh that stands on one foot.
-        partners: (P,) numbers of the control points' mirror images, a point's own number on the plane of
-            symmetry. Mirror images follow the same joint of both sides, points on the plane middle joints.
+        taken: joints that other points already follow.
+        wanted: numbers of the control points that need a joint; None for all. The other points only define
+            the size of the mesh.
+        motion: how much the joints move in the take. Joints that move more are preferred. A still joint is
+            suggested only for the base of a mesh that stands on one foot.
+        partners: (P,) numbers of the control points' mirror images; a point on the symmetry plane has its own
+            number. Mirror images follow the corresponding joints of both sides. Points on the plane follow
+            middle joints.
     """
     still = frozenset[str]() if motion is None else motion.still
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
         return ()
     deep = np.ptp(rest, axis=0)
-    # Mirror images show where left and right are, also on a fish that is longer than wide.
+    # Mirror images define left and right, even on a fish that is longer than wide.
     if partners is None and deep[2] > _DEEPER * deep[0]:
         rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
@@ -150,7 +154,7 @@ def guess_joints(
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
     sides = _sides(_normal(rest, rest), partners)
     if not _on_feet(_normal(rest, rest), sides) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
-        # What stands on one foot, as a chess piece does, has a head and hips, and no legs.
+        # A mesh that stands on one foot, like a chess piece, has a head and hips, and no legs.
         kept = _upper(found, anatomy, skeleton)
         if len(kept) >= len(ours):
             found, whole = kept, level[[one.joint for one in kept]]
@@ -188,13 +192,13 @@ def foot_joints(skeleton: Skeleton) -> frozenset[str]:
 
 
 def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
-    """Numbers of the control points without those at a hand or foot where another joint is followed already.
+    """Returns control points such that each hand or foot follows one joint only.
 
-    Points that share a joint, for want of others, stay.
+    Points that share a joint for lack of others are kept.
 
     Args:
-        joints: (P,) what each follows, the most important first.
-        partners: (P,) the mirror image of each, which goes with it.
+        joints: (P,) the joint of each point, the most important first.
+        partners: (P,) the mirror image of each point, which is kept or dropped together with it.
     """
     anatomy = anatomy_of(skeleton)
     parts = {joint: limb.chain[-1] for limb in _limbs(anatomy) for joint in _hand(skeleton, limb)}
@@ -209,7 +213,7 @@ def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int
 
 
 def _assigned(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
-    """Returns the column of each row of a cost matrix (R, C) at least cost, assigned unit by unit."""
+    """Solves the assignment problem unit by unit. Returns the column of each row of a cost matrix (R, C)."""
     units, ways = np.empty((len(rows), len(columns))), dict[tuple[int, int], tuple[int, ...]]()
     for r, row in enumerate(rows):
         for c, column in enumerate(columns):
@@ -264,7 +268,8 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:
-    """Returns (J,) for each joint of a paired limb the joint of the other side; other joints themselves."""
+    """Returns (J,) the joint of the other side for each joint of a paired limb. Other joints map to
+    themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
         for one, other in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
@@ -277,7 +282,7 @@ def _limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
 
 
 def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
-    """The joints of the last part of a limb: a hand with its fingers, a foot with its toes."""
+    """Returns the joints of the last part of a limb: a hand with its fingers, or a foot with its toes."""
     proper = limb.proper
     left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
     first = next((j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND * left[0]), None)
@@ -285,25 +290,27 @@ def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
 
 
 def _own(limb: SkeletonLimb) -> tuple[int, ...]:
-    """The joints of a limb without the fork that it leaves."""
+    """Returns the joints of a limb without the junction that it starts from."""
     return limb.chain[max(limb.start, 1) :]
 
 
 def _on_feet(points: Float, sides: Float) -> bool:
-    """Whether the points (N, 3) at the foot, as shares, are on both sides (N,), or there are none."""
+    """Returns True if the lowest points (N, 3), in fractions of the size, are on both sides (N,), or if there
+    are none."""
     low = sides[points[:, 1] < _BASE]
     return not len(low) or {1.0, -1.0} <= set(low.tolist())
 
 
 def _upper(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """The candidates without legs, of which the hips cost nothing."""
+    """Returns the candidates without legs, with no cost for the hips."""
     legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
     kept = [one for one in found if one.joint not in legs]
     return [one._replace(cost=0.0) if one.joint == anatomy.trunk[0] else one for one in kept]
 
 
 def _arms_out(level: Float, anatomy: Anatomy) -> Float:
-    """(N, 3) joints with arms held out to the sides: hanging down, a hand would be lower than its elbow."""
+    """Returns (N, 3) joints with the arms held out to the sides. In a hanging arm, the hand would be below
+    its elbow."""
     out = level.copy()
     for left, right in anatomy.arms:
         for limb, side in ((left, 1.0), (right, -1.0)):
@@ -314,9 +321,10 @@ def _arms_out(level: Float, anatomy: Anatomy) -> Float:
 
 
 def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """Every joint once, the cheapest of what it is: the end of a limb, its middle, the trunk, or anything.
+    """Returns every joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
 
-    What is near the end, as a wrist before fingers, is neither: the end says as much.
+    Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
+    way.
     """
     cost, side = np.full(len(skeleton), _OTHER), np.zeros(len(skeleton), np.int64)
     singles: list[SkeletonLimb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
@@ -325,13 +333,13 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     for limb in limbs:
         proper = list(limb.proper)
         left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
-        # The first, a hip or a shoulder, moves with the trunk.
+        # The first joint, a hip or a shoulder, moves with the trunk.
         middle = [joint for joint, rest in zip(proper[1:], left[1:], strict=False) if rest > _END * left[0]]
         cost[middle] = _MIDDLE
     for limb in limbs:
         cost[list(_hand(skeleton, limb))] = _SAME_END
         cost[limb.chain[-1]] = 0.0
-    if anatomy.head is None:  # too short for a limb
+    if anatomy.head is None:  # the head is too short to count as a limb
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
         cost[single[skeleton.positions[single, 1].argmax()]] = 0.0
     for one, other in anatomy.pairs:
@@ -340,18 +348,19 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
 
 
 def _normal(all_points: Float, points: Float) -> Float:
-    """(N, 3) points as shares: -1..1 across, 0..1 up, and as deep as they are high."""
+    """Scales points (N, 3): width to -1..1, height to 0..1, and depth in heights."""
     low, high = all_points.min(0), all_points.max(0)
     tall = max(float(high[1] - low[1]), 1e-9)
     middle = (low + high) / 2
     wide = float(high[0] - low[0]) / 2
-    # What is narrow, a post, has no sides; dividing by its width would make some.
+    # A narrow mesh, such as a post, has no sides: dividing by its width would create some.
     across = 1.0 / wide if wide > _NARROW * tall else 0.0
     return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
 
 
 def _sides(points: Float, partners: Sequence[int] | None) -> Float:
-    """(N,) 1 at the left, -1 at the right, 0 in the middle: on the plane of symmetry where that is known."""
+    """Returns (N,) 1 on the left, -1 on the right, 0 in the middle. Known mirror images define the middle
+    exactly."""
     if partners is None:
         aside = np.abs(points[:, 0]) > _ASIDE
     else:

@@ -1,6 +1,6 @@
-"""The performer's body frame: joints seen from the root, without its yaw (section 5, law 1).
+"""The performer's body frame: joints relative to the root, without its yaw (section 5, law 1).
 
-The pose does not depend on the performer's place and heading; leaning and tumbling are part of it.
+The pose does not depend on the performer's position and heading. Leaning and tumbling are part of it.
 
     performed(clip, joints) -> PerformerClip
 """
@@ -19,12 +19,12 @@ from enliven.mapping import turned_about_y
 
 @dataclass(frozen=True, eq=False)
 class PerformerClip:
-    """What some joints of a performer did.
+    """The motion of some joints of a performer.
 
     Attributes:
         poses: (F, P, 3) metres in the body frame.
         world: (F, P, 3) metres in the world.
-        root: (F, 3) metres, where the root is.
+        root: (F, 3) metres, position of the root.
         yaw: (F,) radians about +Y since rest, continuous.
         step: seconds between frames.
     """
@@ -37,10 +37,10 @@ class PerformerClip:
 
 
 def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
-    """What the named joints of a clip do.
+    """Returns the motion of the named joints of a clip.
 
     Raises:
-        InputError: for a joint that is not there.
+        InputError: if a joint does not exist.
     """
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
@@ -49,10 +49,10 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
 
 
 def yaw_of(turns: Float) -> Float:
-    """(...,) radians: the part of turns (..., 4) that is about +Y (swing and twist)."""
+    """Returns (...,) radians: the twist of rotations (..., 4) about +Y (swing-twist decomposition)."""
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
 
 
 def in_body(places: Float, root: Float, yaw: Float) -> Float:
-    """(F, P, 3) places of the world seen from the root (F, 3), with the yaw (F,) taken back."""
+    """Converts world positions (F, P, 3) to the body frame of the root (F, 3), without the yaw (F,)."""
     return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

@@ -1,11 +1,11 @@
-"""One performer seen as another: the same joints, in the same size, facing the same way.
+"""Converts one performer's poses to another performer: the same joints, size and facing direction.
 
-A key pose may be shown by one performer and a take be played by another: an adult may pose, a child perform.
-Poses are compared by joints in the body frame, so every performer is brought to the reference:
+One performer may show the key poses while another plays the take: an adult may pose, and a child perform.
+Poses are compared by joints in the body frame, so every performer is converted to the reference:
 
 - joints are found by name, or else by their part of the body (:mod:`enliven.mapping.anatomy`),
-- places are scaled joint by joint, by the joint's distance from the root along the bones,
-- the front is turned to the reference's front.
+- positions are scaled joint by joint, by the joint's distance from the root along the bones,
+- the facing direction is turned to that of the reference.
 
     role = cast(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
     poses = role.seen(performed(clip, role.joints).poses)
@@ -24,19 +24,20 @@ from enliven.errors import InputError
 from enliven.mapping import Anatomy, anatomy_of, turned_about_y
 
 _SAME = 1e-9
-"""Share of its size by which the joints of one skeleton may differ from another's to be the same."""
+"""Maximum difference between the joints of equal skeletons, as a fraction of the skeleton's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Role:
-    """How a performer stands for the reference.
+    """The conversion from a performer to the reference.
 
     Attributes:
         joints: (P,) names of the performer's own joints.
-        factors: (P,) the reference's size to the performer's.
-        turn: radians about +Y from the performer's front to the reference's.
-        notes: which joints were found by what they are in the body.
-        size: the length of the reference's legs over the performer's; of all without legs.
+        factors: (P,) ratio of the reference's size to the performer's, per joint.
+        turn: radians about +Y from the performer's facing direction to the reference's.
+        notes: which joints were found by their part of the body.
+        size: the length of the reference's legs over the performer's; without legs, the ratio of overall
+            sizes.
     """
 
     joints: tuple[str, ...]
@@ -46,20 +47,20 @@ class Role:
     size: float = 1.0
 
     def seen(self, poses: Float) -> Float:
-        """(..., P, 3) poses in the body frame as the reference would have made them."""
+        """Converts (..., P, 3) poses in the body frame to those of the reference."""
         if self.turn == 0.0 and (self.factors == 1.0).all():
             return poses
         return turned_about_y(poses * self.factors[:, None], np.asarray(self.turn))
 
 
 def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer") -> Role:
-    """How a skeleton stands for the reference's joints.
+    """Finds the joints of a skeleton that correspond to the reference's joints, and their scale.
 
     Args:
         who: the take's name, for messages.
 
     Raises:
-        InputError: for a joint that the skeleton lacks and has nothing like, with those that it has.
+        InputError: if the skeleton lacks a joint and has none like it; the message lists its joints.
     """
     if reference is skeleton or _alike(reference, skeleton):
         for name in joints:
@@ -90,14 +91,14 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
 
 
 def _alike(a: Skeleton, b: Skeleton) -> bool:
-    """Whether two skeletons are of one performer."""
+    """Returns True if two skeletons belong to the same performer."""
     if a.names != b.names or not np.array_equal(a.parents, b.parents):
         return False
     return bool(np.allclose(a.vectors, b.vectors, rtol=0.0, atol=_SAME * (float(a.lengths.sum()) or 1.0)))
 
 
 def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy) -> float:
-    """The reference's size over a performer's: of their legs, or of all where either has none."""
+    """Returns the reference's size over a performer's: of their legs, or overall if either has none."""
     legs = _leg_length(reference, theirs), _leg_length(skeleton, ours)
     if min(legs) <= 0.0:
         legs = (
@@ -108,27 +109,28 @@ def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: 
 
 
 def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
-    """Metres along the bones of a leg, the mean of all; 0 without legs."""
+    """Returns the mean length of the legs along the bones in metres, or 0 without legs."""
     legs = [skeleton.lengths[list(limb.proper[1:])].sum() for pair in anatomy.legs for limb in pair]
     return float(np.mean(legs)) if legs else 0.0
 
 
 def _known(skeleton: Skeleton, name: str, who: str) -> None:
-    """That a skeleton has a joint."""
+    """Raises an error if a skeleton lacks a joint."""
     if name not in skeleton.names:
         mend = f"Known: {', '.join(skeleton.names)}."
         raise InputError(f"there is no joint {name!r}, nor one like it", where=f"take {who!r}", mend=mend)
 
 
 def _reach(skeleton: Skeleton, name: str) -> float:
-    """Metres along the bones from the root to a joint."""
+    """Returns metres along the bones from the root to a joint."""
     return float(skeleton.lengths[list(skeleton.path(0, skeleton.index(name)))].sum())
 
 
 def _counterpart(
     reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy, joint: int
 ) -> int | None:
-    """The joint that is in its body what ``joint`` is in the reference's: as far along the same part."""
+    """Returns the joint at the same part of the body as ``joint`` in the reference, and equally far along
+    it."""
     if joint == 0:
         return 0
     parts, own = _parts(theirs), _parts(ours)
@@ -144,7 +146,7 @@ def _counterpart(
 
 
 def _parts(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
-    """Chains of joints by what they are: the kind, which of them, and the side."""
+    """Returns chains of joints by their kind, number and side."""
     parts = {("trunk", 0, 0): anatomy.trunk}
     for kind, pairs in (("arm", anatomy.arms), ("leg", anatomy.legs)):
         for number, pair in enumerate(pairs):
@@ -157,6 +159,6 @@ def _parts(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
 
 
 def _shares(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """(K,) 0 to 1: how far along a chain of joints each is."""
+    """Returns (K,) 0 to 1: the position of each joint along a chain, by length."""
     ways = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
     return np.asarray(ways / max(float(ways[-1]), 1e-12))

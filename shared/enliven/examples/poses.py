@@ -1,4 +1,5 @@
-"""Example poses: where joints of a performer were, and where control points of a mesh are to be then.
+"""Example poses: positions of a performer's joints, and the corresponding positions of a mesh's control
+points.
 
 Examples(joints, points, sources (n, P, 3), targets (n, P, 3))
 """
@@ -14,23 +15,23 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 
 _EQUAL = 1e-6
-"""Poses nearer than this share of their size are the same."""
+"""Poses that differ by less than this fraction of their size are equal."""
 _WHERE = "examples"
 
 
 @dataclass(frozen=True, eq=False)
 class Examples:
-    """Pairs of a joint and a control point, and what is known of them: n examples of P pairs.
+    """Pairs of a joint and a control point with n example poses of the P pairs.
 
     Attributes:
         joints: (P,) names of the performer's joints.
-        points: (P,) names of the mesh's control points, each once.
+        points: (P,) names of the mesh's control points, without repetition.
         sources: (n, P, 3) metres, joints in the performer's body frame (:mod:`enliven.examples.performer`).
         targets: (n, P, 3) metres, control points in the mesh's own frame.
 
     Raises:
-        InputError: for fewer than two examples, for two that are equal, or for numbers that are not finite;
-            it says which.
+        InputError: for fewer than two examples, equal examples, or numbers that are not finite. The message
+            names them.
     """
 
     joints: tuple[str, ...]
@@ -53,19 +54,19 @@ class Examples:
 
     @cached_property
     def source_size(self) -> float:
-        """Metres: how far joints are from the root, as a root mean square."""
+        """Metres: root-mean-square distance of the joints from the root."""
         return _size(self.sources)
 
     @cached_property
     def target_size(self) -> float:
-        """Metres: how far control points are from their middle, as a root mean square."""
+        """Metres: root-mean-square distance of the control points from their centre."""
         return _size(self.targets - self.targets.mean((0, 1)))
 
     def point(self, name: str) -> int:
-        """The number of a control point.
+        """Returns the number of a control point.
 
         Raises:
-            InputError: where there is none of that name, with those that are.
+            InputError: if it does not exist; the message lists the existing ones.
         """
         if name not in self.points:
             mend = f"Known: {', '.join(self.points)}."
@@ -102,7 +103,7 @@ class Examples:
 
 
 def distinct(sources: Float) -> list[int]:
-    """The poses (n, P, 3) that are no earlier one again."""
+    """Returns the poses (n, P, 3) that do not repeat an earlier one."""
     kept: list[int] = []
     least = _EQUAL * max(_size(sources), 1e-12)
     for number, pose in enumerate(sources):
@@ -112,5 +113,5 @@ def distinct(sources: Float) -> list[int]:
 
 
 def _size(poses: Float) -> float:
-    """Root mean square length of (n, P, 3); 1 where all is zero."""
+    """Computes the root-mean-square length of (n, P, 3), or 1 if all are zero."""
     return float(np.sqrt((poses**2).sum(2).mean())) or 1.0

@@ -1,4 +1,4 @@
-"""A puppet's key poses as examples, and what it still lacks before it can move."""
+"""A puppet's key poses as examples, and the data that it still lacks before it can move."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Weak(Generic[T]):
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """The referenced value; the maker of a key keeps it alive."""
+        """Returns the referenced value. The creator of the key must keep it alive."""
         value = self._value()
         assert value is not None
         return value
@@ -65,8 +65,8 @@ class Material:
         points, poses, symmetry: of the puppet.
         mesh: of the puppet.
         shown: the takes of the poses.
-        take: what the layer plays.
-        layer: with what only says when it plays left out.
+        take: the take that the layer plays.
+        layer: the layer without attributes that only affect its timing.
         examples, locomotion: the settings.
         puppet: its name, for messages.
     """
@@ -84,7 +84,7 @@ class Material:
 
 
 def material_of(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
-    """The inputs that the motion of a layer depends on."""
+    """Returns the inputs that the motion of a layer depends on."""
     shown = tuple(Weak(project.takes[pose.take]) for pose in puppet.poses)
     timeless = replace(layer.timeless(), muted=False)
     values = (puppet.points, puppet.poses, puppet.symmetry, Weak(puppet.mesh), shown)
@@ -93,10 +93,11 @@ def material_of(project: Project, puppet: Puppet, layer: PuppetLayer) -> Materia
 
 
 def examples_of(project: Project, puppet: Puppet) -> Examples:
-    """The key poses as examples: joints in the body frame of the performer; doubled by the symmetry.
+    """Returns the key poses as examples, with joints in the performer's body frame. Symmetry adds mirrored
+    examples.
 
     Raises:
-        InputError: where something is missing (see :func:`missing`), or the examples cannot be used.
+        InputError: if data is missing (see :func:`missing`), or the examples cannot be used.
     """
     takes = [project.takes[pose.take] for pose in puppet.poses]
     return examples_with(puppet.id, puppet.mesh, puppet.points, puppet.poses, takes, puppet.symmetry)
@@ -110,7 +111,7 @@ def examples_with(
     takes: Sequence[Clip],
     symmetry: Plane | None,
 ) -> Examples:
-    """The examples of some control points, of key poses in these takes."""
+    """Returns the examples of some control points, from key poses in these takes."""
     lacking = lacks(mesh, points, [take.skeleton for take in takes], symmetry)
     if lacking:
         raise InputError(lacking[0], where=f"puppet {name!r}", mend=" ".join(lacking[1:]))
@@ -128,7 +129,7 @@ def examples_with(
 
 
 def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
-    """The examples of some of the pairs alone; of those that their joints do not tell apart the first."""
+    """Returns the examples of a subset of the pairs. Of examples with equal joints, the first is kept."""
     joints, points = (tuple(names[k] for k in pairs) for names in (examples.joints, examples.points))
     sources, targets = examples.sources[:, pairs], examples.targets[:, pairs]
     kept = distinct(sources)
@@ -136,7 +137,8 @@ def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
 
 
 def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
-    """(3,) the performer's left-right axis at rest, level: in a stride feet are farther apart to and fro."""
+    """Returns (3,) the performer's left-right axis at rest, horizontal. During a stride, feet are farther
+    apart in depth."""
     places = reference.positions[[reference.index(name) for name in joints]]
     between = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
     apart = between[int(np.linalg.norm(between, axis=1).argmax())]
@@ -145,10 +147,11 @@ def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[i
 
 
 def reference_of(project: Project, puppet: Puppet) -> Skeleton:
-    """The performer with the size and joints of a puppet's examples: see :mod:`enliven.examples.performers`.
+    """Returns the performer that defines size and joints of a puppet's examples; see
+    :mod:`enliven.examples.performers`.
 
     Raises:
-        InputError: for a puppet without key poses.
+        InputError: if the puppet has no key poses.
     """
     if not puppet.poses:
         raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", mend="Pose two examples.")
@@ -157,12 +160,12 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
-    """The first performer who has all of the joints, or the first of all."""
+    """Returns the first skeleton that has all of the joints, or else the first one."""
     return next((one for one in skeletons if set(joints) <= set(one.names)), skeletons[0])
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
-    """Sentences: what a puppet still lacks before it can move; none when it is ready."""
+    """Returns sentences about the data that a puppet still lacks, or none if it is ready to move."""
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
     return lacks(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
 
@@ -170,7 +173,8 @@ def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
 def lacks(
     mesh: Mesh, points: Sequence[ControlPoint], skeletons: Sequence[Skeleton], symmetry: Plane | None
 ) -> tuple[str, ...]:
-    """Sentences: what control points and key poses, of performers with these skeletons, lack as examples."""
+    """Returns sentences about missing parts of control points and key poses, for performers with these
+    skeletons."""
     if not points:
         return ("Put control points on the mesh.",)
     sentences = [f"Pair {point.name!r} with a joint." for point in points if not point.joint]
@@ -196,18 +200,18 @@ def lacks(
 
 
 def _nearest(name: str, known: Sequence[str]) -> str:
-    """The names that are spelt most alike, for a sentence."""
+    """Returns the most similarly spelt names, as part of a sentence."""
     alike = get_close_matches(name, known, n=3, cutoff=0.4)
     return f" (there are {', '.join(alike)})" if alike else ""
 
 
 def frame_at(clip: Clip, seconds: float) -> int:
-    """The frame of a take nearest to a time.
+    """Returns the frame of a take nearest to a time.
 
     Raises:
-        InputError: for a time outside of the take.
+        InputError: if the time is outside the take.
     """
-    frames = float(seconds) / float(clip.step)  # infinite for the largest of times
+    frames = float(seconds) / float(clip.step)  # may overflow to infinity
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         what = f"{seconds:g} s is outside of the take"
@@ -218,7 +222,8 @@ def frame_at(clip: Clip, seconds: float) -> int:
 def _shown(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
-    """(n, P, 3) metres, the paired joints in the body frame at key poses, as the reference makes them."""
+    """Returns (n, P, 3) metres, the paired joints in the body frame at key poses, converted to the
+    reference."""
     out = np.empty((len(poses), len(joints), 3))
     for take in dict.fromkeys(takes):
         mine = [n for n, other in enumerate(takes) if other is take]

@@ -1,11 +1,11 @@
-"""The motion of a puppet: the takes of its layers, mapped by its key poses, in the world.
+"""The motion of a puppet in the world: the takes of its layers, retargeted by its key poses.
 
-    missing(project, puppet)                  # what it still lacks, as sentences; empty: it can move
-    state_of(project, puppet, seconds)        # where its control points are, and where it stands
+    missing(project, puppet)                  # sentences about missing data; empty if it can move
+    state_of(project, puppet, seconds)        # its control points and its position
     motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
 
-The puppet's frame is the mesh's own: it begins as it was modeled, looking where the mesh looks, wherever the
-performer stood. A layer that travels gives it a yaw and a root from then on
+The puppet's frame is that of the mesh. The motion starts at the modeled position and facing direction,
+independent of the performer's. A layer that travels adds a yaw and a root position from then on
 (:mod:`enliven.examples.spacetime.locomotion`).
 """
 
@@ -26,7 +26,7 @@ from enliven.mapping import turned_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
 _KEPT = 64
-"""Motions that are kept: of all puppets, layers and edits; the least lately used goes."""
+"""Number of motions in the least-recently-used cache, over all puppets, layers and edits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,8 @@ class State:
     Attributes:
         places: (P, 3) metres in the mesh's own frame, the control points.
         yaw: radians about +Y.
-        root: (3,) metres: x in the mesh's frame is at yaw(x) + root, before the puppet's own turn and place.
+        root: (3,) metres: x in the mesh's frame maps to yaw(x) + root, before the puppet's own rotation and
+            position.
     """
 
     places: Float
@@ -45,21 +46,21 @@ class State:
 
 
 def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
-    """The solved motion of a layer's whole take, from a cache where it was solved before.
+    """Returns the solved motion of a layer's whole take, from a cache if possible.
 
-    The same values give the same object. Offset, speed, loop and muting are not part of it.
+    Equal inputs give the same object. Offset, speed, loop and muting do not affect it.
 
     Raises:
-        InputError: where the puppet or the layer lacks something, or constraints contradict one another.
+        InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
     return _kept(material_of(project, puppet, _played(puppet, layer)))
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
-    """Where the control points are at a time of the project, all layers mixed; at rest without.
+    """Returns the control points at a time of the project, with all layers mixed; at rest without layers.
 
     Raises:
-        InputError: as :func:`motion_of` does.
+        InputError: as :func:`motion_of`.
     """
     places, yaw, root, free = puppet.rest.copy(), 0.0, np.zeros(3), 1.0
     for number, layer in enumerate(puppet.layers):
@@ -75,7 +76,7 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
         played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
         places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
         if motion.travels:
-            # The first that goes through the world decides, as far as it is heard.
+            # The first layer that travels determines the path, in proportion to its weight.
             for share, frame in zip(shares, frames, strict=True):
                 turned, way = motion.way_at(frame, at.rounds, ends)
                 yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way
@@ -84,21 +85,21 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
-    """The frame (or fraction) of its take that a layer plays, and how often it was gone through before."""
+    """Returns the (fractional) frame of its take that a layer plays, and the number of completed loops."""
     second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
 
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
-    """(..., 3) metres in the world of points (..., 3) in the mesh's frame."""
+    """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
     local = turned_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
 
 
 def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
-    """The pose of ``character_of_puppet``: transform 0 is the puppet's frame in the world.
+    """Returns the pose of ``character_of_puppet``: transform 0 is the puppet's frame in the world.
 
-    Transform k is control point k - 1: as the frame is turned, at its place in the world.
+    Transform k is control point k - 1, with the rotation of the frame and its position in the world.
     """
     turn = multiply(puppet.turn, from_rotation_vector(np.array([0.0, state.yaw, 0.0])))
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))

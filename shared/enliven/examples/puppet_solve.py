@@ -1,4 +1,5 @@
-"""A layer's whole take through a puppet's examples: trajectories, and the way in the world (section 5)."""
+"""Solves a layer's whole take through a puppet's examples: trajectories, and the path in the world (section
+5)."""
 
 from __future__ import annotations
 
@@ -30,10 +31,10 @@ from enliven.mapping import facing_of, turned_about_y
 
 
 def solved(material: Material) -> PuppetMotion:
-    """The motion of a layer.
+    """Solves the motion of a layer.
 
     Raises:
-        InputError: where something is missing, or constraints contradict one another.
+        InputError: if data is missing, or constraints contradict one another.
     """
     solve = _Solve(material)
     places = solve.places()
@@ -52,27 +53,26 @@ def solved(material: Material) -> PuppetMotion:
 
 
 def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
-    """The examples of a layer, and its take as the reference performer would have made it.
+    """Returns the examples of a layer, and its take converted to the reference performer.
 
     Raises:
-        InputError: where something is missing.
+        InputError: if data is missing.
     """
     solve = _Solve(material)
     return solve.examples, solve.took
 
 
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
-    """Check, without solving, that the constraints and switches of a layer can be met.
+    """Checks, without solving, that the constraints and switches of a layer can be met.
 
     Raises:
-        InputError: where something is missing, for constraints that contradict one another, and for switches
-            out of order.
+        InputError: if data is missing, constraints contradict one another, or switches are out of order.
     """
     _Solve(material_of(project, puppet, layer)).check()
 
 
 class _Solve:
-    """The steps to a layer's motion."""
+    """The steps of solving a layer's motion."""
 
     def __init__(self, material: Material) -> None:
         self._material, self._layer, points = material, material.layer, material.points
@@ -101,17 +101,18 @@ class _Solve:
 
     @cached_property
     def took(self) -> PerformerClip:
-        """The layer's take as the reference performer would have made it."""
+        """The layer's take, converted to the reference performer."""
         return seen_as(self._take, self._role)
 
     def check(self) -> None:
-        """Check that constraints and switches can be met."""
+        """Checks that constraints and switches can be met."""
         conditions_of(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
 
     def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
-        """(F, P, 3) metres in the mesh's frame; with feet coupled, upon what is ``known`` without."""
+        """Solves (F, P, 3) metres in the mesh's frame. With coupled feet, other points come from the
+        ``known`` solution."""
         out = np.tile(self._rest, (len(self.took.poses), 1, 1))
         how = self.took.poses, self.took.step, (*self._asked, *level)
         before = None if known is None else known[:, self._moved]
@@ -119,17 +120,17 @@ class _Solve:
         return out
 
     def located(self, places: Float, yaw: Float) -> PlacedMotion:
-        """Returns the motion of places (F, P, 3) in the world, moved only by the mesh's own feet."""
+        """Returns the motion of control points (F, P, 3) in the world, moved only by the mesh's own feet."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._by is None:
             still = np.zeros((len(places), 3))
             return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _nothing_stands(places), ())
         placed = self._by.locate(mixed, yaw, self._stands, self._layer.switches)
-        # The mesh stands at rest: that control points of feet are a little above its soles stays so.
+        # Keep the height of the feet's control points above the soles, as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
             return placed
-        # Feet that do not alternate are a base: its middle stays in place.
+        # Feet that do not alternate form a base: keep its centre in place.
         turned = placed.world - placed.root[:, None]
         middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
         root = np.where([True, False, True], -middle, placed.root)
@@ -142,8 +143,9 @@ class _Solve:
         return self._layer.weight * self._travel.path_of(self.took, facing, self._role.size, mirrored)
 
     def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
-        """Returns the motion near the performer's path, and (F, K) metres that feet give way by."""
-        # A weight scales the whole motion, the leash included: half of it is as a layer of half the weight.
+        """Returns the motion kept near the performer's path, and (F, K) metres by which feet are
+        displaced."""
+        # A weight scales the whole motion, including the leash: half the weight gives half the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
         following = Following(size, self._material.locomotion, self.took.step, len(feet))
@@ -157,7 +159,7 @@ class _Solve:
             pull += following.next(wanted - pull, stands)
             pulls[frame], held[frame] = pull, following.held
         if self.took.step < how.blend:
-            # The feet end in their places in the mesh, as they began, so that the take can be looped.
+            # The feet end at their positions in the mesh, as they began, so that the take can be looped.
             held *= np.minimum(np.arange(len(held))[::-1] * self.took.step / how.blend, 1.0)[:, None]
         by = from_floor(pulls)
         placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])
@@ -165,7 +167,7 @@ class _Solve:
         return placed, held
 
     def moved(self, places: Float, held: Complex, yaw: Float) -> Float:
-        """Returns places (F, P, 3) in the mesh's frame, with feet that give way by (F, K) metres."""
+        """Returns control points (F, P, 3) in the mesh's frame, with feet displaced by (F, K) metres."""
         if held.shape[1] == 0 or not held.any():
             return places
         out = places.copy()
@@ -173,7 +175,7 @@ class _Solve:
         return out
 
     def planted(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
-        """The same places (F, P, 3) with feet that stand still."""
+        """Returns the control points (F, P, 3) with feet locked while they stand."""
         how, weight = self._material.locomotion, self._layer.weight
         if how.plant <= 0.0 or not self._travel.feet:
             return places
@@ -183,12 +185,12 @@ class _Solve:
 
     @property
     def _held_feet(self) -> list[int]:
-        """Returns the feet that stay in place while the mesh is drawn back: all, if it steps."""
+        """The feet that stay in place while the mesh is pulled back: all of them if it steps, else none."""
         return self._feet if self._travel.feet else []
 
     @cached_property
     def _by(self) -> Stepping | None:
-        """Returns the performer's feet, or None if no control point is a foot."""
+        """The performer's feet, or None if no control point is a foot."""
         if not self._feet:
             return None
         rows = [self._moved.index(k) for k in self._feet]
@@ -198,12 +200,13 @@ class _Solve:
 
     @cached_property
     def _stands(self) -> Bool:
-        """Returns (F, K) which of the alternating feet stand."""
+        """(F, K) true for alternating feet that stand."""
         assert self._by is not None
         return self._by.stands() & np.isin(self._feet, self._travel.feet)
 
     def level(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
-        """Feet of equal height where the anchor changes, unless that contradicts what the user asked for."""
+        """Returns constraints for equal heights of feet when the anchor changes, unless they contradict the
+        user's constraints."""
         if not self._layer.level_feet or not self._travel.feet:
             return ()
         wanted = placed.couplings([point.name for point in self._material.points])
@@ -217,7 +220,7 @@ class _Solve:
         return kept
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
-        """The solved motion, with read-only arrays: all callers share it."""
+        """Returns the solved motion, with read-only arrays, since all callers share it."""
         still, path = np.zeros((len(places), 3)), from_floor(self.path)
         way = (still, still, _nothing_stands(places), ())
         if placed:

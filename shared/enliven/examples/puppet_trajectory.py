@@ -1,4 +1,4 @@
-"""The solved motion of a layer: places frame by frame, the path in the world, and its repetitions."""
+"""The solved motion of a layer: control points frame by frame, the path in the world, and its repetitions."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from enliven.mapping import turned_about_y
 
 @dataclass(frozen=True, eq=False)
 class PuppetMotion:
-    """The solved motion of a layer over its whole take, one entry a frame.
+    """The solved motion of a layer over its whole take, one entry per frame.
 
     Attributes:
         step: seconds between frames.
         points: numbers of the control points that it moves.
-        places: (F, P, 3) metres in the mesh's own frame; those that it does not move are at rest.
+        places: (F, P, 3) metres in the mesh's own frame; points that it does not move are at rest.
         rest: (P, 3) metres, the control points at rest.
         weight: of the layer.
-        yaw: (F,) radians since the first frame; 0 where it does not travel.
-        root: (F, 3) metres; 0 where it does not travel.
-        path: (F, 3) metres on the floor, the performer's way in its strides: the root stays near it.
-        anchors: (F,) which control point stands; -1 in flight and where it does not step.
-        switches: where contact and flight begin, as used; none where it does not travel.
-        travels: whether it goes through the world.
-        notes: what was guessed, as sentences for the user.
+        yaw: (F,) radians since the first frame; 0 if it does not travel.
+        root: (F, 3) metres; 0 if it does not travel.
+        path: (F, 3) metres on the floor, the performer's path scaled to the puppet's stride. The root stays
+            near it.
+        anchors: (F,) the control point that stands; -1 in flight and if it does not step.
+        switches: the times at which contact and flight begin, as used; empty if it does not travel.
+        travels: whether it moves through the world.
+        notes: assumptions, as sentences for the user.
     """
 
     step: float
@@ -45,30 +46,32 @@ class PuppetMotion:
 
     @property
     def frames(self) -> int:
-        """How many frames it has."""
+        """The number of frames."""
         return len(self.places)
 
     def at(self, seconds: float) -> tuple[Float, float, Float]:
-        """Places (P, 3), yaw and root (3,) at a time of the take; before and after it the first and last."""
+        """Returns control points (P, 3), yaw and root (3,) at a time of the take, clamped to its first and
+        last frame."""
         frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
         return self.places_at(frame), *self.way_at(frame)
 
     def places_at(self, frame: float) -> Float:
-        """(P, 3) metres, at a frame or between two."""
+        """Returns (P, 3) metres, interpolated at a fractional frame."""
         before, after, part = self._between(frame)
         return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
 
     def frame_of(self, second: float) -> float:
-        """The frame, or fraction of one, of a second of the take."""
+        """Returns the fractional frame at a second of the take."""
         return min(second / self.step, self.frames - 1.0)
 
     def way_at(
         self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
     ) -> tuple[float, Float]:
-        """Yaw and root (3,) at a frame or between two, after ``rounds`` times from the first end to the last.
+        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops from the first end to the
+        last.
 
-        The ends are seconds of the take; None: its own. Between frames the anchor stays where it is, as it
-        does at them.
+        The ends are seconds of the take; None uses its own ends. The anchor stays in place between frames as
+        well as at them.
         """
         before, after, part = self._between(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
@@ -118,7 +121,7 @@ class PuppetMotion:
         return np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
 
     def _standing(self, frame: int, point: int) -> Float:
-        """(3,) metres, where a control point is in the world at a frame, by this layer alone."""
+        """Returns (3,) metres, the world position of a control point at a frame, from this layer alone."""
         mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
         return np.asarray(_turned(mixed, self.yaw[frame]) + self.root[frame])
 

@@ -1,6 +1,6 @@
-"""Which frames of a motion to pose for: those that are farthest from one another, and how many are enough.
+"""Suggests which frames of a motion to pose: those farthest from one another, and how many are enough.
 
-suggested = suggest_poses(performed(clip, joints).poses)      # frames, and how far all others are then
+suggested = suggest_poses(performed(clip, joints).poses)      # frames, and remaining distances
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class SuggestSettings:
-    """When examples are enough."""
+    """Settings for when the examples are enough."""
 
     most: int = setting(12, "How many key poses are suggested at most.", low=2, high=1000)
     enough: float = setting(
@@ -36,12 +36,12 @@ class SuggestSettings:
 
 @dataclass(frozen=True, eq=False)
 class Suggested:
-    """Key poses, the most needed first.
+    """Suggested key poses, the most important first.
 
     Attributes:
-        frames: (K,) of the motion; the first is the pose nearest to all others.
-        gaps: (K,) metres: how far the farthest pose is from the first k + 1 of them, as a root mean square.
-        count: how many of them are enough.
+        frames: (K,) of the motion; the first is the pose nearest to the median pose.
+        gaps: (K,) metres: root-mean-square distance of the farthest pose from the first k + 1 key poses.
+        count: number of key poses that are enough.
     """
 
     frames: tuple[int, ...]
@@ -50,10 +50,10 @@ class Suggested:
 
 
 def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Suggested:
-    """Key poses of a motion (F, P, 3) in the body frame: each is the farthest from those before.
+    """Suggests key poses of a motion (F, P, 3) in the body frame by farthest point sampling.
 
     Raises:
-        InputError: for a motion that never moves, or is not finite.
+        InputError: if the motion never changes, or is not finite.
     """
     settings = settings or SuggestSettings()
     poses = np.array(poses, np.float64)
@@ -76,11 +76,11 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
 
 
 def further_poses(poses: Float, known: Float, settings: SuggestSettings | None = None) -> Suggested:
-    """Key poses that are missing beside examples (n, P, 3) that there are, all in the body frame.
+    """Suggests key poses in addition to existing examples (n, P, 3), all in the body frame.
 
     Returns:
-        The frames, the most needed first; ``gaps[k]`` is what is left with the first k of them, so there is
-        one more; ``count`` of them are enough, 0 where none is needed.
+        The frames, the most important first. ``gaps[k]`` is the remaining distance with the first k of them,
+        so it has one more entry. ``count`` of them are enough, 0 if none is needed.
 
     Raises:
         InputError: as :func:`suggest_poses`.
@@ -100,17 +100,21 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
 
 
 def distance_to(poses: Float, known: Float) -> Float:
-    """(F,) metres, a root mean square over joints, from poses (F, P, 3) to the nearest of some (n, P, 3)."""
+    """Returns (F,) root-mean-square distances over joints from poses (F, P, 3) to the nearest of (n, P, 3),
+    in metres."""
     return np.asarray(np.min([_distance(poses, pose) for pose in known], axis=0))
 
 
 def _slips(poses: Float, far: float) -> Bool:
-    """(F,) frames that are far from the frame before and from the one after; none where most are."""
+    """Returns (F,) true for frames far from both neighbours (tracking outliers).
+
+    If that holds for at least half of the frames, it returns False for all.
+    """
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
     alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
     return alone if alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
 
 
 def _distance(poses: Float, pose: Float) -> Float:
-    """(F,) metres, as a root mean square over the joints."""
+    """Returns (F,) metres, the root-mean-square distance over the joints."""
     return np.asarray(np.sqrt(((poses - pose) ** 2).sum(2).mean(1)))

@@ -1,4 +1,4 @@
-"""Symmetric control points: what is shown for the left is shown for the right (section 6.1).
+"""Symmetric control points: examples for the left also apply to the right (section 6.1).
 
 partners = partners_of(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
 more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
@@ -15,21 +15,22 @@ from enliven.errors import InputError
 from enliven.examples.poses import Examples
 
 _SAME = 1e-3
-"""A pose is its own mirror image where it differs by less than this share of its size."""
+"""A pose equals its own mirror image if it differs by less than this fraction of its size."""
 
 
 def partners_of(
     rest: Float, point: Float, normal: Float, tolerance: float = 0.1, names: Sequence[str] | None = None
 ) -> tuple[int, ...]:
-    """For each control point (P, 3) at rest the number of its mirror image; its own where it is on the plane.
+    """Returns the number of the mirror image of each control point (P, 3) at rest; its own number if it is on
+    the plane.
 
     Args:
-        point, normal: (3,) of the mesh's plane of symmetry.
-        tolerance: how far a mirror image may be off, as a share of the points' extent.
+        point, normal: (3,) of the mesh's symmetry plane.
+        tolerance: maximum error of a mirror image, as a fraction of the points' extent.
         names: (P,) of the control points, for messages; None for their numbers.
 
     Raises:
-        InputError: for a control point that has no mirror image: it says which.
+        InputError: if a control point has no mirror image; the message names it.
     """
     rest = np.asarray(rest, np.float64)
     away = np.linalg.norm(reflected(rest, point, normal)[:, None] - rest[None], axis=2)
@@ -44,16 +45,16 @@ def partners_of(
 
 
 def reflected(places: Float, point: Float, normal: Float) -> Float:
-    """Places (..., 3) mirrored in a plane."""
+    """Mirrors positions (..., 3) in a plane."""
     across = np.asarray(normal, np.float64) / np.linalg.norm(normal)
     return np.asarray(places - 2.0 * ((places - point) @ across)[..., None] * across)
 
 
 def mirrored_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
-    """Places (..., P, 3) of control points in the mirror.
+    """Mirrors positions (..., P, 3) of control points.
 
-    Each goes from its own rest (P, 3) as its partner went, reflected: so what is at rest is so in the mirror
-    too, also where the mesh is not quite symmetric.
+    Each point moves from its own rest position (P, 3) by the reflected displacement of its partner. So the
+    rest pose is its own mirror image even if the mesh is not quite symmetric.
     """
     order = list(partners)
     return np.asarray(rest + reflected(places[..., order, :] - rest[order], np.zeros(3), normal))
@@ -66,16 +67,16 @@ def doubled(
     normal: Float,
     across: Float | None = None,
 ) -> Examples:
-    """The examples and their mirror images, without those that are their own.
+    """Returns the examples and their mirror images, without mirror images that equal an example.
 
     Args:
-        partners: (P,) of the control points; the paired joints are taken to be partners likewise.
+        partners: (P,) of the control points; the paired joints are assumed to be partners likewise.
         rest: (P, 3) metres, the control points at rest.
-        normal: (3,) of the mesh's plane of symmetry.
-        across: (3,) the performer's left-right axis in the body frame; None to take it from the joints.
+        normal: (3,) of the mesh's symmetry plane.
+        across: (3,) the performer's left-right axis in the body frame; None to compute it from the joints.
 
     Raises:
-        InputError: for partners that are not each other's.
+        InputError: if the partners are not mutual.
     """
     order = np.asarray(partners)
     if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
@@ -93,7 +94,7 @@ def doubled(
 
 
 def _left_right(examples: Examples, order: Int) -> Float:
-    """(3,) level unit vector from right joints to left ones, over all examples."""
+    """Computes a horizontal unit vector (3,) from right joints to left ones, over all examples."""
     between = examples.sources - examples.sources[:, order]
     left = np.arange(len(order)) < order
     apart = between[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]

@@ -1,10 +1,10 @@
-"""How a puppet travels: with which feet it steps, and how far it goes for a performer's metre.
+"""The locomotion of a puppet: the feet with which it steps, and its distance per metre of the performer.
 
     travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
-    path = travel.path_of(took, facing, size)          # (F,) where the puppet should be, on the floor
+    path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
 
 A puppet steps with the feet that alternate on the ground in its key poses. Its stride is measured in the
-takes of the key poses. A puppet that does not step goes as far as its performer, scaled by size.
+takes of the key poses. A puppet that does not step travels as far as its performer, scaled by size.
 """
 
 from __future__ import annotations
@@ -34,18 +34,20 @@ from enliven.examples.spacetime import PlacedMotion, find_switches, locate, on_f
 from enliven.mapping import facing_of, turned_about_y
 
 _KEPT = 64
-"""Number of puppets and edits in the cache; the least lately used goes."""
+"""Number of puppets and edits in the least-recently-used cache."""
 _ALTERNATES = 0.05
 """Minimum movement between two feet in the key poses that counts as a step, in sizes of the puppet."""
 _GROUND = 0.02
 """Maximum height of a foot on the ground above the lowest foot, in sizes of the puppet."""
 _RATE = 30.0
-"""Frames a second at which steps are measured. A stride takes half a second or more."""
+"""Frames per second at which steps are measured. A stride takes half a second or more."""
 _SPAN = 1.0
-"""Seconds over which the paths of puppet and performer are compared. A stride fits in, so steps even out."""
+"""Seconds over which the paths of puppet and performer are compared. They contain a stride, so steps average
+out."""
 _COHERENT = (0.7, 0.9)
-"""Explained variance of the puppet's path up to which only the sizes give the stride, and from which only the
-steps do. The performer's path explains over 0.9 of it in walks, and below 0.7 if they stay in place."""
+"""Range of explained variance of the puppet's path. Below it only the sizes determine the stride, and above
+it only the steps. The performer's path explains over 0.9 in walks, and below 0.7 if the performer stays in
+place."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,9 @@ class PuppetTravel:
     """The feet and the stride of a puppet.
 
     Attributes:
-        feet: numbers of the control points that it steps with. Without any it only follows the performer.
-        stride: the puppet's displacement on the floor, x + iz in metres, for a performer who goes one metre
-            ahead. The performer is the one of the key poses.
+        feet: numbers of the control points with which it steps. Without feet it only follows the performer.
+        stride: the puppet's displacement on the floor, x + iz in metres, for one metre that the performer
+            walks forward. The performer is that of the key poses.
     """
 
     feet: tuple[int, ...]
@@ -65,7 +67,7 @@ class PuppetTravel:
         """Returns (F,) metres, the path of the puppet for a performer's take, from 0 in the first frame.
 
         Args:
-            facing: radians from +Z to the front of the performer's skeleton at rest.
+            facing: radians from +Z to the facing direction of the performer's skeleton at rest.
             size: size of the performer of the key poses over the size of this performer.
             mirrored: whether the puppet moves as in a mirror.
         """
@@ -73,7 +75,7 @@ class PuppetTravel:
 
 
 def way_of(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
-    """Returns (F,) metres, the path of a performer on the floor, turned so that they look to +Z at first."""
+    """Returns (F,) metres, the path of a performer on the floor, rotated so that they face +Z at first."""
     way = on_floor(turned_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
     return -way.conj() if mirrored else way
 
@@ -82,7 +84,7 @@ def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
     """Returns the feet and the stride of a puppet, from a cache if possible.
 
     Raises:
-        InputError: if the puppet lacks something.
+        InputError: if the puppet lacks data.
     """
     lacking = missing(project, puppet)
     if lacking:
@@ -91,10 +93,10 @@ def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
 
 
 def travel_with(material: Material) -> PuppetTravel:
-    """Returns the feet and the stride of the puppet of a layer; only its mirroring counts of the layer.
+    """Returns the feet and the stride of the puppet of a layer. Of the layer, only its mirroring matters.
 
     Raises:
-        InputError: if the puppet lacks something.
+        InputError: if the puppet lacks data.
     """
     layer = PuppetLayer("", mirrored=material.layer.mirrored)
     return _travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
@@ -121,7 +123,7 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
 
 
 def seen_as(clip: Clip, role: Role) -> PerformerClip:
-    """Returns a take as the performer of the key poses would have made it, in their size."""
+    """Returns a take converted to the performer of the key poses, in their size."""
     took = performed(clip, role.joints)
     return replace(took, poses=role.seen(took.poses))
 
@@ -145,13 +147,14 @@ class Stepping:
     how: LocomotionSettings
 
     def stands(self) -> Bool:
-        """Returns (F, K) which of the feet stand."""
+        """Returns (F, K) true for feet that stand."""
         return standing_feet(self.seen, self.step, self.legs, self.how)
 
     def locate(
         self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
     ) -> PlacedMotion:
-        """Returns the motion of places (F, P, 3) in the world, moved only by the contact of these feet."""
+        """Returns the motion of control points (F, P, 3) in the world, moved only by the contact of these
+        feet."""
         if switches is None:
             switches = find_switches(self.seen, self.step, self.legs, self.how)
         return locate(places, yaw, self.step, switches, self.feet, self.how, stands)
@@ -169,7 +172,7 @@ def stepping(
 
     Args:
         skeleton: the performer's.
-        took: the take, one row a joint of the role.
+        took: the take, one row per joint of the role.
         feet: numbers of the control points.
         rows: for each foot the row of its joint in the role; None: the same number.
     """
@@ -231,7 +234,7 @@ def _gone_in_a_span(way: Complex, step: float) -> Complex:
 
 
 def _thinned(took: PerformerClip) -> PerformerClip:
-    """Returns the take with about :data:`_RATE` frames a second."""
+    """Returns the take resampled to about :data:`_RATE` frames per second."""
     every = max(round(1.0 / (_RATE * took.step)), 1)
     return PerformerClip(
         took.poses[::every], took.world[::every], took.root[::every], took.yaw[::every], took.step * every

@@ -1,5 +1,7 @@
-"""Matching: which part of a skeleton a pose means (AniMesh, section 4): abstraction, ranking, picking,
-symmetry.
+"""Matching (AniMesh, section 4): finds the parts of a skeleton that a pose resembles, by abstraction and
+ranking.
+
+Also contains the interactive choice of a match, and the symmetry of limbs.
 """
 
 import lazy_loader

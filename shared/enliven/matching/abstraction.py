@@ -1,18 +1,19 @@
-"""A skeleton as a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
+"""Abstracts a skeleton to a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
 
 A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (more). Every iteration
 
 1. removes the chains between a leaf and a branch node,
-2. moves the leaf to the average of the chain's nodes, each weighted by the length of its bone outwards, and
-   adds up the lengths of the bones on the way,
-3. makes a candidate of every branch node with one neighbour that is no leaf, and
+2. moves the leaf to the average of the chain's nodes, each weighted by the length of its outward bone, and
+adds up the lengths of the bones of the chain,
+3. makes a candidate of every branch node with at most one neighbour that is not a leaf, and
 4. turns each candidate into a leaf, at the average of its leaves weighted by their accumulated lengths,
 
-until one node is left, the root, or a chain; its node nearest to the centre of mass is then the root.
+until only one node or one chain is left. The single node is the root; of a chain, it is the node nearest to
+the centre of mass.
 
-The paper leaves some cases open. Here the last branch node, with leaves as all its neighbours, is a candidate
-too (a star would have none); a tree without any branch node is one candidate at its root; all lengths are of
-the real bones. A root that is given never becomes a leaf: the iterations end with it.
+The paper leaves some cases open. Here the last branch node is a candidate even if all its neighbours are
+leaves (otherwise a star would have no candidate). A tree without any branch node is one candidate at its
+root. All lengths are those of the real bones. A given root never becomes a leaf: the iterations end with it.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from enliven.matching.subtrees import Abstraction, SubTree
 
 
 def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
-    """The hierarchy of a skeleton; ``root`` None looks for the root as if none were known."""
+    """Returns the hierarchy of a skeleton. ``root`` None determines the root as for an unrooted tree."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
     return _reduced(skeleton.positions, _neighbours(len(skeleton), links), root)
 
@@ -40,7 +41,7 @@ def abstract(
     root: int | None = None,
     names: Sequence[str] | None = None,
 ) -> Abstraction:
-    """The hierarchy of a tree of joints.
+    """Returns the hierarchy of a tree of joints.
 
     Args:
         positions: (N, 3) metres.
@@ -49,7 +50,7 @@ def abstract(
         names: of the joints, for errors.
 
     Raises:
-        InputError: where the links make a cycle or leave joints apart, with the names of those joints.
+        InputError: if the links form a cycle or leave joints unconnected; the message names those joints.
     """
     at = np.array(positions, np.float64).reshape(-1, 3)
     pairs = [(int(a), int(b)) for a, b in links]
@@ -70,7 +71,7 @@ def _neighbours(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]
 
 
 def _reduced(positions: Float, beside: list[list[int]], root: int | None) -> Abstraction:
-    """The iterations."""
+    """Runs the iterations."""
     work = Reduction(positions, [list(near) for near in beside], root)
     candidates: list[SubTree] = []
     leaves = work.leaves()

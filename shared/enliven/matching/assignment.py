@@ -1,10 +1,12 @@
-"""Assigns target branches to source branches, compiled: every choice of them, or the best of very many.
+"""Assigns target branches to source branches, compiled: all choices of branches, or only the best of very
+many.
 
-A *choice* is a set of m of n columns; its score is the best of the m! ways to give one to each row. For all
-choices at once, f(S) = max over j in S of f(S without j) + gain[|S| - 1, j]: sum_i C(n, i) i sums instead of
-C(n, m) m! m. Where even the choices are too many, the best come first: the best of all is an assignment
-problem, and what is left falls into m parts (without its first column; with it, without its second; ...),
-each of them an assignment problem again (Lawler 1972).
+A *choice* is a set of m of n columns. Its score is that of the best of the m! ways to give one column to each
+row. All choices are scored at once by dynamic programming, f(S) = max over j in S of f(S without j) +
+gain[|S| - 1, j]. This takes sum_i C(n, i) i additions instead of C(n, m) m! m. If there are too many choices,
+only the k best are enumerated with Murty's algorithm (in the form of Lawler 1972). The best choice is an
+assignment problem. The remaining choices are split into m parts (without its first column; with it, without
+its second; ...), and each part is an assignment problem again.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from enliven.kernels import copy_row, njit
 
 @njit(cache=True, nogil=True)
 def binomials(most):
-    """(most + 1, most + 2) C(n, k) as float64: exact up to 2^53, large beyond."""
+    """Returns (most + 1, most + 2) C(n, k) as float64: exact up to 2^53, approximate beyond."""
     table = np.zeros((most + 1, most + 2))
     table[:, 0] = 1.0
     for n in range(1, most + 1):
@@ -28,13 +30,13 @@ def binomials(most):
 
 @njit(cache=True, nogil=True)
 def all_choices(gain, count, scores, picks):
-    """Every choice of m of n columns, m <= n, in colexicographic order.
+    """Scores every choice of m of n columns, m <= n, in colexicographic order.
 
     Args:
         gain: (m, n).
         count: (n + 1, n + 2) of :func:`binomials`, or a larger table.
-        scores: (C(n, m),) out.
-        picks: (C(n, m), m) int32 out, the column of each row.
+        scores: (C(n, m),) output.
+        picks: (C(n, m), m) int32 output, the column of each row.
     """
     m, n = gain.shape
     start = np.zeros(m + 2, np.int64)
@@ -57,7 +59,8 @@ def all_choices(gain, count, scores, picks):
                     now[place] = value
                     last[start[k] + place] = members[p]
                 if p + 1 < k:
-                    # One member earlier is left out: the next moves down from rank p + 1 to p, or back up.
+                    # Leave out the previous member instead: the next one moves from rank p + 1 down to p, or
+                    # back up.
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
             _next(members, k)
         before = now
@@ -76,7 +79,7 @@ def all_choices(gain, count, scores, picks):
 
 @njit(cache=True, nogil=True)
 def _own(count, members, p, k):
-    """How much the rank of k members falls when member p is left out."""
+    """Returns the decrease of the rank of k members if member p is left out."""
     change = int(count[members[p], p + 1])
     for i in range(p + 1, k):
         change += int(count[members[i], i + 1]) - int(count[members[i], i])
@@ -85,7 +88,7 @@ def _own(count, members, p, k):
 
 @njit(cache=True, nogil=True)
 def _rank(count, members, k):
-    """The colexicographic rank of k ascending members."""
+    """Returns the colexicographic rank of k ascending members."""
     total = 0
     for i in range(k):
         total += int(count[members[i], i + 1])
@@ -94,7 +97,7 @@ def _rank(count, members, k):
 
 @njit(cache=True, nogil=True)
 def _next(members, k):
-    """The next k ascending members in colexicographic order."""
+    """Advances k ascending members to the next set in colexicographic order."""
     i = 0
     while i + 1 < k and members[i] + 1 == members[i + 1]:
         members[i] = i
@@ -104,7 +107,7 @@ def _next(members, k):
 
 @njit(cache=True, nogil=True)
 def _drop(members, k, value):
-    """Takes a value out of k ascending members."""
+    """Removes a value from k ascending members."""
     moved = False
     for i in range(k):
         if members[i] == value:
@@ -114,12 +117,13 @@ def _drop(members, k, value):
 
 
 def least_cost(cost: Float) -> tuple[Int, Int]:
-    """(K,) rows, ascending, and (K,) their columns at the least sum of (M, N) costs, K the smaller number.
+    """Solves the assignment problem for (M, N) costs: (K,) ascending rows, and (K,) their columns, K = min(M,
+    N).
 
     It equals SciPy's ``linear_sum_assignment`` without loading ``scipy.optimize`` (0.1 s at each start).
 
     Raises:
-        ValueError: for a cost that is not finite.
+        ValueError: if a cost is not finite.
     """
     if not np.isfinite(cost).all():
         raise ValueError("a cost is not finite")
@@ -134,12 +138,13 @@ def least_cost(cost: Float) -> tuple[Int, Int]:
 
 @njit(cache=True, nogil=True)
 def assign(gain, state, columns):
-    """The best column for each row, each used once (shortest augmenting paths).
+    """Finds the best column for each row, each used once (shortest augmenting paths).
 
     Args:
         gain: (m, n), m <= n.
-        state: (n,) int8: 1 where the column must be used, -1 where it must not; at most m must, and m may.
-        columns: (m,) int32 out.
+        state: (n,) int8: 1 for columns that must be used, -1 for those that must not. At most m must be used,
+            and at least m are allowed.
+        columns: (m,) int32 output.
 
     Returns:
         The sum of the gains.
@@ -164,7 +169,8 @@ def assign(gain, state, columns):
 
 @njit(cache=True, nogil=True)
 def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
-    """One more row gets a column; column n stands for the row that has none yet."""
+    """Assigns a column to one more row. Column n represents the row without a column."""
+    # Grow a tree of shortest alternating paths (Dijkstra with reduced costs) to a free column.
     n = gain.shape[1]
     nearest = np.full(n + 1, np.inf)
     previous = np.full(n + 1, n, np.int64)
@@ -183,6 +189,7 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
                 nearest[j], previous[j] = reduced, at
             if nearest[j] < step:
                 step, following = nearest[j], j
+        # Update the prices so that reduced costs stay non-negative.
         for j in range(n + 1):
             if visited[j]:
                 row_price[rows_of[j]] += step
@@ -190,6 +197,7 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
             else:
                 nearest[j] -= step
         at = following
+    # Reassign the columns along the path.
     while at != n:
         rows_of[at] = rows_of[previous[at]]
         at = previous[at]
@@ -197,12 +205,13 @@ def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
 
 @njit(cache=True, nogil=True)
 def best_choices(gain, scores, picks):
-    """The best choices of m of n columns, the best first, as many as ``scores`` has room for.
+    """Enumerates the best choices of m of n columns, the best first, up to the size of ``scores`` (Murty's
+    algorithm).
 
     Args:
         gain: (m, n), m <= n.
-        scores: (K,) out, K <= C(n, m).
-        picks: (K, m) int32 out.
+        scores: (K,) output, K <= C(n, m).
+        picks: (K, m) int32 output.
     """
     m, n = gain.shape
     room = len(scores) * m + 1
@@ -214,6 +223,7 @@ def best_choices(gain, scores, picks):
     open_ = np.zeros(room, np.bool_)
     open_[0] = True
     for k in range(len(scores)):
+        # Take the best open part; its optimum is the next choice.
         best = -1
         for i in range(used):
             if open_[i] and (best < 0 or values[i] > values[best]):
@@ -221,6 +231,7 @@ def best_choices(gain, scores, picks):
         open_[best] = False
         scores[k] = values[best]
         copy_row(picks[k], columns[best])
+        # Split the rest of the part: forbid one column of the optimum, and require those before it.
         state = states[best].copy()
         free = n
         for j in range(n):

@@ -1,4 +1,4 @@
-"""The part of a ranking that a viewer shows: the best matches as lines in the world, and the chosen one."""
+"""The list of matches that a viewer shows: the best matches as lines in the world, and the chosen one."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class MatchRow:
     """One match.
 
     Attributes:
-        name: of the joint that the branches begin at.
-        place: in the ranking, from 0.
+        name: name of the joint where the branches begin.
+        place: position in the ranking, from 0.
         score: sum of cosines.
-        lines: by branch of the source, (K, 3) metres, the joints that it would drive; none: (0, 3).
-        limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty: not known.
-        body: the id of the performer of these limbs; -1: not known.
+        lines: for each branch of the source (K, 3) metres, the joints that it would drive; (0, 3) for none.
+        limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty if unknown.
+        body: id of the performer of these limbs; -1 if unknown.
     """
 
     name: str
@@ -31,17 +31,17 @@ class MatchRow:
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The best matches of a performer's pose on a character, and the state of the choice among them.
+    """The best matches of a performer's pose on a character, and the state of the choice.
 
     Attributes:
         character: its id.
-        state: "off": no choice is being made; "choosing"; "playing": the shown match drives.
+        state: "off": no choice is being made; "choosing"; "playing": the shown match drives the character.
         body: the performer's id; -1 for none.
         time_ns: the sensor's clock.
-        shown: the row that is chosen; -1 for none.
+        shown: the chosen row; -1 for none.
         rows: the best matches, and the chosen one.
         total: the number of matches.
-        held: 0..1, the share of the time to hold still that has passed.
+        held: 0..1, elapsed fraction of the time to hold still.
     """
 
     character: str

@@ -1,4 +1,5 @@
-"""The limbs of a body that choose and drive: branches of a matching source, with their chains."""
+"""The limbs of a body that select and drive parts of a skeleton: branches of a matching source, with their
+chains."""
 
 from __future__ import annotations
 
@@ -24,11 +25,11 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
 _TRUNK = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
 """The chain of the trunk, from the hips to the head."""
 _CHAINS = (*LIMBS.values(), _TRUNK)
-"""The chains by the number of the limb; the last is the trunk."""
+"""The chains by the number of the limb. The last is the trunk."""
 
 
 def limb_number(chain: Sequence[int]) -> int:
-    """Returns the number of the limb that a chain of a body's joints belongs to; -1 for none."""
+    """Returns the number of the limb that a chain of a body's joints belongs to, or -1 for none."""
     joints = tuple(int(joint) for joint in chain)
     exact = [number for number, limb in enumerate(_CHAINS) if joints == tuple(map(int, limb))]
     near = [number for number, limb in enumerate(_CHAINS) if joints and joints[-1] in limb[1:]]
@@ -36,14 +37,14 @@ def limb_number(chain: Sequence[int]) -> int:
 
 
 def joints_of_limb(number: int) -> tuple[int, ...]:
-    """Returns the joints at the outer ends of a limb's bones; none for an unknown number."""
+    """Returns the joints at the outer ends of a limb's bones, or none for an unknown number."""
     known = 0 <= number < len(_CHAINS)
     return tuple(int(joint) for joint in _CHAINS[number][1:]) if known else ()
 
 
 @dataclass(frozen=True, eq=False)
 class BodySource:
-    """The limbs of a body that choose and drive.
+    """The limbs of a body that select and drive parts of a skeleton.
 
     Attributes:
         source: the limbs as branches around one point of the trunk.
@@ -57,8 +58,8 @@ class BodySource:
 def body_source(body: Body, parts: str) -> BodySource:
     """Returns the limbs that the parts belong to, with this body's lengths.
 
-    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, taken as
-    one point. Parts of the trunk alone are one chain, from the hips to the head.
+    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, which
+    counts as one point. Parts of the trunk alone form one chain, from the hips to the head.
 
     Raises:
         InputError: for an unknown part.

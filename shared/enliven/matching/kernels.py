@@ -1,4 +1,4 @@
-"""Compiled ranking: cosines, and the choices of every candidate, in flat rows."""
+"""Compiled ranking: computes cosines, and scores the choices of all candidates in flat arrays."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from enliven.matching.views import NEAREST
 
 @njit(cache=True, nogil=True)
 def rank_rows(ends, first, source, rows, whole, missing):
-    """Scores of all candidates' matches, unsorted.
+    """Scores the matches of all candidates, unsorted.
 
     Args:
-        ends: (B, 2) the branches on the screen, as :func:`seen_branches` leaves them.
-        first: (C + 1,) of each candidate's branches.
-        source: (m, 2) the source's branches, likewise.
+        ends: (B, 2) the branches on the screen, as returned by :func:`seen_branches`.
+        first: (C + 1,) index of each candidate's first branch.
+        source: (m, 2) the source's branches on the screen.
         rows: (C + 1,) first match of each candidate.
-        whole: (C,) nonzero where a candidate's rows are all its choices, else its best.
-        missing: the score of a source branch that gets none.
+        whole: (C,) nonzero if a candidate's rows are all its choices, else only its best.
+        missing: score of a source branch without a target branch.
 
     Returns:
         (R,) candidate, (R, m) column of each source branch or -1, (R,) score.
@@ -33,6 +33,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
         most = max(most, first[c + 1] - first[c])
     table = binomials(most)
     for c in range(count):
+        # Cosines between source and target branches; the smaller side gets the rows.
         n = first[c + 1] - first[c]
         gain = np.empty((min(m, n), max(m, n)))
         for i in range(m):
@@ -43,6 +44,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
                     gain[i, j] = cosine
                 else:
                     gain[j, i] = cosine
+        # Score the choices of this candidate.
         low, high = rows[c], rows[c + 1]
         which[low:high] = c
         picks = np.empty((high - low, len(gain)), np.int32)
@@ -50,6 +52,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
             all_choices(gain, table, scores[low:high], picks)
         else:
             best_choices(gain, scores[low:high], picks)
+        # Convert the choices to columns per source branch.
         for k in range(high - low):
             for i in range(len(gain)):
                 if m <= n:
@@ -63,17 +66,17 @@ def rank_rows(ends, first, source, rows, whole, missing):
 
 @njit(cache=True, nogil=True)
 def seen_branches(points, first, axes, eye, perspective, blur, dots):
-    """(B, 2) branches on the screen, from their sub-tree's root, made comparable.
+    """Projects branches to the screen (B, 2), relative to their sub-tree's root, and normalizes them.
 
-    For cosines each gets length one. A branch seen end-on, with less than a share ``blur`` of it visible, has
-    hardly a direction: it is scaled to its visible part of that share, so its cosines fade to zero. For dot
-    products the longest of each sub-tree gets length one.
+    For cosines, each branch gets length one. A branch seen end-on has an unreliable direction. If less than
+    the fraction ``blur`` of it is visible, it is scaled in proportion, so that its cosines fade to zero. For
+    dot products, the longest branch of each sub-tree gets length one.
 
     Args:
         points: (C + B, 3) the sub-trees' roots, then the branches' abstract positions.
-        first: (C + 1,) of each sub-tree's branches.
-        axes, eye, perspective: (3, 3) right, up and forward, (3,) and whether it counts, of a view.
-        dots: for dot products.
+        first: (C + 1,) index of each sub-tree's first branch.
+        axes, eye, perspective: of a view: (3, 3) right, up and forward; (3,); and whether the eye is used.
+        dots: whether to normalize for dot products.
     """
     count = len(first) - 1
     ends = np.empty((len(points) - count, 2))
@@ -98,7 +101,7 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):
 
 @njit(cache=True, nogil=True)
 def _on_screen(point, axes, eye, perspective):
-    """Right and up on the screen, and the depth: see :meth:`enliven.matching.views.ScreenView.project`."""
+    """Returns right, up and depth on the screen, as :meth:`enliven.matching.views.ScreenView.project`."""
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0
     if perspective:

@@ -1,4 +1,4 @@
-"""The shape of every limb of a skeleton (length, size, middle), and the limbs that equal it."""
+"""The shape of every limb of a skeleton (length, size, centre), and the comparison of limbs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class LimbShapes:
         self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
 
     def alike(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
-        """Joints with limbs that could be equal: as many joints, as long, the middle as far away.
+        """Yields joints with limbs that could be equal: with the same joint count, similar length and centre
+        distance.
 
         Args:
             tolerance, shortest: of :class:`enliven.matching.symmetry.SymmetrySettings`.
@@ -54,7 +55,7 @@ class LimbShapes:
         )
 
     def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> Matched | None:
-        """Limb b joint by joint as limb a, if ``linear`` puts a's joints on b's."""
+        """Pairs the joints of limbs a and b if ``linear`` maps a's joints to b's, else returns None."""
         slack = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]
         pairs, squares, waiting = [], 0.0, [(a, b)]
@@ -77,7 +78,7 @@ class LimbShapes:
 
 @dataclass(frozen=True)
 class Matched:
-    """The pairs of joints of two limbs of one shape, and their distance as a share of the limb's reach."""
+    """The pairs of joints of two equal limbs, and their distance as a fraction of the limb's reach."""
 
     pairs: list[tuple[int, int]]
     error: float

@@ -1,4 +1,4 @@
-"""A ranking, and the matches in it."""
+"""A ranking of matches, and its entries."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Match:
 
     Attributes:
         candidate: the sub-tree of the target.
-        pairs: (m,) the target branch of each source branch, or None where the sub-tree has too few.
+        pairs: (m,) the target branch of each source branch, or None if the sub-tree has too few.
         score: sum of cosines, at most m.
     """
 
@@ -26,20 +26,20 @@ class Match:
 
     @property
     def key(self) -> tuple[tuple[int, ...], ...]:
-        """The joints that each source branch drives; it names the match in any order of the ranking."""
+        """The joints that each source branch drives. It identifies the match in any order of the ranking."""
         return tuple(() if branch is None else branch.chain for branch in self.pairs)
 
 
 @dataclass(frozen=True, eq=False)
 class Ranking(Sequence[Match]):
-    """All matches, the best first; a sequence, also of slices.
+    """All matches, the best first, as a sequence that supports slices.
 
     Attributes:
         candidates: of the target.
         which: (R,) the candidate of each match.
         columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
-        scores: (R,) falling.
-        total: how many matches there are, those included that are not kept.
+        scores: (R,) descending.
+        total: number of matches, including those that are not kept.
     """
 
     candidates: tuple[SubTree, ...]
@@ -66,11 +66,12 @@ class Ranking(Sequence[Match]):
         return Match(candidate, pairs, float(self.scores[place]))
 
     def identity(self, place: int) -> tuple[int, ...]:
-        """The candidate and the columns of a match; they name it in every ranking of the same matcher."""
+        """Returns the candidate and the columns of a match. They identify it in every ranking of the same
+        matcher."""
         return (int(self.which[place]), *(int(column) for column in self.columns[place]))
 
     def find(self, identity: tuple[int, ...]) -> int:
-        """The place of a match, or -1 where it is not among those kept."""
+        """Returns the position of a match, or -1 if it is not among those kept."""
         if len(identity) != 1 + self.columns.shape[1]:
             return -1
         same = (self.which == identity[0]) & (self.columns == identity[1:]).all(1)

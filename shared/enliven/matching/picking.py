@@ -1,8 +1,8 @@
-"""A state machine that chooses the shown match during a live performance, and accepts it.
+"""A state machine that selects the shown match during a live performance, and accepts it.
 
-The best match of a moment jitters as the performer does. The shown match stays until another has been better
-by a margin for a while, the performer goes through the ranking by hand, or it is accepted: by a command (key,
-pedal, voice) or by holding the pose. The caller gives the time.
+The best match jitters with the performer. So the shown match stays until another one has been better by a
+margin for some time. The performer can also browse the ranking by hand. A match is accepted by a command
+(key, pedal, voice) or by holding the pose. The caller provides the time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class PickingSettings:
-    """When the match that is shown gives way, and when it is taken."""
+    """Settings for replacing the shown match, and for accepting it."""
 
     margin: float = setting(
         0.03, "A match takes the place of the shown one if it is so much better a branch.", low=0.0, high=2.0
@@ -44,10 +44,10 @@ class Pick:
     """The match to show now.
 
     Attributes:
-        match: the one that is shown, or that was accepted; None where there is none.
-        place: its place in the ranking, -1 if it is not among those kept.
-        held: 0 to 1, how long of the time to hold still has passed; 0 where that does not count.
-        accepted: whether it is taken; then nothing changes until :meth:`Picker.reset`.
+        match: the shown or accepted match, or None.
+        place: its position in the ranking, -1 if it is not among those kept.
+        held: 0 to 1, elapsed fraction of the time to hold still; 0 if holding is disabled.
+        accepted: whether it is accepted. Then nothing changes until :meth:`Picker.reset`.
     """
 
     match: Match | None
@@ -57,10 +57,10 @@ class Pick:
 
 
 class Picker:
-    """Follows the rankings of one matcher.
+    """The selection of a match from the rankings of one matcher.
 
-    A held pose accepts a match only after a motion since the start or since the last match: a performer who
-    merely stands there accepts nothing.
+    A held pose accepts a match only after some motion since the start or since the last match. So a performer
+    that merely stands there accepts nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:
@@ -68,7 +68,8 @@ class Picker:
         self.reset()
 
     def reset(self) -> None:
-        """Begins anew: nothing shown, nothing accepted, and the performer must move before holding counts."""
+        """Resets the state: nothing is shown or accepted, and the performer must move before holding
+        counts."""
         self._shown: tuple[int, ...] | None = None
         self._ranking: Ranking | None = None
         self._beaten_since: float | None = None
@@ -81,7 +82,7 @@ class Picker:
         self._time = 0.0
 
     def update(self, ranking: Ranking, points: Float, seconds: float) -> Pick:
-        """A new frame.
+        """Processes a new frame.
 
         Args:
             ranking: of this frame.
@@ -102,7 +103,7 @@ class Picker:
         return self.now(held)
 
     def now(self, held: float = 0.0) -> Pick:
-        """What is shown, after a key as well."""
+        """Returns the match to show, also between frames (after a key press)."""
         if self._taken is not None:
             return Pick(self._taken, self._place(), accepted=True)
         place = self._place()
@@ -111,7 +112,8 @@ class Picker:
         return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
 
     def cycle(self, step: int = 1) -> Pick:
-        """Shows the next match of the ranking as it was at the first step, or the one before; then again."""
+        """Shows the next or previous match of the ranking, in its order at the first step. The list wraps
+        around."""
         if self._ranking is not None and len(self._ranking) and self._taken is None:
             if self._browsed is None or self._shown not in self._listed:
                 self._listed = [self._ranking.identity(place) for place in range(len(self._ranking))]
@@ -121,7 +123,7 @@ class Picker:
         return self.now()
 
     def accept(self) -> Match | None:
-        """Takes what is shown."""
+        """Accepts the shown match."""
         self._taken = self._taken or self.now().match
         return self._taken
 
@@ -131,7 +133,7 @@ class Picker:
         return self._ranking.find(self._shown)
 
     def _follow(self, ranking: Ranking, seconds: float) -> None:
-        """Lets the best take the place of the shown one where it has waited long enough."""
+        """Replaces the shown match by the best one after the required time."""
         settings, place = self.settings, self._place()
         if self._browsed is not None and place >= 0:
             if seconds - self._browsed < settings.browsing:
@@ -147,7 +149,7 @@ class Picker:
             self._shown, self._beaten_since, self._browsed = ranking.identity(0), None, None
 
     def _hold(self, points: Float, seconds: float, same: bool) -> float:
-        """How long the pose has been held, of the time it takes."""
+        """Returns the elapsed fraction of the time to hold the pose."""
         pose = points - points[0]
         size = float(np.linalg.norm(pose, axis=1).max())
         if self._anchor is None or len(self._anchor) != len(pose):

@@ -1,4 +1,4 @@
-"""Every way a source can drive a target, ranked by how alike they look on the screen (AniMesh, 4.2)."""
+"""Ranks all ways in which a source can drive a target by their similarity on the screen (AniMesh, 4.2)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOWHERE = np.zeros(3)
 
 @dataclass(frozen=True)
 class RankingSettings:
-    """How matches are scored."""
+    """Settings for scoring matches."""
 
     most: int = setting(
         256, "Matches kept, the best; all are looked at.", unit="matches", low=1, high=100_000
@@ -62,9 +62,9 @@ class Matcher:
     """Ranks the matches of a target, abstracted once, with a source that changes every frame.
 
     Args:
-        target: a skeleton, or an abstraction of whatever tree.
+        target: a skeleton, or an abstraction of any tree.
         positions: (N, 3) metres at rest; needed with an abstraction only.
-        root: as for :func:`abstract_skeleton`: chains run down from the skeleton's own root; None finds one.
+        root: as for :func:`abstract_skeleton`: chains start at the skeleton's own root; None finds one.
     """
 
     def __init__(
@@ -92,13 +92,13 @@ class Matcher:
         source_view: ScreenView | None = None,
         positions: Float | None = None,
     ) -> Ranking:
-        """Every match.
+        """Ranks all matches.
 
         Args:
-            source: (m + 1, 3) root and abstract positions, as :meth:`MatchSource.points` gives them.
-            view: from where the target is seen.
-            source_view: from where the source is seen; None: the same.
-            positions: (N, 3) the target's joints in the pose that is seen; None at rest.
+            source: (m + 1, 3) root and abstract positions, as returned by :meth:`MatchSource.points`.
+            view: the view of the target.
+            source_view: the view of the source; None: the same.
+            positions: (N, 3) the target's joints in the visible pose; None at rest.
         """
         settings = self.settings
         points = self._rest if positions is None else self._points(np.asarray(positions, np.float64))
@@ -118,25 +118,25 @@ class Matcher:
         return Ranking(trees, which[order], columns[order], scores[order], plan.total)
 
     def _seen(self, points: Float, first: Int, view: ScreenView) -> Float:
-        """(B, 2) branches on the screen, comparable."""
+        """Returns (B, 2) normalized branches on the screen."""
         eye = _NOWHERE if view.eye is None else view.eye
         dots = self.settings.measure == "dot"
         seen = seen_branches(points, first, view.frame, eye, view.eye is not None, self.settings.blur, dots)
         return np.asarray(seen)
 
     def _points(self, positions: Float) -> Float:
-        """(C + B, 3) the candidates' roots, and all their branches."""
+        """Returns (C + B, 3) the candidates' roots, and all their branches."""
         return np.asarray(self._average @ positions)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """How many matches each candidate gives.
+    """The number of matches of each candidate.
 
     Attributes:
-        first: (C + 1,) of each candidate's rows.
-        whole: (C,) whether they are all there are, or the best.
-        total: all there are.
+        first: (C + 1,) index of each candidate's first row.
+        whole: (C,) true if the rows are all matches, false if only the best.
+        total: number of all matches.
     """
 
     first: Int
@@ -158,7 +158,7 @@ def _plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
 
 
 def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
-    """(C + B, N) of the roots and the branches' abstract positions."""
+    """Returns (C + B, N) the weights of the roots and of the branches' abstract positions."""
     weights = [{tree.root: 1.0} for tree in trees]
     weights += [branch.weights for tree in trees for branch in tree.branches]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in weights])])
@@ -168,7 +168,7 @@ def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
 
 
 def _best(scores: Float, most: int, tie: float) -> Int:
-    """The places of the best scores, the best first; those that are equal in their order."""
+    """Returns the indices of the best scores, the best first. Ties keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores
     if len(rounded) > most:
         least = np.partition(rounded, len(rounded) - most)[len(rounded) - most]

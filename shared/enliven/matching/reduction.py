@@ -1,4 +1,4 @@
-"""The steps of one iteration of AniMesh, section 4.1, on the tree that is left."""
+"""The steps of one iteration of AniMesh, section 4.1, on the remaining tree."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from enliven.matching.subtrees import Branch, Weights
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A leaf: one joint, or a sub-tree that it stands for.
+    """A leaf: one joint, or a sub-tree that it represents.
 
     Attributes:
-        tail: the longest way from the leaf's joint to a real leaf.
+        tail: the longest path from the leaf's joint to a real leaf.
         reach: metres along it.
     """
 
@@ -27,11 +27,11 @@ class _Leaf:
 
 
 class Reduction:
-    """The tree that is left.
+    """The remaining tree.
 
     Attributes:
-        beside: the neighbours of each joint that are no leaves yet.
-        forks: the branch nodes that are left, and the root where one is given.
+        beside: the neighbours of each joint that are not leaves yet.
+        forks: the remaining branch nodes, and the given root, if any.
     """
 
     def __init__(self, positions: Float, beside: list[list[int]], root: int | None) -> None:
@@ -42,13 +42,13 @@ class Reduction:
         self._leaf: dict[int, _Leaf] = {}
 
     def leaves(self) -> list[int]:
-        """The leaves of the whole tree."""
+        """Returns the leaves of the whole tree."""
         ends = [j for j, near in enumerate(self.beside) if len(near) == 1 and j != self._root]
         self._leaf = {end: _Leaf({end: 1.0}, 0.0, (end,), 0.0) for end in ends}
         return ends
 
     def attach(self, leaf: int) -> int:
-        """Steps 1 and 2: the leaf with its chain becomes a branch of the branch node that is returned."""
+        """Steps 1 and 2: turns the leaf with its chain into a branch of the returned branch node."""
         chain, node = [leaf], self.beside[leaf][0]
         while node not in self.forks:
             one, other = self.beside[node]
@@ -66,15 +66,15 @@ class Reduction:
         return Branch(chain, (*chain[:-1], *leaf.tail), weights, leaf.length + whole, leaf.reach + whole)
 
     def is_ready(self, fork: int) -> bool:
-        """Step 3: whether a sub-tree is rooted here."""
+        """Step 3: returns True if a sub-tree has its root here."""
         return len(self.beside[fork]) <= (0 if fork == self._root else 1)
 
     def branches(self, fork: int) -> tuple[Branch, ...]:
-        """Those of a branch node, by their first joint."""
+        """Returns the branches of a branch node, ordered by their first joint."""
         return tuple(sorted(self._done[fork], key=lambda branch: branch.chain[1]))
 
     def collapse(self, fork: int) -> None:
-        """Step 4: the sub-tree becomes a leaf."""
+        """Step 4: turns the sub-tree into a leaf."""
         branches = self.branches(fork)
         shares = _shared({i: branch.length for i, branch in enumerate(branches)})
         weights: Weights = {}
@@ -87,18 +87,18 @@ class Reduction:
         self.forks.discard(fork)
 
     def nearest_to_mass(self, beside: list[list[int]], start: int) -> int:
-        """Of the chain that is left, the node nearest to the centre of mass of all bones."""
+        """Returns the node of the remaining chain that is nearest to the centre of mass of all bones."""
         chain, before = [start], -1
         while ahead := [j for j in self.beside[chain[-1]] if j != before]:
             before = chain[-1]
             chain.append(ahead[0])
         distances = np.linalg.norm(self._positions[chain] - centre_of_mass(self._positions, beside), axis=1)
-        # Of two that are equally near, noise must not choose.
+        # Rounding makes ties independent of noise.
         return chain[int(np.argmin(np.round(distances / (distances.max() or 1.0), 9)))]
 
 
 def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
-    """(3,) metres, the centre of mass of a tree of bones, each a rod of the same mass per metre."""
+    """Returns (3,) metres, the centre of mass of a tree of bones, each a rod of the same mass per metre."""
     links = [(a, b) for a, near in enumerate(beside) for b in near if a < b]
     pairs = np.array(links, np.int64).reshape(-1, 2)
     lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
@@ -109,7 +109,7 @@ def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
 
 
 def _shared(weights: Weights) -> Weights:
-    """The weights scaled to add up to one; equal ones where all are zero."""
+    """Scales the weights to sum one. If all are zero, they become equal."""
     total = float(sum(weights.values()))
     if total <= 0.0:
         return dict.fromkeys(weights, 1.0 / len(weights))

@@ -18,11 +18,11 @@ from enliven.matching.subtrees import Branch
 class MatchSource:
     """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
 
-    Below a branch the skeleton is abstracted as in the target: a position is a weighted average of joints,
-    and the weights come from the bones' lengths, once.
+    Each branch is abstracted as in the target. Its position is a weighted average of joints, with weights
+    computed once from the bones' lengths.
 
     Attributes:
-        root: the joint the branches begin at.
+        root: the joint where the branches begin.
         branches: with joints of the whole skeleton.
         weights: (m, N) the branches' abstract positions as averages of joints.
     """
@@ -33,11 +33,11 @@ class MatchSource:
 
     @property
     def chains(self) -> tuple[tuple[int, ...], ...]:
-        """The joints of each branch, from the root along the longest way to a leaf."""
+        """The joints of each branch, from the root along the longest path to a leaf."""
         return tuple(branch.extended for branch in self.branches)
 
     def points(self, positions: Float) -> Float:
-        """(m + 1, 3) the root and the abstract positions, for (N, 3) joints in any pose."""
+        """Returns (m + 1, 3) the root and the abstract positions, for (N, 3) joints in any pose."""
         positions = np.asarray(positions, np.float64)
         return np.concatenate([positions[None, self.root], self.weights @ positions])
 
@@ -45,16 +45,16 @@ class MatchSource:
 def source_of(
     positions: Float, links: Iterable[tuple[int, int]], root: int | None = None, joints: Iterable[int] = ()
 ) -> MatchSource:
-    """The source that a tree of joints is, or the part of it that some joints are.
+    """Builds the source from a tree of joints, or from a connected subset of them.
 
     Args:
-        positions: (N, 3) metres; what counts are the lengths of the bones.
+        positions: (N, 3) metres; only the lengths of the bones matter.
         links: pairs of joints.
-        root: the joint the branches begin at; None takes what the abstraction finds.
-        joints: the part that plays; empty for all. They must hang together.
+        root: the joint where the branches begin; None takes the root found by the abstraction.
+        joints: the subset; empty for all. They must be connected.
 
     Raises:
-        InputError: where the joints do not hang together, or there is no bone.
+        InputError: if the joints are not connected, or form no bone.
     """
     at = np.array(positions, np.float64).reshape(-1, 3)
     kept = sorted(set(joints)) or list(range(len(at)))
@@ -76,13 +76,13 @@ def source_of(
 
 
 def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> MatchSource:
-    """The same, of a skeleton at rest."""
+    """Builds the source from a skeleton at rest."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
     return source_of(skeleton.positions, links, root, joints)
 
 
 def _renamed(branch: Branch, kept: Sequence[int]) -> Branch:
-    """With the numbers that the joints have in the whole skeleton."""
+    """Returns the branch with the joint numbers of the whole skeleton."""
     return Branch(
         tuple(kept[j] for j in branch.chain),
         tuple(kept[j] for j in branch.extended),

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 
 Weights = dict[int, float]
-"""A point as an average of joints: their weights add up to one."""
+"""A point as a weighted average of joints. The weights sum to one."""
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,9 @@ class Branch:
 
     Attributes:
         chain: real joints from the sub-tree's root to the next branch or leaf node, both included.
-        extended: the same, on along the longest way to a leaf (Figure 5).
+        extended: the chain, extended along the longest path to a leaf (Figure 5).
         weights: the abstract position as an average of joints.
-        length: metres of all bones of the branch, those that hang on it included.
+        length: metres of all bones of the branch and of its sub-branches.
         reach: metres along ``extended``.
     """
 
@@ -31,7 +31,7 @@ class Branch:
     reach: float
 
     def position(self, positions: Float) -> Float:
-        """(3,) the abstract position, for (N, 3) joints at rest or in any pose."""
+        """Returns (3,) the abstract position, for (N, 3) joints at rest or in any pose."""
         joints = list(self.weights)
         return np.array(list(self.weights.values())) @ np.asarray(positions, np.float64)[joints]
 
@@ -43,7 +43,7 @@ class SubTree:
     Attributes:
         level: the iteration that found it, from 1.
         number: within its level, from 1, by the root joint's number.
-        root: the joint all branches begin at.
+        root: the joint where all branches begin.
         branches: by the number of their first joint.
     """
 
@@ -54,7 +54,7 @@ class SubTree:
 
     @property
     def name(self) -> str:
-        """As the paper calls it: "2-1" is the first of the second iteration."""
+        """The name used in the paper: "2-1" is the first candidate of the second iteration."""
         return f"{self.level}-{self.number}"
 
 

@@ -1,12 +1,13 @@
-"""Equal limbs: a motion that one of them was given can be offered to all (wished for in AniMesh, section 8).
+"""Finds equal limbs, so that the motion of one can be copied to all (future work in AniMesh, section 8).
 
-A *limb* is a joint with all that hangs on it, seen from the joint it hangs on. Limbs of one joint are equal
-if a rotation about an axis through that joint, or a reflection in a plane through it, puts one on the other,
-joint on joint: tentacles around a squid's head, left and right of anything. A skeleton is as symmetric as
-its modeler's hand was steady, so places may differ by a share of the limb's reach.
+A *limb* is a joint with all its descendants, relative to its parent joint. Two limbs of one joint are equal
+if one rotation or reflection maps one to the other, joint to joint. The axis of the rotation, or the plane of
+the reflection, goes through the parent joint. Examples are tentacles around a squid's head, and the left and
+right limbs of any character. Hand-made skeletons are only approximately symmetric, so positions may differ by
+a fraction of the limb's reach.
 
-The axis of several limbs is the normal of the plane that their middles lie in (through three middles at equal
-distance from the joint there is one circle); two limbs have the plane half-way between their middles.
+The axis of several limbs is the normal of the plane through their centres (three centres at equal distance
+from the joint define one circle). For two limbs, the plane is half-way between their centres.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
 
 _MOST = 0.75
-"""Share of the limbs that are alike from which on a rotation is no accident: of a spider's eight legs, some
-three are always turned copies of one another."""
+"""Minimum fraction of similar limbs that a rotation must map to one another. A smaller group may be a
+coincidence: of a spider's eight legs, about three are always rotated copies of one another."""
 
 
 @dataclass(frozen=True)
 class SymmetrySettings:
-    """What counts as equal."""
+    """Settings for the comparison of limbs."""
 
     tolerance: float = setting(
         0.08,
@@ -49,9 +50,10 @@ class EqualLimb:
     """One of a group of equal limbs.
 
     Attributes:
-        joints: the limb's, in the order of the group's other limbs; the first hangs on the group's joint.
-        linear: (3, 3) what turns the group's first limb into this one, about the group's joint.
-        error: how far joints are apart then (root mean square), as a share of the limb's reach.
+        joints: the limb's joints, in the order of the group's other limbs. The parent of the first is the
+            group's joint.
+        linear: (3, 3) maps the group's first limb to this one, about the group's joint.
+        error: remaining distance of the joints (root mean square), as a fraction of the limb's reach.
     """
 
     joints: tuple[int, ...]
@@ -61,12 +63,12 @@ class EqualLimb:
 
 @dataclass(frozen=True, eq=False)
 class EqualLimbs:
-    """Limbs of one joint that are equal.
+    """Equal limbs of one joint.
 
     Attributes:
-        kind: "rotation": each is another turned about the axis; "mirror": two, left and right of a plane.
-        joint: the one that they hang on.
-        axis: (3,) unit vector along the axis, or across the plane; both go through the joint.
+        kind: "rotation": limbs rotated about the axis; "mirror": two limbs, left and right of a plane.
+        joint: their common parent joint.
+        axis: (3,) unit vector along the axis, or normal to the plane; both go through the joint.
         limbs: two or more, by angle about the axis.
     """
 
@@ -76,24 +78,25 @@ class EqualLimbs:
     limbs: tuple[EqualLimb, ...]
 
     def limb_of(self, joint: int) -> int:
-        """Which limb a joint is of, or -1."""
+        """Returns the number of the limb that a joint belongs to, or -1."""
         return next((i for i, limb in enumerate(self.limbs) if joint in limb.joints), -1)
 
     def between(self, start: int, end: int) -> Float:
-        """(3, 3) what turns limb ``start`` into limb ``end``."""
+        """Returns (3, 3) the map from limb ``start`` to limb ``end``."""
         return np.asarray(self.limbs[end].linear @ self.limbs[start].linear.T)
 
     def joint_map(self, start: int, end: int) -> dict[int, int]:
-        """Joint by joint from limb ``start`` to limb ``end``; the group's joint stays."""
+        """Maps the joints of limb ``start`` to those of limb ``end``. The group's joint maps to itself."""
         pairs = zip(self.limbs[start].joints, self.limbs[end].joints, strict=True)
         return {self.joint: self.joint, **dict(pairs)}
 
 
 def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) -> tuple[EqualLimbs, ...]:
-    """All groups of equal limbs, those of most limbs first; of the pairs, those of the body's own plane.
+    """Returns all groups of equal limbs, the largest groups first; among pairs, those of the body's main
+    plane first.
 
-    Three limbs or more that a rotation makes equal are one group; so are two where no plane does. A limb may
-    be in two groups, a turned and a mirrored one: the legs of a table are both of one another.
+    Three or more limbs that are equal under rotation form one group. So do two limbs without a mirror plane.
+    A limb may belong to two groups, one by rotation and one by reflection, such as the legs of a table.
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
@@ -108,7 +111,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
 
 
 def _turned(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
-    """The group that a rotation makes of most of the limbs that are alike."""
+    """Finds the group of most of the similar limbs that are equal under rotation."""
     found: EqualLimbs | None = None
     for axis in _axes(body, joint, like):
         made = _around(body, joint, like, axis, settings)
@@ -120,13 +123,13 @@ def _turned(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySet
 
 
 def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
-    """Axes about which limbs may turn into one another: of all of them, of each three, of each two."""
+    """Returns candidate axes of rotation: of all limbs, of each three, or of the two."""
     middles = body.middle[limbs] - body.at[joint]
     if len(limbs) == 2:
         return [axis for axis in [_unit(middles.sum(0))] if axis is not None]
     about = middles - middles.mean(0)
     axes = [np.linalg.eigh(about.T @ about)[1][:, 0]]
-    # A few are enough: a circle of three or more limbs holds three that follow one another in a list.
+    # A few are enough: a circle of three or more limbs contains three consecutive ones of a list.
     for a, b, c in itertools.islice(itertools.combinations(middles, 3), 200):
         axis = _unit(np.cross(b - a, c - a))
         if axis is not None:
@@ -137,7 +140,7 @@ def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
 def _around(
     body: LimbShapes, joint: int, limbs: list[int], axis: Float, settings: SymmetrySettings
 ) -> EqualLimbs | None:
-    """The limbs that are the first one turned about an axis, or None without any."""
+    """Returns the limbs that equal the first one under rotation about an axis, or None if there are none."""
     if axis[int(np.argmax(np.abs(axis)))] < 0.0:
         axis = -axis
     best: list[EqualLimb] = []
@@ -161,13 +164,13 @@ def _around(
 
 
 def _angle(start: Float, end: Float, axis: Float) -> float:
-    """Radians about the axis from one direction to another, in [0, 2 pi)."""
+    """Computes the angle about the axis from one direction to another, in radians in [0, 2 pi)."""
     a, b = start - (start @ axis) * axis, end - (end @ axis) * axis
     return float(np.arctan2(np.cross(a, b) @ axis, a @ b) % (2 * np.pi))
 
 
 def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
-    """Every pair that a plane through the joint makes equal."""
+    """Returns all pairs that are equal under reflection in a plane through the joint."""
     groups = []
     for a, b in itertools.combinations(like, 2):
         across = _unit(body.middle[a] - body.middle[b])
@@ -187,7 +190,8 @@ def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetryS
 
 
 def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
-    """Mirrored pairs, each limb once: those of the plane that the most bone agrees on before the others."""
+    """Selects mirrored pairs such that each limb occurs once. Planes shared by the most bone length come
+    first."""
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)
     weights = np.array([body.length[group.limbs[0].joints[0]] for group in groups])
     agree = (np.abs(axes @ axes.T) > 0.98) @ weights

@@ -10,7 +10,8 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 
 NEAREST = 1e-3
-"""Metres before the eye: what is nearer, or behind, is projected as if it were there."""
+"""Near distance of the projection in metres. Points nearer than this, or behind the eye, are projected at
+this distance."""
 
 
 def _axis(*values: float) -> Float:
@@ -19,19 +20,19 @@ def _axis(*values: float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class ScreenView:
-    """The view that a skeleton is projected by: a direction, an up and, for perspective, an eye.
+    """The view for projecting a skeleton: a direction, an up vector and, for perspective, an eye.
 
-    For a performer who acts as before a mirror the view opposes the sensor's: the sensor's left is then on
-    the right.
+    For a performer that acts as in front of a mirror, the view is opposite to the sensor's: the sensor's left
+    is then on the right.
 
     Attributes:
         direction: (3,) from the eye into the scene; any length.
-        up: (3,) the direction that is up on the screen; its part along ``direction`` does not count.
+        up: (3,) the up direction on the screen; its component along ``direction`` is ignored.
         eye: (3,) metres, for a perspective view; None for an orthographic one.
-        frame: (3, 3) right, up and forward: unit vectors of the world, made of the others.
+        frame: (3, 3) right, up and forward: unit vectors of the world, computed from the others.
 
     Raises:
-        InputError: where ``direction`` is zero, or along ``up``.
+        InputError: if ``direction`` is zero, or parallel to ``up``.
     """
 
     direction: Float = field(default_factory=lambda: _axis(0.0, 0.0, -1.0))
@@ -60,23 +61,24 @@ class ScreenView:
         return self.frame[:2]
 
     def project(self, points: Float) -> Float:
-        """(..., 2) right and up on the screen, of (..., 3) points: metres, or metres at distance one."""
+        """Projects (..., 3) points to (..., 2) right and up on the screen, in metres (perspective: at
+        distance one)."""
         if self.eye is None:
             return np.asarray(points @ self.axes.T)
         return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
 
     def depths(self, points: Float) -> Float:
-        """(...,) metres of (..., 3) points before the eye; one for an orthographic view."""
+        """Returns (...,) the depth of (..., 3) points in metres, or one for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
         return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
 
 
 def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
-    """(N,) whether each of (N, 3) vectors is seen so nearly end-on that its direction on the screen is noise.
+    """Returns (N,) true for vectors (N, 3) seen so nearly end-on that their direction on the screen is noise.
 
     Args:
-        share: of a vector's length that must be seen.
+        share: minimum visible fraction of a vector's length.
     """
     seen = np.linalg.norm(vectors @ view.axes.T, axis=1)
     lengths = np.linalg.norm(vectors, axis=1)
@@ -84,25 +86,25 @@ def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
 
 
 def projected_length(vectors: Float, direction: Float) -> float:
-    """Sum of the lengths of (N, 3) vectors as seen along a unit direction."""
+    """Returns the sum of the projected lengths of (N, 3) vectors along a unit direction."""
     along = vectors @ direction
     return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
 
 
 def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60) -> ScreenView:
-    """The view that shows most bone: with the largest sum of projected lengths (AniMesh, section 8).
+    """Finds the view that shows most bone: the largest sum of projected lengths (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
-    sum(v v^T). From there, from the current direction and from the other eigenvectors, the sum of lengths
-    itself, sum sqrt(|v|^2 - (v.d)^2), is raised step by step on the sphere: each step maximises a quadratic
-    bound of it (iteratively reweighted scatter), so it never falls.
+    sum(v v^T). The search starts there, at the current direction, and at the other eigenvectors. It increases
+    the sum of lengths itself, sum sqrt(|v|^2 - (v.d)^2), step by step on the sphere. Each step maximizes a
+    quadratic bound of it (iteratively reweighted scatter), so it never decreases.
 
     Args:
         vectors: (N, 3) of the bones.
-        view: the current one; its up is kept as far as it goes.
-        most_turn: radians from the current direction at most; pi / 2 is all there is, since a view from
-            behind shows as much.
-        steps: at most, of the refinement.
+        view: the current one; its up vector is kept as far as possible.
+        most_turn: maximum angle from the current direction in radians. pi / 2 covers all views, since a view
+            from behind shows the same amount.
+        steps: maximum number of refinement steps.
 
     Returns:
         An orthographic view; the caller places the eye.
@@ -118,7 +120,7 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
 
 
 def _raised(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
-    """A direction from which no step shows more bone, within reach of the current one."""
+    """Refines a direction, within reach of the current one, until no step shows more bone."""
     squares = (vectors**2).sum(1)
     direction = _within(start, current, most_turn)
     value = projected_length(vectors, direction)
@@ -137,7 +139,7 @@ def _raised(vectors: Float, start: Float, current: Float, most_turn: float, step
 def _best_between(
     vectors: Float, here: Float, there: Float, current: Float, most_turn: float
 ) -> tuple[Float, float]:
-    """The best of some directions on the way, and how much bone it shows."""
+    """Tries some directions along a step. Returns the best, and its sum of projected lengths."""
     tried = [_within(here + share * (there - here), current, most_turn) for share in (1.0, 0.5, 0.2, 0.05)]
     values = [projected_length(vectors, direction) for direction in tried]
     best = int(np.argmax(values))
@@ -145,7 +147,8 @@ def _best_between(
 
 
 def _within(direction: Float, current: Float, most_turn: float) -> Float:
-    """The unit direction, or its opposite, turned to within ``most_turn`` of the current one."""
+    """Returns the unit direction, or its opposite, limited to the angle ``most_turn`` from the current
+    one."""
     direction = direction / np.linalg.norm(direction)
     if direction @ current < 0.0:
         direction = -direction
@@ -158,7 +161,7 @@ def _within(direction: Float, current: Float, most_turn: float) -> Float:
 
 
 def _towards(direction: Float, view: ScreenView) -> ScreenView:
-    """The view along another direction, with its up as near as it can be."""
+    """Returns the view along another direction, with the up vector changed as little as possible."""
     up = view.up
     if abs(float(direction @ up)) > 1.0 - 1e-9:
         up = view.direction * -np.sign(direction @ up)

@@ -1,4 +1,5 @@
-"""Modeling: shapes cut, merged, copied, mirrored and posed with their motion kept, and made from strokes.
+"""Modeling: cuts, merges, copies, mirrors and poses characters with their motion, and makes shapes from
+strokes.
 
-Every edit is a function from one project to another; undo is the project before (AniMesh, section 6).
+Every edit is a function from one project to another. Undo restores the previous project (AniMesh, section 6).
 """

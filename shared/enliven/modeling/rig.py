@@ -1,4 +1,4 @@
-"""What every rig can do, written down: the part of each edit that it does its own way."""
+"""The interface of the edits that each kind of rig implements in its own way."""
 
 from __future__ import annotations
 
@@ -17,29 +17,31 @@ from enliven.modeling.mesh import CutSurface, SeamSettings
 
 
 class Posed(NamedTuple):
-    """A character at a moment: its transforms, and (H, 3) metres in the world, its handles."""
+    """A character at one moment: its transforms, and its handles as (H, 3) metres in the world."""
 
     pose: Pose
     handles: Float
 
 
 Player = Callable[[float], Posed]
-"""A character prepared to be evaluated often: from seconds of the project's time to the moment."""
+"""A character prepared for frequent evaluation: maps seconds of the project's time to its state."""
 
 
 @dataclass(frozen=True)
 class Merge:
-    """One character put onto another where the two are at a time.
+    """The request to attach one character to another, each in its pose at a given time.
 
     Attributes:
-        host, graft: their ids; the host keeps its own.
+        host, graft: ids of the two characters. The host keeps its id.
         time: seconds of the project's time.
-        node: what the graft rides on: a handle of the host, by number or name, or a node of its graph; None
-            takes the nearest.
-        at: where on the host's bone that ends at ``node``, where both have bones: 1 is its end.
-        loose: where no union of the meshes can be made, put both shells into one mesh.
+        node: the part of the host that carries the graft: a handle (by number or name), or a node of the
+            host's deformation graph. None takes the nearest.
+        at: position along the host's bone that ends at ``node``, if both characters have bones. 1 is the end
+            of the bone.
+        loose: if the boolean union of the meshes fails, put both shells into one mesh instead of raising an
+            error.
         seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united, and what was approximated.
+        notes: receives sentences about how the meshes were united, and what was approximated.
     """
 
     host: str
@@ -53,96 +55,108 @@ class Merge:
 
 
 class RigEdits(ABC):
-    """The part of each edit that a rig does its own way. A character is a value: these return another one.
+    """The part of each edit that depends on the kind of rig. A character is a value: edits return a new one.
 
-    With ``centre`` c, all of them commute with time: at every time the vertices of ``moved`` are at
-    turn (x - about) + about + offset, those of ``scaled`` at c + factor (x - c), and those of ``mirrored``
-    at c + M (x - c), with x where the vertices were.
+    With ``centre`` c, ``moved``, ``scaled`` and ``mirrored`` commute with time. Let x be the vertices before
+    the edit. At every time, ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c + factor (x
+    - c), and ``mirrored`` gives c + M (x - c).
 
     Attributes:
-        frames: a second, that :meth:`as_graph` is asked for: so many that between two no error is seen.
+        frames: sampling rate of :meth:`as_graph` in frames per second, high enough that interpolation between
+            two frames shows no visible error.
     """
 
     frames = 60.0
 
     @abstractmethod
     def centre(self, character: Any, /) -> Float:
-        """(3,) metres in the world: what it is turned, scaled and mirrored about."""
+        """Returns the point about which the character is turned, scaled and mirrored, (3,) metres in the
+        world."""
 
     def rest(self, character: Any, /) -> Float:
-        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
+        """Returns the vertices at rest, (V, 3) metres. A skeleton without a mesh returns its joints."""
         return np.asarray(character.mesh.vertices)
 
     @abstractmethod
     def seen(self, project: Project, character: Any, time: float, /) -> Float:
-        """(V, 3) metres: its vertices at a time of the project; of a skeleton without a mesh, its joints."""
+        """Returns the vertices at a time of the project, (V, 3) metres. A skeleton without a mesh returns its
+        joints."""
 
     @abstractmethod
     def drawn(self, character: Any, /) -> Character:
-        """Its mesh and pivots, as viewers and the wire know it."""
+        """Returns the mesh and its pivots in the form that viewers and the network protocol use."""
 
     @abstractmethod
     def player(self, project: Project, character: Any, /) -> Player:
-        """What gives the transforms of those pivots, and its handles, at any time of the project."""
+        """Returns a function that gives the transforms of the pivots, and the handles, at any time of the
+        project."""
 
     def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
-        """What gives its vertices (V, 3), metres in the world, at any time; to be asked often."""
+        """Returns a function for frequent use that gives the vertices (V, 3), metres in the world, at any
+        time."""
         player, drawn = self.player(project, character), self.drawn(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
-        """Sentences about what it needs before it can move; none where nothing is missing."""
+        """Returns sentences about the data that the character still needs before it can move, or nothing."""
         return ()
 
     def check_layers(self, project: Project, character: Any, numbers: set[int], /) -> None:
-        """Refuse layers that were changed to what cannot be played."""
+        """Raises an error if the changed layers cannot be played."""
         return
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
-        """Posed by hand: a handle is at ``place`` (3,) metres in the world at a time."""
+        """Poses the character by hand: moves a handle to ``place`` (3,), metres in the world, at a time."""
         mend = "Move or turn the whole, or perform it again."
         raise InputError("what was recorded is not posed by hand", where=character.where, mend=mend)
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
-        """The number among its layers of the one that plays the keys of a handle or node; None without."""
+        """Returns the index of the layer that plays the keys of a handle or node, or None if there is no such
+        layer."""
         return None
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
-        """With the first key of a handle or node: a take, and a layer that plays it over all others."""
+        """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
+        others."""
         mend = "Choose the whole: keys turn and move it. A puppet is posed by its key poses."
         raise InputError("its handles take no keys", where=character.where, mend=mend)
 
     @abstractmethod
     def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
-        """Moved as one rigid piece."""
+        """Returns the character moved as one rigid piece."""
 
     @abstractmethod
     def scaled(self, character: Any, factor: float, /) -> Any:
-        """Larger or smaller."""
+        """Returns the character scaled about its centre."""
 
     @abstractmethod
     def mirrored(self, project: Project, character: Any, axes: Any, /) -> Any:
-        """Reflected by axes (:class:`~enliven.modeling.rigged.axes.Axes`), and so is its motion."""
+        """Returns the character and its motion reflected by axes
+        (:class:`~enliven.modeling.rigged.axes.Axes`)."""
 
     @abstractmethod
     def as_graph(
         self, project: Project, character: Any, times: Float, stream_id: str, /
     ) -> tuple[GraphShape, PoseStream, str]:
-        """What it does at even times (T,), as a graph with its stream; and in words how far that is off."""
+        """Converts the motion at evenly spaced times (T,) to a deformation graph.
+
+        Returns:
+            The graph, its stream, and a sentence about the error of the conversion.
+        """
 
     @abstractmethod
     def cut(
         self, project: Project, name: str, stroke: CutSurface, time: float, /, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
-        """Cut along a stroke, as it is seen at a time; the first of the parts keeps the id."""
+        """Cuts the character along a stroke, in its pose at a time. The first of the parts keeps the id."""
 
     @abstractmethod
     def merged(self, project: Project, merge: Merge, /) -> Project:
-        """Two of this rig as one, put together where they are at a time."""
+        """Merges two characters with this kind of rig, in their poses at the time of the merge."""
 
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """Refuse names that are no attribute of the dataclass ``kind``."""
+    """Raises an error for names that are not attributes of the dataclass ``kind``."""
     known = [field.name for field in fields(kind)]
     for name in changes:
         if name not in known:

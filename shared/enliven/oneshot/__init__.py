@@ -1,4 +1,4 @@
-"""One-shot functions: each does a whole task of the library in one call; solver objects stand behind them."""
+"""One-shot functions: each performs a whole task of the library in one call, based on the solver objects."""
 
 import lazy_loader
 

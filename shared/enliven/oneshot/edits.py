@@ -1,4 +1,4 @@
-"""Edits of a character of any rig, by its id, and its mesh as it is at a time."""
+"""Edits of a character with any rig, by its id, and its mesh at a time."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ merge = merge_characters
 
 
 def mesh_at(project: Project, character: str, time: float) -> Mesh:
-    """The mesh of a character as it is at a time of the project, in metres of the world.
+    """Returns the posed mesh of a character at a time of the project, in metres of the world.
 
     Args:
         character: its id.
         time: seconds of the project.
 
     Raises:
-        InputError: where there is no such character, or it has no mesh.
+        InputError: if the character does not exist, or has no mesh.
     """
     mesh = project.character(character).mesh
     if mesh is None:

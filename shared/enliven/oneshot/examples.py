@@ -1,4 +1,4 @@
-"""A mesh that acts by a few example poses (example-based retargeting, 2014)."""
+"""Animates a mesh by a few example poses (example-based retargeting, 2014)."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ def fit_examples(
     plays: Clip | None = None,
     project: Project | None = None,
 ) -> tuple[Project, str]:
-    """A project in which a mesh plays a take, as a few example poses say.
+    """Adds a mesh that plays a take, retargeted by a few example poses.
 
     Args:
         mesh: any triangles, in metres.
         take: the motion in which the examples were posed.
         points: the control points by name: a vertex of the mesh, and the joint of the take that it follows.
-        poses: for some seconds of the take, the control points' places then: (P, 3) metres in the mesh's
-            frame, in the order of ``points``. Two moments at least.
+        poses: for some seconds of the take, the positions of the control points: (P, 3) metres in the mesh's
+            frame, in the order of ``points``. At least two moments.
         plays: the motion to play; None plays ``take``.
-        project: what the mesh is added to; None begins one.
+        project: the project that the mesh is added to; None creates one.
 
     Returns:
         The project, and the id of the mesh in it.
 
     Raises:
-        InputError: for a vertex, a joint or a time that is not there, and for two examples that are one.
+        InputError: if a vertex, a joint or a time does not exist, or two examples are equal.
     """
     project = (project or Project()).with_takes(take, *([plays] if plays else []))
     name = unused(mesh.name or "mesh", project.characters)

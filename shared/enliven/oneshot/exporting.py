@@ -1,4 +1,4 @@
-"""Characters and takes written for other programs."""
+"""Exports characters and takes for other programs."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ def export(
     end: float | None = None,
     rate: float = 30.0,
 ) -> None:
-    """Writes a project's characters with their motion, or a take, as a file that other programs play.
+    """Writes a project's characters with their motion, or a take, as a file for other programs.
 
     Args:
-        what: a project, or a clip, which is written whole.
-        path: its ending names the kind of file: .glb, .bvh, or what an installed package adds.
+        what: a project, or a clip, which is written completely.
+        path: the suffix determines the format: .glb, .bvh, or one that an installed package adds.
         characters: ids of the project's characters; empty for all.
-        start, end: seconds of the project; None for the end of all that moves.
-        rate: frames a second.
+        start, end: seconds of the project; None for the end of all motion.
+        rate: frames per second.
 
     Raises:
-        InputError: for an ending without an exporter, or what this kind of file cannot hold.
-        ResourceError: where the file cannot be written.
+        InputError: if the suffix has no exporter, or the format cannot represent the data.
+        ResourceError: if the file cannot be written.
     """
     exporter, title = exporter_of(path), Path(path).stem
     if isinstance(what, Clip):

@@ -1,4 +1,4 @@
-"""The parts of a skeleton that a performer's pose looks like (AniMesh, 2015)."""
+"""Finds the parts of a skeleton that a performer's pose resembles (AniMesh, 2015)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ def match(
     view: ScreenView | None = None,
     body_view: ScreenView | None = None,
 ) -> Ranking:
-    """The parts of a skeleton that a performer's pose could drive, the most alike on the screen first.
+    """Ranks the parts of a skeleton that a performer's pose could drive, the most similar on the screen
+    first.
 
     Args:
         body: joints (20, 3) in metres of the world.
-        skeleton: seen at rest.
-        parts: parts of the body that choose: "arms", "left leg", ...
-        view: from where the skeleton is seen; None looks along -Z, with +Y up.
-        body_view: from where the body is seen; None as the skeleton. A view along +Z is a mirror.
+        skeleton: in its rest pose.
+        parts: parts of the body that select: "arms", "left leg", ...
+        view: view of the skeleton; None looks along -Z, with +Y up.
+        body_view: view of the body; None: the same as of the skeleton. A view along +Z acts as a mirror.
 
     Returns:
-        A sequence of matches with their scores; the best are kept, ``total`` counts all.
+        A sequence of matches with their scores. Only the best are kept; ``total`` counts all.
 
     Raises:
         InputError: for an unknown part of the body, or a skeleton without a bone.

@@ -1,4 +1,4 @@
-"""A mesh moved by performers who stand in it (KinÊtre, 2012)."""
+"""Animates a mesh by performers that stand inside it (KinÊtre, 2012)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.possession import ActorSettings
 from enliven.takes import body_take_of_frames
 
 _WHERE_IT_IS = ActorSettings(place="fixed", fade=0.0)
-"""A mesh that stands where it was modelled, and follows at once."""
+"""Settings for a mesh that stays at its modeled position, and follows immediately."""
 
 
 def possess(
@@ -30,27 +30,27 @@ def possess(
     settings: ActorSettings = _WHERE_IT_IS,
     project: Project | None = None,
 ) -> tuple[Project, str]:
-    """A project in which a mesh moves with a performer, who takes hold of it in the first frame.
+    """Adds a mesh that moves with a performer, attached in the first frame.
 
-    The body stands in the mesh: what of it is within reach of the surface takes hold. The project keeps the
-    performers; ``solve_again`` of :mod:`enliven.modeling.possessed` moves the mesh by them once more after it
-    was cut or edited.
+    The body stands inside the mesh: its parts within reach of the surface attach to it. The project keeps the
+    performers. After the mesh was cut or edited, ``solve_again`` of :mod:`enliven.modeling.possessed` solves
+    its motion from them again.
 
     Args:
         mesh: any triangles, in metres of the world.
-        bodies: a take, or (F,) one performer at even steps; joints (20, 3) in metres of the world.
+        bodies: a take, or (F,) one performer at even time steps; joints (20, 3) in metres of the world.
         step: seconds from one body to the next.
-        parts: parts of the body that take hold: "all", "legs", "hip + right arm", ...
-        nodes: nodes of the deformation graph.
-        holds: who takes hold and lets go, and when; in place of ``parts``.
-        settings: how the mesh meets and follows its performers; by default it stays where it stands.
-        project: what the mesh is added to; None begins one.
+        parts: parts of the body that attach: "all", "legs", "hip + right arm", ...
+        nodes: number of nodes of the deformation graph.
+        holds: when each performer attaches or releases; replaces ``parts``.
+        settings: how the mesh approaches and follows its performers; by default it stays at its position.
+        project: the project that the mesh is added to; None creates one.
 
     Returns:
         The project, and the id of the mesh in it.
 
     Raises:
-        InputError: where no part of the mesh is in reach, or there are fewer than two bodies.
+        InputError: if no part of the mesh is within reach, or for fewer than two bodies.
     """
     where = f"mesh {mesh.name or 'mesh'!r}"
     count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)

@@ -1,4 +1,4 @@
-"""Possessed meshes in the document: the graph, the streams that its nodes play, and layers over them."""
+"""Possessed meshes in the document: the graph, the streams that its nodes play, and layers on top of them."""
 
 import lazy_loader
 

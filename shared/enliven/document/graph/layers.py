@@ -1,4 +1,4 @@
-"""What the nodes of a graph shape play: parts with a stream each, and layers over them."""
+"""The layers of a graph shape's nodes: parts with one stream each, and layers on top of them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """A part of a graph shape that is carried by a node of another part, as it was put there.
+    """The attachment of a part of a graph shape to a node of another part, which carries it.
 
     The carried motion y becomes R(t) R_0^-1 (y - x_0) + x(t), with x the node's position and R the rotation
-    nearest to its linear map, x_0 and R_0 those at the moment of the merge.
+    nearest to its linear map. x_0 and R_0 are their values at the moment of the merge.
 
     Attributes:
         node: of the whole shape.
@@ -37,10 +37,10 @@ class Ride:
 
 
 class Solved(Playing):
-    """What plays a stream that was solved from performers, and can be solved from them again.
+    """A layer with a stream that was solved from performers, and can be solved from them again.
 
     Attributes:
-        possession: what the stream was solved from; None: from nothing.
+        possession: the inputs of the solution; None if it was not solved.
     """
 
     source = "streams"
@@ -52,12 +52,12 @@ class Solved(Playing):
         def possession(self) -> Possession | None: ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:
-        """Its stream, and the bodies that it was solved from."""
+        """Returns the references to its stream, and to the bodies that it was solved from."""
         solved = self.possession
         return (*super().needs(), *(() if solved is None else (("bodies", solved.take),)))
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """The same with other ids of its stream and its bodies."""
+        """Returns the layer with other ids of its stream and its bodies."""
         solved, named = self.possession, super().with_takes_named(names)
         if solved is None:
             return named
@@ -70,16 +70,16 @@ class GraphPart(Solved):
 
     Attributes:
         take: the id of the stream.
-        nodes: (K,) int64 which of the stream's nodes.
-        axes: (4,) how the rest pose was turned since the recording: linear becomes linear axes^-1.
-        turn: (4,) and
-        place: (3,) metres, how the whole motion was moved in the world: x becomes turn x + place.
-        size: how many times as large it is as recorded: x becomes size x, before it is moved.
-        mirrored: whether it was reflected in the plane x = 0 before that: x becomes S x, linear S linear S,
-            S = diag(-1, 1, 1); so is the rest pose.
-        ride: what carries it, or None for the world.
-        muted: true lets it stand still, as at its stream's first frame.
-        possession: what the stream was solved from, and can be solved from again; None: from nothing.
+        nodes: (K,) int64 numbers of the stream's nodes.
+        axes: (4,) rotation of the rest pose since the recording: linear becomes linear axes^-1.
+        turn: (4,) rotation of the whole motion in the world, and
+        place: (3,) metres, its displacement: x becomes turn x + place.
+        size: scale relative to the recording: x becomes size x, before it is moved.
+        mirrored: whether it was reflected in the plane x = 0 before that, together with the rest pose: x
+            becomes S x, and linear becomes S linear S, with S = diag(-1, 1, 1).
+        ride: the node that carries it, or None for the world.
+        muted: true holds its stream's first frame.
+        possession: the inputs of the solution, for solving again; None if it was not solved.
     """
 
     take: str
@@ -108,24 +108,24 @@ class GraphPart(Solved):
 
 @dataclass(frozen=True, eq=False)
 class GraphLayer(Solved):
-    """What was performed over the motion of a graph shape: how far each node goes from its rest.
+    """A layer performed on top of the motion of a graph shape: the displacement of each node from its rest
+    position.
 
-    With the base taking a point near a node from rest to the world by B, and the layer taking it within the
-    rest by D, the node takes it by B D; of several layers the first is the outermost.
+    Near a node, let B map rest to the world by the base motion, and D map rest to rest by the layer. Then the
+    node maps points by B D. Of several layers the first is the outermost.
 
     Attributes:
-        take: the id of the stream: where the nodes were, and their linear maps, with the mesh standing as it
-            does at rest.
-        nodes: (K,) int64 which of the stream's nodes.
+        take: the id of the stream: positions and linear maps of the nodes, relative to the mesh at rest.
+        nodes: (K,) int64 numbers of the stream's nodes.
         own: (K,) int64 the nodes of the shape that they move.
         rest: (N, 3) metres, the stream's nodes at rest.
-        axes, size, mirrored: how the shape's rest was turned, scaled and reflected since: a displacement d
-            becomes size axes S d, as of :class:`GraphPart`.
-        weight: from 0 to 1, how much of it is played.
+        axes, size, mirrored: how the shape's rest pose was rotated, scaled and reflected since: a
+            displacement d becomes size axes S d, as in :class:`GraphPart`.
+        weight: from 0 to 1, its strength.
         muted: true leaves it out.
         possession: of :class:`Solved`.
-        feet: how feet stand by it, of a layer that holds them: see :mod:`enliven.modeling.edits.graph_feet`;
-            empty for any other.
+        feet: foot lock mode, for a layer that locks feet: see :mod:`enliven.modeling.edits.graph_feet`; empty
+            for any other.
     """
 
     take: str
@@ -155,5 +155,5 @@ class GraphLayer(Solved):
 
     @property
     def id(self) -> str:
-        """What it is called: as its stream."""
+        """Its name: the id of its stream."""
         return self.take

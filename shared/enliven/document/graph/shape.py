@@ -21,7 +21,8 @@ from enliven.meshes import Mesh
 
 @dataclass(frozen=True, eq=False)
 class GraphShape(RigBase):
-    """A mesh, the nodes that carry it, and what those play. Nodes are numbered part by part.
+    """A mesh, the nodes that carry it, and the parts and layers that they play. Nodes are numbered part by
+    part.
 
     Attributes:
         id: its name in the project.
@@ -29,14 +30,14 @@ class GraphShape(RigBase):
         edges: (E, 2) int32 pairs of nodes, to be drawn.
         mesh: the surface at rest.
         skin: the four nodes that each vertex follows.
-        parts: what the nodes play; their numbers of nodes sum to N. A part rides on one before it.
-        over: what was performed over that, the outermost first.
-        ends: (5, 3) metres at rest, the ends of head, left and right hand, left and right foot, where an
-            artist named them or a scan found them; else none.
-        joints: (20, 3) metres at rest, the joints of a person who was scanned; else none.
+        parts: streams of the nodes; their node counts sum to N. A part can only be carried by an earlier one.
+        over: layers on top, the outermost first.
+        ends: (5, 3) metres at rest, the ends of head, left and right hand, left and right foot, if an artist
+            named them or a scan found them; else empty.
+        joints: (20, 3) metres at rest, the joints of a scanned person; else empty.
 
     Raises:
-        InputError: where the parts do not fit together.
+        InputError: if the parts do not fit together.
     """
 
     id: str
@@ -65,23 +66,23 @@ class GraphShape(RigBase):
 
     @property
     def playing(self) -> tuple[Playing, ...]:
-        """Its parts, what was performed over them, and what moves the whole."""
+        """Its parts, the layers on top of them, and the root layers."""
         return (*self.parts, *self.over, *self.root_layers)
 
     @property
     def keyable(self) -> int:
-        """Every node."""
+        """The number of nodes."""
         return len(self.positions)
 
     def with_playing(self, *layers: Playing) -> GraphShape:
-        """The same with other parts and layers."""
+        """Returns the shape with other parts and layers."""
         parts = tuple(one for one in layers if isinstance(one, GraphPart))
         over = tuple(one for one in layers if isinstance(one, GraphLayer))
         root = tuple(one for one in layers if isinstance(one, RootLayer))
         return self.with_changes(parts=parts, over=over, root_layers=root)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse takes that are not there, or that are of something else."""
+        """Raises an error if a take does not exist or does not fit."""
         super().check(held)
         for one in (*self.parts, *self.over):
             known = held["streams"][one.take].positions.shape[1]
@@ -89,10 +90,10 @@ class GraphShape(RigBase):
                 raise InputError(f"it plays nodes of {one.take!r} that are not there", where=self.where)
 
     def without_layer(self, number: int) -> GraphShape:
-        """The same without something that was performed over it; refused for a part.
+        """Returns the shape without a layer on top of its motion.
 
         Raises:
-            InputError: for a part: its nodes play its stream and nothing else.
+            InputError: for a part, since its nodes have no other motion.
         """
         if number < len(self.parts):
             mend = "Mute it, or cut that part off."
@@ -100,7 +101,7 @@ class GraphShape(RigBase):
         return super().without_layer(number)
 
     def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
-        """A possessed mesh that stands still; its skin is made anew from the mesh on the stage."""
+        """Returns the possessed mesh without motion. Its skin is recomputed from the mesh on the stage."""
         shape, stream = graph_shape_at_rest(self.id, self.positions, self.edges, mesh or self.mesh)
         return shape.with_changes(ends=self.ends, joints=self.joints), (stream,)
 
@@ -115,7 +116,8 @@ _REST = "rest"
 
 
 def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
-    """A mesh with nodes (N, 3) that stand still, every vertex on the first of them, and the nodes' stream."""
+    """Returns a mesh with static nodes (N, 3), with every vertex following the first, and the nodes'
+    stream."""
     count = len(mesh.vertices)
     skin = SkinWeights(
         np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
@@ -128,10 +130,10 @@ def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tu
 def graph_shape_of(
     character: Character, poses: Sequence[Pose], stream_id: str, step: float | None = None
 ) -> tuple[GraphShape, PoseStream]:
-    """A possessed character and the poses that were recorded of it, as a shape and its stream.
+    """Converts a possessed character and its recorded poses to a shape and its stream.
 
     Args:
-        poses: in the order of time, one each ``step``.
+        poses: in the order of time, one per ``step``.
         step: seconds; None takes the mean of the poses' times.
 
     Raises:
@@ -155,7 +157,7 @@ def graph_shape_of(
 
 
 def character_of_graph(shape: GraphShape) -> Character:
-    """The shape as viewers know it."""
+    """Returns the shape in the form that viewers use."""
     return Character(
         shape.id,
         shape.mesh.vertices.astype(np.float32),

@@ -15,19 +15,19 @@ from enliven.rotation import from_rotation_vector, nearest_rotation, to_matrix
 
 @dataclass(frozen=True, eq=False)
 class PoseStream:
-    """The recorded motion of a deformation graph's nodes. Like a take, it never changes.
+    """The recorded motion of a deformation graph's nodes. Like a take, it is immutable.
 
     Attributes:
         id: its name in the project.
         linear: (F, N, 3, 3) float64, nearly rotations.
-        positions: (F, N, 3) float64 metres, where the nodes were, in the world.
+        positions: (F, N, 3) float64 metres, the positions of the nodes in the world.
         step: seconds from one frame to the next.
-        keys: what the frames were made from, in the order of time; of a performance none.
-        follow: (N, 4) of a stream of keys, how far each node goes with them, 1 for the node that they are
-            of, and the slope of that, (3,) for a metre; see :func:`keyed_stream`.
+        keys: the keys that the frames were computed from, in the order of time; empty for a performance.
+        follow: (N, 4) for a stream of keys: the share by which each node follows (1 for the node with the
+            keys), and its slope (3,) per metre; see :func:`keyed_stream`.
 
     Raises:
-        InputError: where the arrays do not fit together or are not finite.
+        InputError: if the arrays do not fit together or are not finite.
     """
 
     id: str
@@ -61,23 +61,23 @@ class PoseStream:
 
     @property
     def keyed(self) -> int:
-        """The node that its keys are of; -1 without keys."""
+        """The node with the keys, or -1 without keys."""
         return int(self.follow[:, 0].argmax()) if self.keys else -1
 
 
 def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[MotionKey]) -> PoseStream:
-    """A stream of nodes that go with keys of one of them, within the mesh at rest.
+    """Builds a stream of nodes that follow the keys of one of them, within the mesh at rest.
 
-    With the turn R and the place d of the keys at a moment, s how far a node at r goes along, and k the node
-    of the keys, it goes to r + s ((R - I) (r - k) + d). Its linear map is the rotation nearest to the
-    gradient of that, so that the mesh bends and is not sheared.
+    Let R be the rotation and d the displacement of the keys at a moment, s the share of a node at r, and k
+    the node with the keys. The node moves to r + s ((R - I) (r - k) + d). Its linear map is the rotation
+    nearest to the gradient of that, so that the mesh bends without shear.
 
     Args:
         rest: (N, 3) metres, the nodes at rest.
-        follow: (N, 4) s and its slope, as of :class:`PoseStream`.
+        follow: (N, 4) s and its slope, as in :class:`PoseStream`.
 
     Raises:
-        InputError: without a key, or for two on one frame.
+        InputError: without a key, or if two are on one frame.
     """
     made = placed_keys(keys, f"stream {stream_id!r}")
     values = key_values(made, np.arange(round(made[-1].second / KEY_STEP) + 1) * KEY_STEP)

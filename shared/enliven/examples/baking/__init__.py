@@ -1,4 +1,4 @@
-"""Baking: a surface that control points move becomes bones and morph targets that other programs play."""
+"""Baking: converts a surface driven by control points to bones and morph targets for other programs."""
 
 import lazy_loader
 

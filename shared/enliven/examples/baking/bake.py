@@ -1,12 +1,12 @@
-"""A solved surface becomes skinned: transforms over time, and at most four of them for each vertex.
+"""Converts a solved surface to a skinned one: transforms over time, at most four per vertex.
 
     baked = bake_surface(mesh, frames, traits, held=[4711, 12])
     print(baked.error)
 
-Weights and transforms are found in turn (smooth skinning decomposition, B. H. Le and Z. Deng, 2012).
-Transforms begin at the control points and spread over the surface; while it is not followed closely enough,
-more are put where the error is greatest. Weights are fitted to the frames that differ most; then every frame
-gets its transforms, and is measured. Frames come one after the other and are not kept.
+Weights and transforms are fitted alternately (smooth skinning decomposition, B. H. Le and Z. Deng, 2012).
+Transforms begin at the control points and spread over the surface. While the error is too large, more are
+added where it is greatest. Weights are fitted to the frames that differ most; then every frame gets its
+transforms, and its error is measured. Frames are processed one after the other and are not stored.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
 
 Frames = Callable[[], Iterable[Float]]
-"""Gives the frames (V, 3) metres from the first to the last, each time that it is called."""
+"""Returns an iterator over the frames (V, 3) metres, from the first to the last, at each call."""
 _CHUNK = 16
-"""Frames that are worked on together."""
+"""Number of frames that are processed together."""
 _AGAIN = 3
-"""How often frames that were not fitted to and are too far off are taken in."""
+"""Maximum number of times that frames with too large errors are added to the fit."""
 _MOST_MISSED = 16
-"""Frames taken in at once at most, the worst first; each is one more that every round fits."""
+"""Maximum number of frames added at once, the worst first. Each one costs time in every round."""
 _LAST = 5
-"""Rounds with maps that a glTF node can express: rotation, and scale along fixed axes."""
+"""Number of final rounds with maps that a glTF node can represent: rotation, and scale along fixed axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class BakedSurface:
 
     Attributes:
         pivots: (K, 3) metres, at rest, on the surface.
-        edges: (E, 2) int32 pairs of transforms side by side.
-        skin: four transforms a vertex.
+        edges: (E, 2) int32 pairs of neighbouring transforms.
+        skin: four transforms per vertex.
         linear: (F, K, 3, 3).
         places: (F, K, 3) metres.
-        axes: (K, 3, 3) Q such that linear = R Q diag(s) Q', R a rotation; None where it may be any.
+        axes: (K, 3, 3) Q such that linear = R Q diag(s) Q', with a rotation R; None if linear may be any map.
         error: over all frames.
     """
 
@@ -67,15 +67,14 @@ def bake_surface(
     settings: BakeSettings | None = None,
     shear: bool = False,
 ) -> BakedSurface:
-    """Fit transforms to a surface.
+    """Fits transforms to a surface.
 
     Args:
         mesh: at rest.
-        frames: gives its vertices in each frame, in a frame of reference that goes with the whole.
-        traits: (F, ...) numbers by which frames are told apart, e.g. the places of the control points.
+        frames: gives its vertices in each frame, in a frame of reference that moves with the whole mesh.
+        traits: (F, ...) numbers that distinguish frames, for example the positions of the control points.
         held: vertices that get a transform in any case.
-        shear: whether a transform may be any affine map, as a deformation graph's; else it is what a glTF
-            node can be.
+        shear: allow any affine map, as in a deformation graph; else only maps that a glTF node can represent.
     """
     settings = settings or BakeSettings()
     welded, of = weld(mesh)
@@ -96,7 +95,7 @@ def bake_surface(
 
 
 def farthest(traits: Float, count: int) -> Int:
-    """(C,) rising: the first row of (F, D), then each time the one that is farthest from those chosen."""
+    """Returns (C,) ascending rows of (F, D) by farthest point sampling from the first row."""
     if len(traits) <= count:
         return np.arange(len(traits))
     chosen = [0]
@@ -108,7 +107,7 @@ def farthest(traits: Float, count: int) -> Int:
 
 
 class WorstFrames:
-    """The worst of the frames that are off by more than the tolerance.
+    """The worst of the frames with errors above the tolerance.
 
     Attributes:
         most: metres, the tolerance.
@@ -121,11 +120,11 @@ class WorstFrames:
 
     @property
     def frames(self) -> list[Float]:
-        """The recorded frames (V, 3), the one that is farthest off first."""
+        """The recorded frames (V, 3), the one with the largest error first."""
         return [frame for _, frame in self._kept]
 
     def record(self, worst: float, frame: Float) -> None:
-        """Record a frame with its farthest vertex ``worst`` metres off."""
+        """Records a frame with a maximum vertex error of ``worst`` metres."""
         if worst > self.most:
             self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
 
@@ -135,8 +134,8 @@ class _Fit:
 
     Attributes:
         indices, weights: (V, 4) of the welded mesh.
-        seeds, pivots: where the transforms are.
-        maps: what finds the maps of a frame.
+        seeds, pivots: the positions of the transforms.
+        maps: solver for the maps of a frame.
     """
 
     def __init__(
@@ -153,9 +152,10 @@ class _Fit:
         self._begin()
 
     def run(self) -> None:
-        """Fit, and add transforms, until the tolerance or the most transforms are reached.
+        """Fits, and adds transforms until the tolerance or the maximum number is reached.
 
-        Maps are any affine ones until the surface is followed; what they are to be is asked of them last.
+        Maps may be any affine ones until the tolerance is reached. Only then are they restricted to their
+        final form.
         """
         settings = self._settings
         most = min(settings.nodes, len(self._rest))
@@ -178,11 +178,11 @@ class _Fit:
 
     @property
     def room(self) -> bool:
-        """Whether there may be more transforms."""
+        """Whether transforms may be added."""
         return len(self.pivots) < min(self._settings.nodes, len(self._rest))
 
     def take(self, frames: list[Float]) -> None:
-        """Frames (V, 3) more to fit to."""
+        """Adds frames (V, 3) to the fit."""
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
         self._better_maps()
 
@@ -192,16 +192,16 @@ class _Fit:
             self._better_maps()
 
     def _share(self) -> Float:
-        """(V,) each vertex's error as a share of the tolerance; above 1 where it exceeds it."""
+        """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
-        # A vertex above the mean does its part in a mean that is too high.
+        # If the mean error is too large, blame the vertices with errors above it.
         own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
         return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
     def _begin(self) -> None:
-        """Let each vertex follow the seed nearest to it along the surface."""
+        """Assigns each vertex to the nearest seed along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
         self._candidates = self.seeds.nearest(self._settings.candidates)
         self.indices = np.zeros((len(self._rest), 4), np.int32)
@@ -226,14 +226,14 @@ class _Fit:
         fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
 
     def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
-        """(V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
+        """Computes (V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
         squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
         parts = self._rest, self.pivots, self.indices, self.weights
         return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
 
 
 def _gathered(frames: Frames, chosen: Int, first: Int) -> Float:
-    """(V, C, 3) the chosen frames."""
+    """Collects (V, C, 3) the chosen frames."""
     wanted = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
@@ -245,7 +245,7 @@ def _gathered(frames: Frames, chosen: Int, first: Int) -> Float:
 
 
 def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
-    """The frames (V, C, 3), some at a time."""
+    """Yields the frames in chunks (V, C, 3)."""
     kept: list[Float] = []
     for vertices in frames():
         kept.append(vertices[first])
@@ -259,7 +259,7 @@ def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
 def _measured(
     fit: _Fit, frames: Frames, count: int, first: Int, missed: WorstFrames
 ) -> tuple[Float, Float, BakeError]:
-    """The transforms of all frames, and how far the surface is off."""
+    """Computes the transforms of all frames, and the error of the surface."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
     for wanted in _chunks(frames, first):

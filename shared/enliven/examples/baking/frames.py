@@ -1,4 +1,4 @@
-"""A puppet's surface from one time to another, frame by frame, and its frame in the world."""
+"""A puppet's surface over a range of times, frame by frame, and its frame in the world."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from enliven.rotation import from_rotation_vector, multiply, rotate
 
 @dataclass(eq=False)
 class SurfaceFrames:
-    """The frames of a surface that control points carry; each call iterates over all of them.
+    """The frames of a surface driven by control points. Each call iterates over all of them.
 
     Attributes:
         puppet: the puppet with the surface.
         places: (F, P, 3) metres in the mesh's frame, the control points.
-        kept: MB; frames are solved once where all of them fit into so much, else at each call.
+        kept: MB. If all frames fit into this memory they are solved once, else at each call.
     """
 
     puppet: Puppet
@@ -30,7 +30,8 @@ class SurfaceFrames:
     _known: list[Float32] = field(default_factory=list, init=False)
 
     def __call__(self) -> Iterator[Float]:
-        """Yields (V, 3) metres in the mesh's frame: the first settled, each other from the one before."""
+        """Yields (V, 3) metres in the mesh's frame. The first frame is settled. Each other one starts at the
+        previous frame."""
         if len(self._known) == len(self.places):
             for known in self._known:
                 yield known.astype(np.float64)
@@ -49,15 +50,20 @@ class SurfaceFrames:
 
 
 def states_of(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
-    """Where a puppet is at ``times`` (F,): (F, P, 3) its control points in the mesh's frame, metres, and the
-    frame itself in the world: (F, 4) its turn and (F, 3) metres where it is."""
+    """Evaluates a puppet at ``times`` (F,).
+
+    Returns:
+        (F, P, 3) its control points in the mesh's frame, metres; and its frame in the world: (F, 4) rotations
+        and (F, 3) positions in metres.
+    """
     states = [state_of(project, puppet, float(time)) for time in times]
     turn, place = ways_of(puppet, states)
     return np.array([state.places for state in states]).reshape(len(times), -1, 3), turn, place
 
 
 def ways_of(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
-    """(F, 4) turns and (F, 3) places of the puppet's frame in the world: x is at turn x + place."""
+    """Returns (F, 4) rotations and (F, 3) positions of the puppet's frame in the world: x maps to turn x +
+    place."""
     yaws = np.array([state.yaw for state in states])
     about_y = from_rotation_vector(np.stack([0.0 * yaws, yaws, 0.0 * yaws], 1))
     roots = np.array([state.root for state in states])

@@ -1,12 +1,12 @@
-"""Transforms of a baked surface, all of a frame at once, by least squares.
+"""The transforms of a baked surface, all of a frame at once, by least squares.
 
-With the weights known, a frame's surface is linear in its K affine maps, and the matrix of that system is the
-same for all frames: it is factored once. The vertices of a frame are only read to make its right-hand side,
-12 numbers a transform; all else goes on in those.
+With the weights known, a frame's surface is linear in its K affine maps. The matrix of that system is the
+same for all frames, so it is factored once. The vertices of a frame are only needed for its right-hand side,
+12 numbers per transform; all other steps use these.
 
-Where maps are to be what a glTF node can say, A = R Q diag(s) Q' with the axes Q of each transform the same
-in all frames, they are found block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid
-bones", 2012, section 4.2, with scale).
+If maps must be those of a glTF node, A = R Q diag(s) Q' with constant axes Q per transform, they are found
+block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.2,
+extended by scale).
 """
 
 from __future__ import annotations
@@ -19,28 +19,30 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matrix
 
 _PLACE = 1e-6
-"""How strongly a pivot is kept where its rotation would take it, where nothing else says."""
+"""Weight that keeps a pivot at the position given by its rotation, where the surface does not determine
+it."""
 _GLOBAL = 1e-3
-"""Part of the whole surface's turn in that of each transform: it decides where the own surface is a line."""
+"""Weight of the whole surface's rotation in that of each transform. It resolves the ambiguity if its own
+surface is a line."""
 _SWEEPS = 4
-"""Passes over all transforms, each solved with the others held."""
+"""Number of passes over all transforms, each solved with the others fixed."""
 _LEAST = 0.1
-"""Least scale along an axis: a smaller one would flatten the part, and its inverse lose its digits."""
+"""Minimum scale along an axis. A smaller one would flatten the part, and its inverse would lose precision."""
 _MOST = 10.0
-"""Greatest scale along an axis, the inverse of the least."""
+"""Maximum scale along an axis, the inverse of the minimum."""
 
 
 class Maps:
-    """Finds the maps of frames for given weights.
+    """A solver for the maps of frames with given weights.
 
     Args:
         rest: (V, 3) metres.
         pivots: (K, 3) metres.
         indices, weights: (V, 4) int32 and float64.
-        rigid: how strongly a map is kept a rotation where the surface does not tell.
+        rigid: strength with which a map is kept a rotation where the surface does not determine it.
 
     Attributes:
-        axes: (K, 3, 3) the axes Q of the scales, or None where maps may be any.
+        axes: (K, 3, 3) the axes Q of the scales, or None if any maps are allowed.
     """
 
     def __init__(self, rest: Float, pivots: Float, indices: Int32, weights: Float, rigid: float) -> None:
@@ -52,7 +54,8 @@ class Maps:
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
         typical = max(float(spread.mean()), 1e-30)
         self._pull = np.empty((count, 4))
-        # One that few vertices follow is held as if it had more: it would stretch wildly to please them.
+        # Give a transform with few vertices the regularization of a larger one, or it would stretch wildly to
+        # fit them.
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
@@ -61,7 +64,7 @@ class Maps:
         self.axes: Float | None = None
 
     def of(self, vertices: Float) -> Float:
-        """(F, K, 4, 3) maps of the frames ``vertices`` (V, F, 3): x = (v - pivot, 1) map."""
+        """Solves (F, K, 4, 3) maps of the frames ``vertices`` (V, F, 3): x = (v - pivot, 1) map."""
         frames = vertices.shape[1]
         moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
         right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))
@@ -81,12 +84,15 @@ class Maps:
         return maps
 
     def find_axes(self, maps: Float) -> None:
-        """Take the axes along which maps (F, K, 4, 3) stretch most, over all frames."""
+        """Sets the axes to the directions of largest stretch of maps (F, K, 4, 3), over all frames."""
         self.axes = stretch_axes(maps[:, :, :3].transpose(0, 1, 3, 2))
 
     def _rigid(self, right: Float) -> tuple[Float, Float]:
-        """(F, K, 3, 3) transposed rotations that each transform's own vertices take, and (F, K, 3) where its
-        pivot goes with that."""
+        """Fits rigid motions to each transform's own vertices.
+
+        Returns:
+            (F, K, 3, 3) transposed rotations, and (F, K, 3) positions of the pivots under them.
+        """
         weight = np.maximum(self._sums[:, 3], 1e-30)
         middle, went = self._sums[:, :3] / weight[:, None], right[:, :, 3] / weight[None, :, None]
         moment = right[:, :, :3] - self._sums[None, :, :3, None] * went[:, :, None]
@@ -99,7 +105,8 @@ class Maps:
 
 
 def stretch_axes(linear: Float) -> Float:
-    """(K, 3, 3) rotations, their columns the axes along which maps (F, K, 3, 3) stretch, over all frames."""
+    """Returns (K, 3, 3) rotations with columns along the directions of largest stretch of maps (F, K, 3, 3),
+    over all frames."""
     strain = np.einsum("fkba,fkbc->fkac", linear, linear) - np.eye(3)
     axes = np.linalg.eigh(np.einsum("fkab,fkbc->kac", strain, strain))[1]
     axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
@@ -109,10 +116,10 @@ def stretch_axes(linear: Float) -> Float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def factor_of(matrix):
-    """The lower Cholesky factor of a positive matrix (N, N).
+    """Computes the lower Cholesky factor of a positive definite matrix (N, N).
 
-    LAPACK's shares such small work among threads, which wait for one another where cores are taken: there it
-    took thirty times as long.
+    LAPACK would split this small task among threads, which wait for one another on busy cores. That took
+    thirty times as long.
     """
     lower = np.zeros_like(matrix)
     for i in range(len(matrix)):
@@ -126,7 +133,7 @@ def factor_of(matrix):
 
 @njit(cache=True, nogil=True)
 def moments_of(rest, pivots, indices, weights, vertices):
-    """(K, 4, 3 F): sum_v w (v - pivot, 1) x' of the frames of ``vertices`` (V, 3 F)."""
+    """Computes (K, 4, 3 F): sum_v w (v - pivot, 1) x' of the frames of ``vertices`` (V, 3 F)."""
     out = np.zeros((len(pivots), 4, vertices.shape[1]))
     for v in range(len(rest)):
         for s in range(4):
@@ -146,7 +153,7 @@ def moments_of(rest, pivots, indices, weights, vertices):
 
 @njit(cache=True, nogil=True)
 def first_moments(rest, pivots, indices, weights):
-    """(K, 4): sum_v w (v - pivot, 1)."""
+    """Computes (K, 4): sum_v w (v - pivot, 1)."""
     out = np.zeros((len(pivots), 4))
     for v in range(len(rest)):
         for s in range(4):
@@ -159,7 +166,7 @@ def first_moments(rest, pivots, indices, weights):
 
 @njit(cache=True, nogil=True)
 def gram_of(rest, pivots, indices, weights):
-    """(K, 4, K, 4): sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l, 1)'."""
+    """Computes (K, 4, K, 4): sum_v w_k w_l (v - pivot_k, 1)(v - pivot_l, 1)'."""
     count = len(pivots)
     out = np.zeros((count, 4, count, 4))
     row = np.empty((4, 4))
@@ -181,10 +188,10 @@ def gram_of(rest, pivots, indices, weights):
 
 @njit(cache=True, nogil=True)
 def separable(gram, right, axes, sweeps, maps):
-    """Makes ``maps`` (F, K, 4, 3) such that each is R Q diag(s) Q', block by block, in place.
+    """Restricts ``maps`` (F, K, 4, 3) to R Q diag(s) Q', block by block, in place.
 
-    Each block takes its best rotation, scales and place with the others as they are: what is left of the
-    system for it is |(A - A_k) H^(1/2)|², A_k and H by elimination of its place.
+    Each block takes its best rotation, scales and position with the others fixed. Its part of the system
+    reduces to |(A - A_k) H^(1/2)|², with A_k and H from the elimination of its position.
     """
     frames, count = maps.shape[0], maps.shape[1]
     linked = np.zeros((count, count), np.bool_)
@@ -207,9 +214,9 @@ def separable(gram, right, axes, sweeps, maps):
 
 @njit(cache=True, nogil=True)
 def _block(own, left, axes, fresh, found):
-    """The best R Q diag(s) Q' and place of one transform, into ``found`` (4, 3)."""
+    """Computes the best R Q diag(s) Q' and position of one transform, into ``found`` (4, 3)."""
     mass = own[3, 3]
-    # N = A H by elimination of the place, in the axes: rows of the world, columns of the axes.
+    # N = A H by elimination of the position, in the scale axes: rows of the world, columns of the axes.
     flat, spread = np.zeros((3, 3)), np.zeros((3, 3))
     for a in range(3):
         for e in range(3):
@@ -240,7 +247,7 @@ def _block(own, left, axes, fresh, found):
 
 @njit(cache=True, nogil=True)
 def skinned(rest, pivots, indices, weights, maps, out):
-    """Into ``out`` (V, 3) where one frame's ``maps`` (K, 4, 3) take the vertices."""
+    """Computes into ``out`` (V, 3) the vertices skinned by one frame's ``maps`` (K, 4, 3)."""
     for v in range(len(rest)):
         p = q = r = 0.0
         for s in range(4):

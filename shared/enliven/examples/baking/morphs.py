@@ -1,8 +1,9 @@
-"""A solved surface as morph targets: shapes that are summed with the weights of each frame.
+"""Converts a solved surface to morph targets (blend shapes): shapes that are summed with the weights of each
+frame.
 
-The targets are the principal components of the frames that differ most, as many as a stated error needs.
-Turns of a part are no sums of shapes, so large ones need many targets; transforms
-(:mod:`enliven.examples.baking.bake`) do with fewer numbers there.
+The targets are the principal components of the frames that differ most; the required error determines their
+number. Rotations of a part are not sums of shapes, so large ones need many targets. In that case transforms
+(:mod:`enliven.examples.baking.bake`) need fewer numbers.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.meshes import Mesh
 
 _AGAIN = 4
-"""How often frames that were not among the chosen and are too far off are taken in."""
+"""Maximum number of times that frames with too large errors are added to the chosen ones."""
 _RIDGE = 1e-4
-"""Part of the targets' own size below which a change of normals is not believed."""
+"""Regularization of the changes of normals, relative to the targets' own size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class BakedMorphs:
 
     Attributes:
         targets: (N, V, 3) metres.
-        normals: (N, V, 3) the like for the normals.
+        normals: (N, V, 3) the same for the normals.
         weights: (F, N), about -2 to 2.
         error: over all frames.
     """
@@ -42,7 +43,7 @@ class BakedMorphs:
 def bake_morphs(
     mesh: Mesh, frames: Frames, traits: Float, settings: BakeSettings | None = None
 ) -> BakedMorphs:
-    """Fit morph targets to a surface; see :func:`enliven.examples.baking.bake.bake_surface`."""
+    """Fits morph targets to a surface; see :func:`enliven.examples.baking.bake.bake_surface`."""
     settings = settings or BakeSettings()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
@@ -67,7 +68,8 @@ def bake_morphs(
 
 
 def _gathered(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
-    """(C, 3 V) how far the vertices are from rest in the chosen frames, and their normals."""
+    """Returns (C, 3 V) the vertices' displacements from rest in the chosen frames, and the changes of their
+    normals."""
     moved, normals = np.empty((len(chosen), mesh.vertices.size)), np.empty((len(chosen), mesh.vertices.size))
     row = {frame: k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
@@ -79,13 +81,14 @@ def _gathered(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Flo
 
 
 def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
-    """(3 V,) how far vertices (V, 3) are from rest, and their normals."""
+    """Returns (3 V,) displacements of vertices (V, 3) from rest, and the changes of their normals."""
     turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
     return (vertices - mesh.vertices).ravel(), turned.ravel()
 
 
 def _components(moved: Float, most: int) -> tuple[Float, Float]:
-    """(N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their spread."""
+    """Returns (N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their standard
+    deviations."""
     values, vectors = np.linalg.eigh(moved @ moved.T)
     order = np.argsort(values)[::-1][:most]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]
@@ -93,14 +96,14 @@ def _components(moved: Float, most: int) -> tuple[Float, Float]:
         order = np.array([len(values) - 1])
     shapes = vectors[:, order].T @ moved
     length = np.linalg.norm(shapes, axis=1, keepdims=True)
-    # Two passes: the eigenvectors of small values are not at right angles to the digit.
+    # Orthogonalize again: the eigenvectors of small values are not orthogonal to full precision.
     shapes = np.linalg.qr((shapes / np.where(length > 0, length, 1.0)).T)[0].T
     spread = np.sqrt(((moved @ shapes.T) ** 2).mean(0))
     return shapes, np.where(spread > 0, spread, 1.0)
 
 
 def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
-    """How many of the shapes are enough for the frames ``moved`` (C, 3 V); all, where none are."""
+    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or all if none suffices."""
     left = moved.copy()
     for count, shape in enumerate(shapes, 1):
         left -= np.outer(left @ shape, shape)
@@ -113,7 +116,7 @@ def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) ->
 def _measured(
     mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: WorstFrames
 ) -> tuple[Float, BakeError]:
-    """(F, N) weights of all frames, and how far the surface is off."""
+    """Returns (F, N) weights of all frames, and the error of the surface."""
     weights, total, worst, at, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
     for number, vertices in enumerate(frames()):
         moved = (vertices - mesh.vertices).ravel()

@@ -1,4 +1,5 @@
-"""Where the transforms of a baked surface sit: seeds on it, and the way along it from each."""
+"""The positions of a baked surface's transforms: seeds on the surface, with geodesic distances along
+edges."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from enliven.meshes import Mesh
 
 
 class EdgeGraph:
-    """The edges of a welded mesh; shells are joined where they are nearest.
+    """The edges of a welded mesh. Separate shells are connected where they are nearest.
 
     Attributes:
         edges: (E, 2) vertices.
@@ -27,18 +28,18 @@ class EdgeGraph:
         links, _ = virtual_edges(mesh.vertices, edges)
         self.edges = np.concatenate([edges, links])
         lengths = np.linalg.norm(mesh.vertices[self.edges[:, 0]] - mesh.vertices[self.edges[:, 1]], axis=1)
-        # A length of exactly 0 would be no edge to scipy.
+        # SciPy does not treat a length of exactly 0 as an edge.
         lengths = np.maximum(lengths, 1e-12)
         half = coo_matrix((lengths, (self.edges[:, 0], self.edges[:, 1])), (count, count)).tocsr()
         self.lengths: csr_matrix = (half + half.T).tocsr()
 
     def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
-        """(S, V) metres along the edges from each seed; infinite beyond the limit."""
+        """Returns (S, V) metres along the edges from each seed, or infinite beyond the limit."""
         return np.asarray(dijkstra(self.lengths, directed=False, indices=list(seeds), limit=limit))
 
 
 class Seeds:
-    """Vertices that transforms sit at, in the order in which they came.
+    """Vertices with a transform, in the order in which they were added.
 
     Attributes:
         vertices: of the welded mesh.
@@ -53,13 +54,13 @@ class Seeds:
             pass
 
     def grow(self, scores: Float, count: int) -> int:
-        """Adds up to ``count`` seeds, each at the vertex of the highest score (V,) that is left.
+        """Adds up to ``count`` seeds, each at the vertex with the highest remaining score (V,).
 
         A vertex nearer to a new seed than half of the seed's distance to the next one is no longer a
         candidate.
 
         Returns:
-            How many were added.
+            The number of added seeds.
         """
         left, before = scores.copy(), len(self.vertices)
         left[self.vertices] = 0.0
@@ -71,7 +72,7 @@ class Seeds:
         return len(self.vertices) - before
 
     def nearest(self, count: int) -> Int32:
-        """(V, C) the seeds that are nearest to each vertex, the nearest first; -1 where there are no more."""
+        """Returns (V, C) the nearest seeds of each vertex, the nearest first, or -1 if there are fewer."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T
         filled = np.full((self.away.shape[1], count), -1, np.int32)
@@ -79,7 +80,7 @@ class Seeds:
         return filled
 
     def edges(self) -> Int32:
-        """(E, 2) pairs of seeds with adjacent Voronoi cells."""
+        """Returns (E, 2) pairs of seeds with adjacent Voronoi cells."""
         owner: Int = np.argmin(self.away, axis=0)
         pairs = np.sort(owner[self._net.edges], 1)
         return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int32).reshape(-1, 2)

@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class BakeSettings:
-    """When a bake is good enough, and what it may cost."""
+    """Settings for the accuracy and the cost of a bake."""
 
     rms: float = setting(
         0.001, "Root mean square error that is good enough.", unit="share of the mesh's size", low=0.0
@@ -54,14 +54,14 @@ class BakeSettings:
 
 @dataclass(frozen=True)
 class BakeError:
-    """How far a baked surface is from the solved one, over all vertices of all frames.
+    """The difference between a baked surface and the solved one, over all vertices of all frames.
 
     Attributes:
         rms: metres, root mean square.
         worst: metres, of any vertex in any frame.
-        frame: where the worst is.
-        vertex: of the mesh.
-        size: metres, the diagonal of the mesh's box at rest.
+        frame: the frame with the worst error.
+        vertex: the vertex of the mesh with the worst error.
+        size: metres, the diagonal of the mesh's bounding box at rest.
     """
 
     rms: float

@@ -1,10 +1,10 @@
-"""Weights of a vertex over the transforms around it: bounded, at most four, their sum one.
+"""Weights of a vertex over the transforms around it: bounded, at most four, with sum one.
 
 B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: with the transforms
-known, each vertex is a least-squares problem of its own. With d_k(t) the distance from where transform k
-takes the vertex at time t to where it is, w asks for the least of sum_t |sum_k w_k d_k(t)|² = w' D w, for the
-weights sum to one. What is added here: a pull towards the mean of the neighbours' weights, so that the
-surface stays smooth between frames, and the weights of before where those found are no better.
+known, each vertex is a least-squares problem of its own. Let d_k(t) be the difference between the vertex
+moved by transform k at time t and its true position. Then w minimizes sum_t |sum_k w_k d_k(t)|² = w' D w,
+since the weights sum to one. Two parts are added here. A pull towards the mean of the neighbours' weights
+keeps the surface smooth between frames. The old weights are kept if the new ones are not better.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from enliven.kernels import njit
 
 _MOST = 4
-"""Transforms that a vertex follows at most: glTF's one set of joints, and the viewer's shader, have four."""
+"""Maximum number of transforms per vertex. One joint set in glTF, and the viewer's shader, have four."""
 
 
 @njit(cache=True, nogil=True)
@@ -23,12 +23,13 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
     Args:
         rest: (V, 3).
-        wanted: (V, 3 F) where the vertices are, frame by frame.
+        wanted: (V, 3 F) positions of the vertices, frame by frame.
         pivots: (K, 3).
         maps: (K, 4, 3 F) x = (v - pivot, 1) map.
         candidates: (V, C) int32, -1 for none.
         near, starts: the neighbours of vertex v are near[starts[v]:starts[v + 1]].
-        smooth: square metres that all frames together lose where the weights are not the neighbours'.
+        smooth: weight of the smoothness term: square metres over all frames per unit difference from the
+            neighbours.
     """
     count, most = len(rest), candidates.shape[1]
     old_indices, old_weights = indices.copy(), weights.copy()
@@ -39,6 +40,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
     room = np.empty((most, most + 2))
     free = np.empty(most, np.bool_)
     for v in range(count):
+        # Gram matrix D of the candidates' errors over all frames.
         there = 0
         while there < most and candidates[v, there] >= 0:
             there += 1
@@ -47,6 +49,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
             _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
             for d in range(c + 1):
                 gram[c, d] = gram[d, c] = _dot(away[c], away[d])
+        # Old weights of the candidates, and the cost of keeping them.
         _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
         for c in range(there):
             found[c] = 0.0
@@ -57,10 +60,12 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
         whole = 0.0
         for c in range(there):
             whole += found[c]
+        # Solve. Keep the old weights if there is no solution, or no better one.
         if not solve_bounded(gram, pull, smooth, there, free, room, found):
             continue
         if abs(whole - 1.0) < 1e-6 and _cost(gram, found, pull, smooth, there) >= before:
             continue
+        # Store the positive weights, and clear the remaining slots.
         slot = 0
         for c in range(there):
             if found[c] > 0.0:
@@ -72,7 +77,8 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _away(at, own, wanted, out):
-    """Into ``out`` (3 F) how far a transform (4, 3 F) takes ``at`` (3,) from where it is to be."""
+    """Computes into ``out`` (3 F) the differences between ``at`` (3,) moved by a transform (4, 3 F) and
+    ``wanted``."""
     x, y, z = at
     for j in range(len(out)):
         out[j] = own[3, j] + x * own[0, j] + y * own[1, j] + z * own[2, j] - wanted[j]
@@ -88,9 +94,9 @@ def _dot(a, b):
 
 @njit(cache=True, nogil=True)
 def solve_bounded(gram, pull, smooth, there, free, room, found):
-    """Fill ``found`` with the weights, at most four above zero; false where there is no solution.
+    """Fills ``found`` with the weights, at most four above zero. Returns False if no solution exists.
 
-    Weights below zero are dropped, the lowest first; then the smallest, until four are left.
+    Negative weights are dropped, the lowest first; then the smallest, until four are left.
     """
     scale = 0.0
     for c in range(there):
@@ -116,7 +122,8 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
 
 @njit(cache=True, nogil=True)
 def _equal(gram, pull, smooth, least, there, free, room, found):
-    """The free weights with the sum one, the others 0, by two solves of the free part."""
+    """Solves for the free weights with sum one, and sets the others to 0, with two right-hand sides."""
+    # Collect the free weights, and build their matrix with two right-hand sides: pull, and ones.
     n = 0
     order = np.empty(there, np.int64)
     for c in range(there):
@@ -129,6 +136,7 @@ def _equal(gram, pull, smooth, least, there, free, room, found):
             room[i, j] = gram[order[i], order[j]]
         room[i, i] += smooth + least
         room[i, n], room[i, n + 1] = smooth * pull[order[i]], 1.0
+    # Cholesky factorization with forward substitution of both right-hand sides.
     for i in range(n):
         for j in range(i + 1):
             total = room[i, j]
@@ -144,11 +152,13 @@ def _equal(gram, pull, smooth, least, there, free, room, found):
             for k in range(i):
                 room[i, side] -= room[i, k] * room[k, side]
             room[i, side] /= room[i, i]
+    # Back substitution.
     for i in range(n - 1, -1, -1):
         for side in range(n, n + 2):
             for k in range(i + 1, n):
                 room[i, side] -= room[k, i] * room[k, side]
             room[i, side] /= room[i, i]
+    # Combine the two solutions so that the weights sum to one (Lagrange multiplier).
     first, second = 0.0, 0.0
     for i in range(n):
         first += room[i, n]
@@ -173,7 +183,7 @@ def _cost(gram, found, pull, smooth, there):
 
 @njit(cache=True, nogil=True)
 def _neighbours(v, candidates, there, near, starts, indices, weights, pull):
-    """Into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
+    """Computes into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
     for c in range(there):
         pull[c] = 0.0
     around = starts[v + 1] - starts[v]

@@ -1,6 +1,5 @@
 """Spacetime trajectories: a banded least-squares problem over all frames, with hard constraints and
-locomotion.
-"""
+locomotion."""
 
 import lazy_loader
 

@@ -1,4 +1,5 @@
-"""Contact, frame by frame: the control point that is the anchor, and the root that keeps it in place."""
+"""Contact frame by frame: the control point that is the anchor, and the root motion that keeps it in
+place."""
 
 from __future__ import annotations
 
@@ -9,15 +10,16 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def stand(turned, feet, stands, grip, first, last, root, anchors):
-    """Kernel: contact from frame ``first`` to ``last``, upon the frame before.
+    """Kernel: continues contact from frame ``first`` to ``last``, based on the frame before.
 
     Args:
-        turned: (F, P, 3) metres, the control points with the yaw.
-        feet: (K,) numbers of those it can stand on.
-        stands: (F, K) bool, which of them the performer stands on; none where that is not known.
-        grip: metres that another foot must be lower than the anchor to take over where it is not.
-        root: (F, 3) metres, is written.
-        anchors: (F,) numbers of control points, -1 in flight; is written.
+        turned: (F, P, 3) metres, the control points with the yaw applied.
+        feet: (K,) numbers of the control points that it can stand on.
+        stands: (F, K) bool, the feet that the performer stands on; all False if unknown.
+        grip: height difference in metres for another, lower foot to become the anchor if ``stands`` is
+            unknown.
+        root: (F, 3) metres, output.
+        anchors: (F,) numbers of control points, -1 in flight, output.
     """
     for f in range(first, last + 1):
         lowest = np.inf
@@ -27,7 +29,8 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
         anchor = _anchor(turned[f], feet, stands[f], before, lowest + grip)
         anchors[f] = anchor
         if f > 0:
-            # The new anchor has not moved since the frame before, whoever was the anchor then.
+            # The new anchor does not move between the previous frame and this one, even if another point was
+            # the anchor then.
             for c in range(3):
                 root[f, c] = root[f - 1, c] + turned[f - 1, anchor, c] - turned[f, anchor, c]
         root[f, 1] = -lowest
@@ -35,8 +38,11 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 
 @njit(cache=True, nogil=True)
 def _anchor(places, feet, stands, before, highest):
-    """The next anchor after ``before`` (-1: none): a foot that stands, for as long as it does; else the
-    lowest foot, or the anchor before while it is not above ``highest``."""
+    """Chooses the anchor after ``before`` (-1: none).
+
+    The anchor stays while the performer stands on it. Then it is the lowest standing foot. If ``stands`` is
+    unknown, the previous anchor stays while it is not above ``highest``; otherwise it is the lowest foot.
+    """
     known = stands.any()
     best, height = -1, np.inf
     for k in range(len(feet)):

@@ -1,13 +1,13 @@
-"""The spacetime system, solved by a band factor: block LDL' of 3x3 blocks, two beside the diagonal.
+"""The spacetime system, solved by a band factorization: block LDL' of 3x3 blocks, two off the diagonal.
 
-The paper's system (eq. 24) has the weights of all frames as unknowns. Within each frame they are eliminated
-(``bounded``: c = base - give q), which leaves the accelerations y = lambda A c (eq. 20,
-21; A c is c_(i-1) - 2 c_i + c_(i+1)) with q = lambda A' y:
+The unknowns of the paper's system (eq. 24) are the weights of all frames. They are eliminated within each
+frame (``bounded``: c = base - give q). This leaves the accelerations y = lambda A c (eq. 20, 21), with (A
+c)_i = c_(i-1) - 2 c_i + c_(i+1) and q = lambda A' y:
 
     (1 + lambda^2 A give A') y = lambda A base
 
-It is positive definite whatever the examples are, with eigenvalues of one or more, so it needs no pivoting:
-three numbers a frame, and time and memory that grow with the frames and not faster.
+The matrix is positive definite for any examples, with eigenvalues of one or more, so it needs no pivoting.
+There are three unknowns per frame, and time and memory grow linearly with the number of frames.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from enliven.kernels import njit
 
 
 class Band:
-    """The factor of one control point's system.
+    """The factorization of one control point's system.
 
     Args:
-        give: (F, 3, 3) symmetric, not negative.
+        give: (F, 3, 3) symmetric, positive semidefinite.
         weight: lambda.
     """
 
@@ -33,19 +33,19 @@ class Band:
         self.work = rows
 
     def solve(self, right: Float) -> Float:
-        """(F - 2, 3, R) the accelerations of right-hand sides of that shape."""
+        """Solves for the accelerations (F - 2, 3, R) of right-hand sides with that shape."""
         out = np.ascontiguousarray(right).copy()
         substitute(self._inverse, self._one, self._two, out)
         return out
 
 
 def accelerations(places: Float) -> Float:
-    """(..., F - 2, 3) A c of places (..., F, 3); (..., 0, 3) of fewer than three."""
+    """Computes (..., F - 2, 3) A c of positions (..., F, 3); (..., 0, 3) for fewer than three frames."""
     return np.asarray(places[..., :-2, :] - 2.0 * places[..., 1:-1, :] + places[..., 2:, :])
 
 
 def pulled(forces: Float, frames: int) -> Float:
-    """(..., F, 3) A' y of forces (..., F - 2, 3)."""
+    """Computes (..., F, 3) A' y of forces (..., F - 2, 3)."""
     out = np.zeros((*forces.shape[:-2], frames, 3))
     if frames > 2:
         out[..., :-2, :] += forces
@@ -56,8 +56,11 @@ def pulled(forces: Float, frames: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def factor(give, weight, inverse, one, two):
-    """Kernel: LDL' of 1 + weight^2 A give A'. ``one`` and ``two`` (F - 2, 3, 3) are L's blocks beside the
-    diagonal, ``inverse`` (F - 2, 3, 3) that of D."""
+    """Kernel: factors 1 + weight^2 A give A' as LDL'.
+
+    ``one`` and ``two`` (F - 2, 3, 3) receive L's blocks on the first and second subdiagonal. ``inverse`` (F -
+    2, 3, 3) receives the inverse of D.
+    """
     s = weight * weight
     d, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for r in range(len(inverse)):
@@ -66,7 +69,7 @@ def factor(give, weight, inverse, one, two):
                 d[i, j] = s * (give[r, i, j] + 4.0 * give[r + 1, i, j] + give[r + 2, i, j])
             d[i, i] += 1.0
         if r > 1:
-            # after: what row r has beside the diagonal two before; two = after D^-1.
+            # after: the block of row r on the second subdiagonal; two = after D^-1.
             for i in range(3):
                 for j in range(3):
                     after[i, j] = s * give[r, i, j]
@@ -77,7 +80,7 @@ def factor(give, weight, inverse, one, two):
                 for j in range(3):
                     middle[i, j] = -2.0 * s * (give[r, i, j] + give[r + 1, i, j])
             if r > 1:
-                # Less L(r, r-2) D(r-2) L(r-1, r-2)'; after = L(r, r-2) D(r-2).
+                # Subtract L(r, r-2) D(r-2) L(r-1, r-2)'; after = L(r, r-2) D(r-2).
                 _take(middle, after, one[r - 1])
             _product(middle, inverse[r - 1], one[r])
             _take(d, one[r], middle)
@@ -86,7 +89,7 @@ def factor(give, weight, inverse, one, two):
 
 @njit(cache=True, nogil=True)
 def substitute(inverse, one, two, out):
-    """Kernel: ``out`` (F - 2, 3, R), right-hand sides, becomes the solutions."""
+    """Kernel: replaces the right-hand sides ``out`` (F - 2, 3, R) by the solutions."""
     rows, sides = len(inverse), out.shape[2]
     t = np.empty(3)
     for r in range(rows):
@@ -116,7 +119,7 @@ def substitute(inverse, one, two, out):
 
 @njit(cache=True, nogil=True, inline="always")
 def _product(a, b, out):
-    """``out`` = a b."""
+    """Computes ``out`` = a b."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
@@ -124,7 +127,7 @@ def _product(a, b, out):
 
 @njit(cache=True, nogil=True, inline="always")
 def _take(out, a, b):
-    """``out`` -= a b'."""
+    """Computes ``out`` -= a b'."""
     for i in range(3):
         for j in range(3):
             out[i, j] -= a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
@@ -132,7 +135,7 @@ def _take(out, a, b):
 
 @njit(cache=True, nogil=True, inline="always")
 def _inverted(d, out):
-    """``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
+    """Computes ``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])
     e, f, g = d[1, 1], 0.5 * (d[1, 2] + d[2, 1]), d[2, 2]
     out[0, 0], out[0, 1], out[0, 2] = e * g - f * f, c * f - b * g, b * f - c * e

@@ -1,13 +1,13 @@
-"""Bounded weights: the small quadratic programs of each frame, exactly.
+"""Bounded weights: the exact solution of each frame's small quadratic program.
 
-A node is one control point at one frame. With q (3,) the pull on it, its weights w and what it leaves the
-examples by, r, are
+A node is one control point at one frame. Let q (3,) be the pull on it, w its weights, and r its offset from
+the weighted examples. They minimize
 
     argmin  w' M w / 2 - b' w + |r|^2 / (2 slack) + q' (C' w + r + o),      low <= w <= high.
 
-Within the set of weights that are at their bounds, w = still - swing q and c = C' w + r + o = base - give q.
-The sets are found by pivoting: all that are wrong at once, and one by one (Murty's least index, which always
-ends) where that should go round in circles.
+For a fixed set of weights at their bounds, w = still - swing q and c = C' w + r + o = base - give q. The sets
+are found by pivoting. At first all wrong weights are changed at once. If that cycles, they are changed one by
+one (Murty's least-index rule, which always terminates).
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from enliven.arrays import AnyArray, Float
 from enliven.kernels import njit
 
 _AT_ONCE = 6
-"""Rounds of changing all that is wrong at once before it is done one by one."""
+"""Number of rounds in which all wrong weights are changed at once, before changing them one by one."""
 
 
 @dataclass
 class Nodes:
-    """Points times frames (P, F), E weights each; ``respond`` fills the lower ones."""
+    """P points times F frames with E weights each. ``respond`` computes the arrays from ``still`` on."""
 
     matrix: Float  # (P, F, E, E)
     right: Float  # (P, F, E)
     reach: Float  # (P, F, E, 3)
     offset: Float  # (P, F, 3)
-    slack: Float  # (P, F, 3), zero along an axis that is held
-    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high one, 2 not known
+    slack: Float  # (P, F, 3), zero along a held axis
+    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high bound, 2 unknown
     still: Float  # (P, F, E)
     swing: Float  # (P, F, E, 3)
     base: Float  # (P, F, 3)
     give: Float  # (P, F, 3, 3)
-    least: Float  # (P, F) the least energy without a pull
+    least: Float  # (P, F) the minimum energy without a pull
 
     @staticmethod
     def empty(points: int, frames: int, most: int) -> Nodes:
-        """Room for nodes; :meth:`begin` after ``matrix``, ``right`` and ``reach`` are there."""
+        """Allocates nodes. Call :meth:`begin` after filling ``matrix``, ``right`` and ``reach``."""
         shape = (points, frames)
         right, reach, offset = np.empty((*shape, most)), np.empty((*shape, most, 3)), np.empty((*shape, 3))
         matrix, give, state = (
@@ -54,16 +54,16 @@ class Nodes:
         return Nodes(matrix, right, reach, offset, slack, state, still, swing, base, give, least)
 
     def begin(self, slack: float) -> None:
-        """Begin with no weight at its bounds and no known terms."""
+        """Resets the nodes to an unknown set of weights at bounds, without offsets."""
         self.offset[:] = 0.0
         self.slack[:] = slack
         self.state[:] = 2
 
     def respond(self, pull: Float, low: float, high: float, places: Float) -> tuple[int, float]:
-        """Answers a pull (P, F, 3) with ``places`` (P, F, 3).
+        """Computes the positions ``places`` (P, F, 3) for a pull (P, F, 3).
 
         Returns:
-            How many nodes changed the weights that are at bounds, and the sum of the least energies.
+            The number of nodes with a new set of weights at bounds, and the sum of the least energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
         known = (self.still, self.swing, self.base, self.give, self.least)
@@ -71,7 +71,7 @@ class Nodes:
         return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
-        """A point's arrays as kernels take them: the inputs, and the results."""
+        """Returns a point's arrays for the kernels: the inputs, and the results."""
         names = list(self.__dataclass_fields__)
         arrays = tuple(getattr(self, name)[point] for name in names)
         return arrays[:6], arrays[6:]
@@ -81,7 +81,7 @@ class Nodes:
 def respond(
     matrix, right, reach, offset, slack, state, still, swing, base, give, least, pull, low, high, places
 ):
-    """Kernel: see :meth:`Nodes.respond`."""
+    """Kernel of :meth:`Nodes.respond`."""
     points, frames, most = right.shape
     changed, energy = 0, 0.0
     work, marks = workspace(most), np.empty(frames, np.bool_)
@@ -96,21 +96,24 @@ def respond(
 
 @njit(cache=True, nogil=True)
 def workspace(most):
-    """The arrays that :func:`answers` works in: weights, their right-hand sides (b - C q), the numbers of the
-    free ones, the factor of their part, and the states that are tried."""
+    """Allocates the work arrays of :func:`answers`.
+
+    They are the weights, their right-hand sides (b - C q), the numbers of the free weights, the Cholesky
+    factor of their part of the matrix, and the trial states.
+    """
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
     return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial
 
 
 @njit(cache=True, nogil=True)
 def answers(node, known, pull, a, b, low, high, work, places, marks):
-    """Kernel: answers of the nodes a..b of a point to a pull (F, 3), into ``places``.
+    """Kernel: computes the positions of the nodes a..b of a point for a pull (F, 3), into ``places``.
 
-    ``node`` and ``known`` are the point's arrays, in the order of :class:`Nodes`. ``marks`` (F,) takes where
-    other weights are at bounds now than before.
+    ``node`` and ``known`` are the point's arrays, in the order of :class:`Nodes`. ``marks`` (F,) receives
+    True for frames with a new set of weights at bounds.
 
     Returns:
-        How many those are, and the sum of the least energies.
+        The number of these frames, and the sum of the least energies.
     """
     matrix, right, reach, _, _, state = node
     still, swing, base, give, least = known
@@ -126,7 +129,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
                 if state[f, e] == 0:
                     fits &= low - 1e-12 <= w[e] <= high + 1e-12
                 else:
-                    # At a bound: the energy must not fall towards the inside.
+                    # At a bound, the energy must not decrease towards the interior.
                     slope = reach[f, e, 0] * qx + reach[f, e, 1] * qy + reach[f, e, 2] * qz - right[f, e]
                     for k in range(most):
                         slope += matrix[f, e, k] * w[k]
@@ -139,7 +142,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
         cy = base[f, 1] - give[f, 1, 0] * qx - give[f, 1, 1] * qy - give[f, 1, 2] * qz
         cz = base[f, 2] - give[f, 2, 0] * qx - give[f, 2, 1] * qy - give[f, 2, 2] * qz
         places[f, 0], places[f, 1], places[f, 2] = cx, cy, cz
-        # The least energy has the places as its slope: exact within a piece.
+        # The gradient of the least energy is the position: exact within a quadratic piece.
         along = qx * (base[f, 0] + cx) + qy * (base[f, 1] + cy) + qz * (base[f, 2] + cz)
         energy += least[f] + 0.5 * along
     return changed, energy
@@ -147,7 +150,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
 
 @njit(cache=True, nogil=True)
 def _renew(node, known, f, qx, qy, qz, low, high, work):
-    """Finds which weights of node f are at bounds, and what follows of it."""
+    """Finds the set of weights of node f at bounds, and the resulting linear terms."""
     matrix, right, reach, _, _, state = node
     _, g, _, _, trial = work
     for e in range(len(g)):
@@ -161,7 +164,7 @@ def _renew(node, known, f, qx, qy, qz, low, high, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _wrong(matrix, f, g, state, w, low, high):
-    """The first weight that is out of bounds, or at one that it wants to leave; -1 for none."""
+    """Returns the first weight that is out of bounds, or at a bound that it should leave, or -1 for none."""
     for e in range(len(w)):
         if _is_wrong(matrix, f, g, state, w, low, high, e):
             return e
@@ -180,7 +183,7 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):
 
 @njit(cache=True, nogil=True, inline="always")
 def _pivot(matrix, f, work, low, high):
-    """Finds the states and weights that g = b - C q asks for, starting at the states that are tried."""
+    """Finds the states and weights for g = b - C q, starting at the trial states."""
     w, g, _, _, state = work
     most = len(w)
     for turn in range(_AT_ONCE + 50 * 2 ** min(most, 12)):
@@ -189,7 +192,7 @@ def _pivot(matrix, f, work, low, high):
         if first < 0:
             return
         last = most if turn < _AT_ONCE else first + 1
-        # Weights do not change meanwhile, so that all are judged by the same.
+        # Judge all weights by the same values: they do not change within this loop.
         for e in range(first, last):
             if _is_wrong(matrix, f, g, state, w, low, high, e):
                 state[e] = 0 if state[e] != 0 else (-1 if w[e] < low else 1)
@@ -197,7 +200,8 @@ def _pivot(matrix, f, work, low, high):
 
 @njit(cache=True, nogil=True, inline="always")
 def _factor(matrix, f, work):
-    """Cholesky of the free weights' part, its diagonal inverted; returns how many are free."""
+    """Computes the Cholesky factor of the free weights' part, with its diagonal inverted. Returns their
+    number."""
     _, _, free, factor, state = work
     count = 0
     for e in range(len(state)):
@@ -215,7 +219,7 @@ def _factor(matrix, f, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _fill(matrix, f, work, count, low, high):
-    """The weights: those at bounds at their bounds, and the free ones that g asks for."""
+    """Computes the weights: those at bounds take their bounds, and the free ones solve for g."""
     w, g, free, factor, state = work
     for e in range(len(w)):
         if state[e] != 0:
@@ -238,7 +242,7 @@ def _fill(matrix, f, work, count, low, high):
 
 @njit(cache=True, nogil=True, inline="always")
 def _linear(node, known, f, qx, qy, qz, work):
-    """The known terms of a node; its states, weights at a pull and factor are in ``work``."""
+    """Computes the linear terms of a node. Its states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known
     w, _, free, factor, state = work
@@ -247,6 +251,7 @@ def _linear(node, known, f, qx, qy, qz, work):
     for e in range(most):
         count += state[e] == 0
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = 0.0, 0.0, 0.0
+    # Forward substitution: solve the free part for the three axes of reach.
     for a in range(count):
         x, y, z = reach[f, free[a], 0], reach[f, free[a], 1], reach[f, free[a], 2]
         for k in range(a):
@@ -254,6 +259,7 @@ def _linear(node, known, f, qx, qy, qz, work):
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
         over, b = factor[a, a], free[a]
         swing[f, b, 0], swing[f, b, 1], swing[f, b, 2] = x * over, y * over, z * over
+    # Back substitution. ``swing`` is now the response of the free weights to a pull.
     for a in range(count - 1, -1, -1):
         e = free[a]
         x, y, z = swing[f, e, 0], swing[f, e, 1], swing[f, e, 2]
@@ -262,6 +268,7 @@ def _linear(node, known, f, qx, qy, qz, work):
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
         over = factor[a, a]
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = x * over, y * over, z * over
+    # Start from the fixed offset and the slack; then add the contribution of each weight.
     for i in range(3):
         base[f, i] = offset[f, i]
         for j in range(3):

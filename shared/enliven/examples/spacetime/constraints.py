@@ -1,12 +1,13 @@
-"""Hard constraints on trajectories (eq. 22, 23), made independent of one another.
+"""Hard constraints on trajectories (eq. 22, 23), converted to independent ones.
 
     Position("left foot", frame=10, place=(0, 0, 0.2))            # or axes="y" for its height alone
     Velocity("left foot", frame=11, velocity=(0, 0, 0))           # from the frame before to this one
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
-Each says, axis by axis, that one coordinate has a value or that two differ by a value. So they are a forest:
-a coordinate tied to a known value becomes known (and is eliminated node by node); a constraint that would
-close a cycle is left out where it agrees and refused where it contradicts; the others are independent.
+Each sets one coordinate, or the difference of two, axis by axis. So the constraints form a forest
+(union-find). A coordinate linked to a known value becomes known, and is eliminated node by node. A constraint
+that would close a cycle is dropped if it agrees, and refused if it contradicts. The remaining constraints are
+independent.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from enliven.errors import InputError
 from enliven.examples.poses import Examples
 
 _AGREES = 1e-9
-"""Two constraints agree that differ by less than this share of the mesh's size."""
+"""Constraints agree if they differ by less than this fraction of the mesh's size."""
 _WHERE = "constraints"
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Constraints that are independent, in sizes of the mesh.
+    """Independent constraints, in sizes of the mesh.
 
     Attributes:
-        held: (P, F, 3) bool, coordinates that are known.
-        values: (P, F, 3) what they are; 0 elsewhere.
-        first, second: (R, 3) int64 (point, frame, axis): coordinate ``first`` - coordinate ``second`` is
-        difference: (R,).
+        held: (P, F, 3) bool, true for known coordinates.
+        values: (P, F, 3) their values; 0 elsewhere.
+        first, second: (R, 3) int64 (point, frame, axis) of the two coordinates of each constraint.
+        difference: (R,) required value of coordinate ``first`` - coordinate ``second``.
     """
 
     held: Bool
@@ -47,11 +48,11 @@ class Conditions:
 def conditions_of(
     constraints: Sequence[Constraint], examples: Examples, frames: int, step: float
 ) -> Conditions:
-    """Independent conditions of constraints.
+    """Converts constraints to independent conditions.
 
     Raises:
-        InputError: for a point or frame that is not there, a value that is not finite, and for constraints
-            that contradict one another: it says which.
+        InputError: if a point or frame does not exist, a value is not finite, or constraints contradict one
+            another. The message names them.
     """
     middle, size = examples.targets.mean(0), examples.target_size
     links = [link for one in constraints for link in _links(one, examples, frames, step)]
@@ -79,7 +80,8 @@ _Link = tuple[Constraint, _Node, _Node | None, float]
 
 
 def _links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
-    """A constraint by single coordinates: (it, a, b, value) for a - b = value, or a = value."""
+    """Splits a constraint into single coordinates: (constraint, a, b, value) for a - b = value, or a =
+    value."""
     _check(one, frames)
     p, f = examples.point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
@@ -109,18 +111,18 @@ def _check(one: Constraint, frames: int) -> None:
 
 
 class _Forest:
-    """Coordinates and known differences between them; the ground (None) is 0."""
+    """Coordinates and the known differences between them. The ground (None) is 0."""
 
     def __init__(self) -> None:
         self._above: dict[_Node | None, tuple[_Node | None, float]] = {None: (None, 0.0)}
         self._beside: dict[_Node | None, list[tuple[_Node | None, Constraint]]] = {}
 
     def nodes(self) -> list[_Node]:
-        """All coordinates that a constraint names."""
+        """Returns all coordinates that occur in a constraint."""
         return [node for node in self._above if node is not None]
 
     def join(self, a: _Node | None, b: _Node | None, value: float, why: Constraint, close: float) -> bool:
-        """Adds a - b = value; False where it is known already."""
+        """Adds a - b = value. Returns False if it is known already."""
         (root_a, of_a), (root_b, of_b) = self._root(a), self._root(b)
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
@@ -138,12 +140,12 @@ class _Forest:
         return True
 
     def value(self, node: _Node) -> float | None:
-        """The value of a coordinate, where it is known."""
+        """Returns the value of a coordinate, or None if it is unknown."""
         root, value = self._root(node)
         return value if root is None else None
 
     def _root(self, node: _Node | None) -> tuple[_Node | None, float]:
-        """The root of a coordinate, and the coordinate less its root; the way is shortened."""
+        """Returns the root of a coordinate, and the coordinate minus its root. Compresses the path."""
         self._above.setdefault(node, (node, 0.0))
         way, at = [], node
         while self._above[at][0] != at:
@@ -156,7 +158,7 @@ class _Forest:
         return at, total
 
     def _way(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
-        """The constraints that tie a to b."""
+        """Returns the constraints that connect a to b."""
         came: dict[_Node | None, tuple[_Node | None, Constraint] | None] = {a: None}
         waiting = [a]
         while waiting:

@@ -1,13 +1,14 @@
-"""Keeps a mesh near its performer's path over the floor, scaled, wherever its own steps lead it.
+"""Drift correction: keeps a mesh near its performer's scaled path over the floor while it walks with its own
+steps.
 
     following = Following(size, settings, step, feet=2)
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
-The feet of a mesh slip a little at every step, so its own steps lead it away from a performer who stays in
-place. Beyond a leash it is drawn back, slowly. A foot that stands stays where it is meanwhile, and returns to
-its place in the mesh when it is lifted.
+The feet of a mesh slip a little at every step, so its own steps lead it away from a performer that stays in
+place. Beyond a maximum distance (the leash) it is slowly pulled back. A standing foot stays in place
+meanwhile, and returns to its position in the mesh when it is lifted.
 
-A place on the floor is a complex number here: x + iz, metres.
+A position on the floor is a complex number here: x + iz, metres.
 """
 
 from __future__ import annotations
@@ -21,28 +22,30 @@ from enliven.arrays import Complex, Float
 from enliven.document import LocomotionSettings
 
 _STEPPING_S = 0.5
-"""Time constant, in seconds, of drawing back a mesh that steps: about a stride, so that it is not seen."""
+"""Time constant, in seconds, of the pull on a mesh that steps: about a stride, so that it is not visible."""
 _GLIDING_S = 0.02
-"""Time constant, in seconds, of drawing a mesh that does not step: short, so that it does not lag behind."""
+"""Time constant, in seconds, of the pull on a mesh that does not step: short, so that it does not lag
+behind."""
 _MAX_HELD = 0.1
-"""Share of the mesh's size by which a standing foot gives way at most: more would stretch its leg visibly."""
+"""Maximum displacement of a standing foot, as a fraction of the mesh's size. More would visibly stretch its
+leg."""
 _MAX_OFF = 2.0
-"""Leashes by which a mesh may be off its path; what is beyond is taken back even if standing feet slide."""
+"""Maximum distance from the path, in leashes. Larger distances are corrected even if standing feet slide."""
 _SLIDING_S = 0.2
-"""Time constant, in seconds, of taking that back: a slip is over soon, and yet it is no jump."""
+"""Time constant, in seconds, of that correction: short, but without a jump."""
 
 
 class Following:
-    """Draws a mesh towards its path, frame by frame.
+    """The pull of a mesh towards its path, frame by frame.
 
     Args:
         size: of the mesh, metres.
-        settings: its leash, and how long a foot takes back to its place.
+        settings: its leash, and the time that a foot takes to return to its position.
         step: seconds between frames.
-        feet: how many feet it steps with; 0 for a mesh that does not step.
+        feet: number of feet with which it steps; 0 for a mesh that does not step.
 
     Attributes:
-        held: for each foot its displacement from its place in the mesh, on the floor, metres.
+        held: for each foot its displacement from its position in the mesh, on the floor, metres.
     """
 
     def __init__(self, size: float, settings: LocomotionSettings, step: float, feet: int = 0) -> None:
@@ -56,7 +59,7 @@ class Following:
         """Returns the pull of one frame on the root, metres, and updates ``held``.
 
         Args:
-            off: displacement from the mesh's place to its place on the path, metres.
+            off: displacement from the mesh's position to its position on the path, metres.
             stands: for each foot whether it stands.
         """
         slowly = self._share * _beyond(off, self._leash)
@@ -66,7 +69,7 @@ class Following:
             down and abs(held - pull) > max(self._most, abs(held))
             for held, down in zip(self.held, stands, strict=True)
         ):
-            # The foot cannot give way any more, so the slow pull waits for the next step.
+            # A standing foot has reached its maximum displacement, so the slow pull waits for the next step.
             pull = at_once
         for k, down in enumerate(stands):
             self.held[k] = self._limited(self.held[k] - pull) if down else self.held[k] * (1.0 - self._back)
@@ -78,22 +81,23 @@ class Following:
 
 
 def _beyond(off: complex, radius: float) -> complex:
-    """Returns the part of a displacement that is outside of a circle."""
+    """Returns the part of a displacement outside a circle."""
     far = abs(off)
     return (far - radius) / far * off if far > radius else 0j
 
 
 def on_floor(places: Float) -> Complex:
-    """Returns places (..., 3) as complex numbers on the floor (...,), metres."""
+    """Converts positions (..., 3) to complex numbers on the floor (...,), metres."""
     return np.asarray(places[..., 0] + 1j * places[..., 2])
 
 
 def from_floor(places: Complex | complex) -> Float:
-    """Returns complex numbers on the floor (...,) as places (..., 3) at height 0, metres."""
+    """Converts complex numbers on the floor (...,) to positions (..., 3) at height 0, metres."""
     at = np.asarray(places)
     return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)
 
 
 def _share_of(step: float, constant: float) -> float:
-    """Returns the share of a difference that decays in ``step`` seconds, for a time constant in seconds."""
+    """Returns the fraction of a difference that decays in ``step`` seconds, for a time constant in
+    seconds."""
     return 1.0 - math.exp(-step / constant) if constant > 0.0 else 1.0

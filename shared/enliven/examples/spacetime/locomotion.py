@@ -1,11 +1,11 @@
-"""Where the mesh is in the world: anchored while it touches the floor, ballistic in flight (section 5).
+"""The position of the mesh in the world: anchored in contact with the floor, ballistic in flight (section 5).
 
     switches = find_switches(performance.world[:, feet], step, size)        # edit them on the timeline
     placed = locate(places (F, P, 3), yaw (F,), step, switches, feet)       # placed.world, .root, .anchors
 
-In contact the lowest foot is on the floor and the anchor does not move over it; the anchor is the lowest
-foot, and remains it until another is clearly lower. In flight the mesh keeps the velocity it left with, and
-rises so fast that it lands when the performer does; or, freely, as it was thrown.
+In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
+foot, until another is clearly lower. In flight the mesh keeps its take-off velocity. Its vertical velocity is
+chosen so that it lands when the performer does, or, in the free mode, is that of the throw.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class PlacedMotion:
 
     Attributes:
         world: (F, P, 3) metres, the control points; the floor is y = 0.
-        root: (F, 3) metres: world = turned by yaw, plus root.
-        anchors: (F,) which control point stands; -1 in flight.
-        switches: of contact and flight as they came about.
+        root: (F, 3) metres: world = mesh rotated by yaw, plus root.
+        anchors: (F,) the control point that stands; -1 in flight.
+        switches: the resulting switches between contact and flight.
     """
 
     world: Float
@@ -41,7 +41,8 @@ class PlacedMotion:
     switches: tuple[Switch, ...]
 
     def couplings(self, points: Sequence[str]) -> tuple[Coupling, ...]:
-        """Equal heights of two feet where the anchor goes from one to the other: solve again with them."""
+        """Returns constraints for equal heights of two feet when the anchor changes. Use them to solve
+        again."""
         frames = np.flatnonzero((self.anchors[1:] != self.anchors[:-1]) & (self.anchors[1:] >= 0)) + 1
         pairs = [(int(self.anchors[f - 1]), int(self.anchors[f]), int(f)) for f in frames]
         return tuple(Coupling(points[b], points[a], f) for a, b, f in pairs if a >= 0)
@@ -50,9 +51,10 @@ class PlacedMotion:
 def find_switches(
     feet: Float, step: float, size: float, settings: LocomotionSettings | None = None
 ) -> tuple[Switch, ...]:
-    """When a performer with feet (F, K, 3) metres in the world touches the floor; the first is at frame 0.
+    """Detects when a performer with feet (F, K, 3), metres in the world, touches the floor. The first switch
+    is at frame 0.
 
-    A foot touches while it is low, and slow or as low as ever; flight is when none does.
+    A foot touches the floor while it is low, and either slow or at its lowest. Flight is when no foot does.
 
     Args:
         step: seconds between frames.
@@ -66,7 +68,8 @@ def find_switches(
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
-    """(F, K) which of the performer's feet touch the floor, as :func:`find_switches` sees it."""
+    """Returns (F, K) true for feet of the performer that touch the floor, with the criteria of
+    :func:`find_switches`."""
     settings = settings or LocomotionSettings()
     how = settings.contact
     feet = np.asarray(feet, np.float64)
@@ -74,7 +77,8 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
         return np.ones(feet.shape[:2], np.bool_)
     floor = np.percentile(feet[:, :, 1].min(1), 5)
     velocity = np.gradient(feet, step, axis=0)
-    # A runner's foot rolls fast while it stands: it is slow against the others, whose mean goes as they run.
+    # A runner's standing foot rolls fast. It is slow relative to the mean of all feet, which moves at running
+    # speed.
     runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
     slow = np.maximum(how.speed * size, settings.runner * runs)
     stands = np.empty(feet.shape[:2], np.bool_)
@@ -89,7 +93,7 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
 
 
 def switches_of(touches: Bool) -> tuple[Switch, ...]:
-    """The switches of a performer who touches the floor at frames (F,)."""
+    """Returns the switches of a performer that touches the floor at frames (F,)."""
     frames = [0, *(np.flatnonzero(np.diff(touches.astype(np.int8))) + 1)]
     return tuple(Switch(int(f), "contact" if touches[f] else "flight") for f in frames)
 
@@ -103,7 +107,7 @@ def locate(
     settings: LocomotionSettings | None = None,
     stands: Bool | None = None,
 ) -> PlacedMotion:
-    """Puts control points into the world.
+    """Places control points in the world.
 
     Args:
         places: (F, P, 3) metres in the mesh's frame.
@@ -111,11 +115,11 @@ def locate(
         step: seconds between frames.
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that it can stand on.
-        stands: (F, K) which of them the performer stands on (:func:`standing_feet`): these are the anchors,
-            each until it is lifted. Without it the lowest foot is, whatever the performer does.
+        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). They are the
+            anchors, each until it is lifted. None takes the lowest foot, independent of the performer.
 
     Raises:
-        InputError: for switches out of order or of no frame, or without feet.
+        InputError: if switches are out of order or outside the motion, or without feet.
     """
     settings = settings or LocomotionSettings()
     turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
@@ -131,7 +135,7 @@ def locate(
 
 
 class _Way:
-    """The root of the mesh, written frame by frame from the first on."""
+    """The root of the mesh, computed frame by frame from the start."""
 
     def __init__(
         self, turned: Float, feet: Int, step: float, settings: LocomotionSettings, stands: Bool | None
@@ -147,13 +151,13 @@ class _Way:
         self._done = 0
 
     def stand(self, first: int, last: int) -> None:
-        """Contact from frame ``first`` to ``last``."""
+        """Computes contact from frame ``first`` to ``last``."""
         first = max(first, self._done)
         stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
         self._done = max(self._done, last + 1)
 
     def fly(self, until: int) -> None:
-        """Flight from the last frame that is done to the frame ``until``."""
+        """Computes flight from the last finished frame to the frame ``until``."""
         start = self._done
         if start >= until:
             return
@@ -171,7 +175,8 @@ class _Way:
         self._done = until
 
     def _land(self, start: int, until: int) -> None:
-        """Where the mesh reaches the floor before the performer does, it stands there from then on."""
+        """Handles an early landing: if the mesh reaches the floor before the performer, it stands there from
+        then on."""
         under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
         if len(under) == 0:
             return
@@ -182,7 +187,7 @@ class _Way:
             self.stand(self._done, until - 1)
 
     def _velocity(self, frame: int) -> Float:
-        """(3,) metres a second of the root in contact, up to ``frame``."""
+        """Returns (3,) the velocity of the root in contact in metres per second, averaged up to ``frame``."""
         earlier = frame
         longest = max(int(round(self._settings.throw / self._step)), 1)
         while earlier > 0 and frame - earlier < longest and self.anchors[earlier - 1] >= 0:
@@ -193,10 +198,10 @@ class _Way:
 
 
 def check_switches(switches: Sequence[Switch], frames: int) -> None:
-    """Refuse switches that do not begin at frame 0, ascend, and lie within ``frames``.
+    """Checks that switches begin at frame 0, ascend, and lie within ``frames``.
 
     Raises:
-        InputError: where they do not.
+        InputError: if they do not.
     """
     at = [switch.frame for switch in switches]
     if not at or at[0] != 0 or any(b <= a for a, b in pairwise(at)) or at[-1] >= frames:
@@ -205,7 +210,7 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
 
 
 def _touches(switches: Sequence[Switch], frames: int) -> Bool:
-    """(F,) whether the floor is touched."""
+    """Returns (F,) true where the floor is touched."""
     check_switches(switches, frames)
     at = [switch.frame for switch in switches]
     out = np.empty(frames, np.bool_)
@@ -215,11 +220,11 @@ def _touches(switches: Sequence[Switch], frames: int) -> Bool:
 
 
 def _without_short(touches: Bool, shortest: float) -> Bool:
-    """Contact and flight without those shorter than ``shortest`` frames: first flights, then contacts."""
+    """Removes flights and then contacts that are shorter than ``shortest`` frames."""
     out = touches.copy()
     for kind in (False, True):
         for a, b in runs_of(out == kind):
-            # A contact at the beginning or the end may be the rest of a longer one.
+            # A contact at the start or the end may be part of a longer one.
             cut = kind and (a == 0 or b == len(out) - 1)
             if not cut and b - a + 1 < shortest:
                 out[a : b + 1] = not kind

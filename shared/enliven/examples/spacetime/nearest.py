@@ -1,13 +1,15 @@
-"""The energy of a control point at a pose: the nearest examples, and how well their weights explain it.
+"""The energy of a control point at a pose: the nearest examples, and how well their weights explain the pose.
 
-Of frame i and pair p, with the joint at j and the examples j_e nearest to it, the energy of weights w is
+For frame i and pair p, let j be the joint and j_e its position in the nearest examples. The energy of weights
+w is
 
     |sum_e w_e (j_e - j)|^2  +  affine^2 (sum_e w_e - 1)^2  +  sum_e t_e w_e^2            (eq. 14, 16)
 
-in sizes of the performer. The first two are the paper's, written so that moving the performer moves nothing.
-t_e grows with the distance of example e from the pose and is zero at the example itself: so there its weight
-is one and all others are zero (law 3), and of many weights that explain a pose the near ones are taken. As an
-example leaves the nearest, its t_e grows without bound: nothing jumps when another takes its place.
+in sizes of the performer. The first two terms are the paper's, in a form that is invariant to the performer's
+position. t_e grows with the distance of example e from the pose and is zero at the example itself. So at an
+example its weight is one and all others are zero (law 3), and near examples are preferred if many weights
+explain a pose. When an example leaves the set of nearest ones, its t_e grows without bound, so that nothing
+jumps when another replaces it.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from enliven.examples.spacetime.bounded import Nodes
 from enliven.kernels import njit
 
 _LEAVING = 1e-6
-"""Least share of the room that an example still has before it is one of the nearest no more."""
+"""Minimum relative distance to the first excluded example. It limits t_e for an example that is about to
+leave."""
 
 
 class Nearest:
@@ -41,11 +44,11 @@ class Nearest:
         whole_distances(self._seen, self._known, self._whole)
 
     def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
-        """The energies of some control points at all frames, of E = min(n, nearest) weights each.
+        """Returns the energies of some control points at all frames, with E = min(n, nearest) weights each.
 
-        They are w' matrix w / 2 - right' w and a constant, ``reach`` being where the control points are in
-        the examples from their middle, in sizes of the mesh. They are written into ``spare``,
-        of as many points, where there is one.
+        They are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points' positions
+        in the examples relative to their centre, in sizes of the mesh. The results are written into ``spare``
+        if it is given; it must have the same number of points.
         """
         frames, count = self._whole.shape
         most = min(self._settings.nearest, count)
@@ -60,7 +63,7 @@ class Nearest:
 
 @njit(cache=True, nogil=True)
 def whole_distances(seen, known, out):
-    """Kernel: ``out`` (F, n) adds up the mean square distance of joints (P, F, 3) from examples (P, n, 3)."""
+    """Kernel: adds the mean square distance of joints (P, F, 3) from examples (P, n, 3) to ``out`` (F, n)."""
     pairs, frames, count = seen.shape[0], seen.shape[1], known.shape[1]
     for p in range(pairs):
         for f in range(frames):
@@ -72,10 +75,10 @@ def whole_distances(seen, known, out):
 
 @njit(cache=True, nogil=True)
 def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach):
-    """Kernel: ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point: see :meth:`Nearest.nodes`.
+    """Kernel: fills ``matrix``, ``right`` and ``reach`` (F, E, ...) of one point; see :meth:`Nearest.nodes`.
 
-    ``seen`` (F, 3) is its joint, ``known`` (n, 3) that of the examples, ``goals`` (n, 3) the control point's
-    places and ``whole`` (F, n) how far the poses are from the examples.
+    ``seen`` (F, 3) is its joint, ``known`` (n, 3) the joint in the examples, and ``goals`` (n, 3) the control
+    point in the examples. ``whole`` (F, n) contains the distances of the poses from the examples.
     """
     frames, most = right.shape
     count = len(known)
@@ -101,7 +104,8 @@ def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach)
 
 @njit(cache=True, nogil=True)
 def _first(distance, order, wanted):
-    """The ``wanted`` smallest of ``distance`` come first in ``order``, ascending."""
+    """Writes the indices of the ``wanted`` smallest values of ``distance`` to the start of ``order``,
+    ascending."""
     held = 0
     for e in range(len(distance)):
         if held == wanted and distance[e] >= distance[order[held - 1]]:

@@ -1,9 +1,11 @@
-"""One control point's trajectory in compiled code: Newton on the dual, over all frames and over windows.
+"""Solves one control point's trajectory in compiled code: Newton's method on the dual, globally and in
+windows.
 
-Where weights reach or leave their bounds, the pieces change, mostly at a few frames. After each step over all
-frames, the windows around them are solved by themselves, the rest held; then again all. A step over all that
-would not help is damped. It ends where a whole step changes nothing: then the solution is exact. With costs
-far outside of what the settings allow it may end, after many rounds, with the best that it has.
+When weights reach or leave their bounds, the quadratic pieces change, mostly at a few frames. After each step
+over all frames, windows around these frames are solved with the rest held fixed; then all frames again. A
+step over all frames that would not help is damped. The iteration ends when a whole step changes no piece;
+then the solution is exact. With costs far outside the range of the settings, it may stop after many rounds
+with the best result so far.
 """
 
 from __future__ import annotations
@@ -15,23 +17,30 @@ from enliven.examples.spacetime.bounded import answers, workspace
 from enliven.kernels import copy_rows, njit
 
 _AROUND = 16
-"""Rows of a window before and after where a piece changed."""
+"""Rows of a window before and after a changed piece."""
 _MOST_ROUNDS = 60
-"""Newton steps over all frames at most; each ends at once where no frame changes its quadratic piece."""
+"""Maximum number of Newton steps over all frames. They end as soon as no frame changes its quadratic
+piece."""
 _MOST_STEPS = np.int64(40)
-"""Newton steps in a window at most. As a plain int it would be a Numba type of its own (a literal)."""
+"""Maximum number of Newton steps in a window. As a plain int it would be a Numba type of its own (a
+literal)."""
 _HALVINGS = 20
-"""Halvings of a step at most: what is left is a millionth of it."""
+"""Maximum number of halvings of a step, which leave a millionth of it."""
 
 
 @njit(cache=True, nogil=True)
 def solve_point(node, known, weight, low, high, places):
-    """Kernel: ``places`` (F, 3) of one point; returns how many block rows were factored.
+    """Kernel: solves the positions ``places`` (F, 3) of one point. Returns the number of factored block rows.
 
-    ``node`` and ``known`` are the point's arrays (``answers``). The functions below share these: y (F - 2,
-    3), the accelerations times lambda; ``goal`` (F - 2, 3), the end of a Newton step; ``how``, (lambda, low,
-    high); ``work``, the nodes' workspace; ``marks`` (F,), frames that changed their quadratic piece;
-    ``band``, arrays for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull (F, 3).
+    ``node`` and ``known`` are the point's arrays (``answers``). The functions below share these arguments:
+
+    - ``y`` (F - 2, 3): the accelerations times lambda.
+    - ``goal`` (F - 2, 3): the end of a Newton step.
+    - ``how``: (lambda, low, high).
+    - ``work``: the nodes' workspace.
+    - ``marks`` (F,): frames that changed their quadratic piece.
+    - ``band``: arrays for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull (F,
+      3).
     """
     frames = len(places)
     rows = max(frames - 2, 0)
@@ -69,7 +78,7 @@ def _close(value):
 
 @njit(cache=True, nogil=True)
 def _windows(node, known, y, goal, how, work, places, marks, band):
-    """Solves the rows around each marked frame by themselves; returns how many rows were factored."""
+    """Solves the rows around each marked frame separately. Returns the number of factored rows."""
     rows, factored = len(y), 0
     wanted = marks.copy()
     done = 0
@@ -77,13 +86,13 @@ def _windows(node, known, y, goal, how, work, places, marks, band):
         if not wanted[f] or f < done:
             continue
         start, end = max(f - 2 - _AROUND, 0), min(f + 1 + _AROUND, rows)
-        # Windows that meet are one.
+        # Merge windows that touch.
         ahead = f + 1
         while ahead < len(wanted) and ahead - 2 - _AROUND <= end:
             if wanted[ahead]:
                 end = min(ahead + 1 + _AROUND, rows)
             ahead += 1
-        # All rows together are the next whole step.
+        # A window with all rows would repeat the next whole step.
         if end - start < rows:
             _, steps = _range(node, known, y, goal, start, end, how, work, places, marks, band, _MOST_STEPS)
             factored += steps * (end - start)
@@ -93,7 +102,8 @@ def _windows(node, known, y, goal, how, work, places, marks, band):
 
 @njit(cache=True, nogil=True)
 def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):
-    """Damped Newton on rows a..b, the others held. Returns the dual of its frames, and the steps made."""
+    """Runs damped Newton steps on rows a..b, with the others fixed. Returns the dual of their frames, and the
+    step count."""
     _, value = _value(node, known, y, a, b, how, work, places, marks, band)
     before = np.empty((b - a, 3))
     for step in range(most):
@@ -118,14 +128,15 @@ def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):
 
 @njit(cache=True, nogil=True)
 def _value(node, known, y, a, b, how, work, places, marks, band):
-    """The nodes' answers at the frames that rows a..b touch: how many changed, and the dual (to fall)."""
+    """Evaluates the nodes at the frames that rows a..b affect. Returns the number of changed ones, and the
+    dual (minimized)."""
     weight, low, high = how
     rows, value, last = len(y), 0.0, min(b + 2, len(places))
     pull = band[4]
     for r in range(a, b):
         value += 0.5 * (y[r, 0] * y[r, 0] + y[r, 1] * y[r, 1] + y[r, 2] * y[r, 2])
     for f in range(a, last):
-        # q = lambda A' y: row r is about frames r, r + 1 and r + 2.
+        # q = lambda A' y: row r affects frames r, r + 1 and r + 2.
         qx, qy, qz = 0.0, 0.0, 0.0
         for k in range(3):
             r = f - k
@@ -139,7 +150,8 @@ def _value(node, known, y, a, b, how, work, places, marks, band):
 
 @njit(cache=True, nogil=True)
 def _step(node, known, y, goal, a, b, how, band):
-    """``goal`` of rows a..b: where the pieces that hold now would have them, the other rows held."""
+    """Computes ``goal`` of rows a..b: the minimum for the current quadratic pieces, with the other rows
+    fixed."""
     weight = how[0]
     base, give = known[2], known[3]
     inverse, one, two, right = band[0][a:b], band[1][a:b], band[2][a:b], band[3][a:b]
@@ -148,7 +160,7 @@ def _step(node, known, y, goal, a, b, how, band):
     for r in range(a, b):
         for i in range(3):
             right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])
-    # Rows outside pull at the first two and the last two frames inside.
+    # Rows outside affect the first two and the last two frames inside.
     for r in range(max(a - 2, 0), min(b + 2, rows)):
         if a <= r < b:
             continue

@@ -1,7 +1,7 @@
-"""Feet that stay where they stand, also those that are not the anchor.
+"""Foot lock: keeps standing feet in place, including those that are not the anchor.
 
-Examples never put two feet quite as far apart as the performer's; so while both stand, only the anchor is
-still. Here every foot is taken back to where it stands, and into and out of it smoothly.
+Examples never put two feet exactly as far apart as the performer's. So while both stand, only the anchor is
+still. Here every standing foot is moved back to one position, with smooth transitions.
 
     places = planted(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """
@@ -28,16 +28,16 @@ def planted(
     step: float,
     settings: LocomotionSettings,
 ) -> Float:
-    """(F, P, 3) metres in the mesh's frame: feet that stand do not move over the floor.
+    """Locks standing feet to the floor. Returns (F, P, 3) metres in the mesh's frame.
 
     Args:
-        places: (F, P, 3) metres in the mesh's frame, as they were put into the world.
+        places: (F, P, 3) metres in the mesh's frame, before the lock.
         yaw: (F,) radians.
-        placed: where they are then.
+        placed: the resulting motion in the world.
         feet: (K,) numbers of the control points that are feet.
-        stands: (F, K) which of them the performer stands on.
+        stands: (F, K) true for feet that the performer stands on.
         step: seconds between frames.
-        settings: ``plant`` says how much of it is done, ``contact.blend`` how long it takes.
+        settings: ``plant`` is the strength of the lock, ``contact.blend`` its transition time.
     """
     out = np.array(places, np.float64)
     times = np.arange(len(places)) * step
@@ -56,5 +56,6 @@ def planted(
 
 
 def _stood(way: Float, anchor: Bool) -> Float:
-    """(3,) where a foot stands that went along a way (N, 3): where it is the anchor, else in the middle."""
+    """Returns (3,) the position to lock a foot with path (N, 3): where it becomes the anchor, else the
+    mean."""
     return np.asarray(way[anchor.argmax()] if anchor.any() else way.mean(0))

@@ -1,13 +1,13 @@
-"""The spacetime problem of all frames and control points (section 5, eq. 24), with bounded weights, exactly.
+"""The exact solution of the spacetime problem over all frames and control points, with bounded weights.
 
-Of weights w, what leaves the examples r, and c = C w + r + middle, it is
+Section 5, eq. 24. With weights w, offsets r from the weighted examples, and c = C w + r + middle, it is
 
     minimise  sum of the nodes' energies + lambda^2 |A c|^2 / 2     with H c = h and low <= w <= high.
 
-Positions are eliminated node by node; velocities and couplings (H) have multipliers, by a bordered solve of
-the band. Bounds make the answer of a node to a pull piecewise linear: Newton's method on the dual, which is
-convex and once differentiable, solves the band for the pieces that hold now until no piece changes. Every
-step is a banded solve; a step is shortened where the dual would not fall.
+Positions are eliminated node by node. Velocities and couplings (H) have Lagrange multipliers, solved by a
+bordered system of the band. Because of the bounds, the response of a node to a pull is piecewise linear.
+Newton's method on the dual, which is convex and once differentiable, solves the band for the current pieces
+until no piece changes. Every step is a banded solve, and is shortened if the dual would not decrease.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from enliven.examples.spacetime.newton import solve_point
 from enliven.kernels import njit
 
 _MOST_STEPS = 60
-"""Newton steps at most; the last one changes no quadratic piece and is exact."""
+"""Maximum number of Newton steps. The last one changes no quadratic piece and is exact."""
 _SHORTEST = 1e-6
-"""Share of a Newton step at which the line search ends."""
+"""Minimum fraction of a Newton step in the line search."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Places of control points.
+    """The positions of the control points.
 
     Attributes:
         places: (P, F, 3) in the nodes' unit.
-        work: how many block rows were factored: what the time is proportional to.
+        work: number of factored block rows, to which the computing time is proportional.
     """
 
     places: Float
@@ -52,18 +52,18 @@ def solve(
     workers: Executor | None = None,
     only: Sequence[int] | None = None,
 ) -> Solution:
-    """Solves for all points: each by itself, those that are coupled together.
+    """Solves for all points: coupled points together, the others one by one.
 
     Args:
-        nodes_of: the nodes of some points, in the room of others that are done with.
+        nodes_of: builds the nodes of some points, reusing the memory of finished nodes.
         conditions: for P points and F frames.
         weight: lambda, per frame.
         bounds: of the weights.
-        workers: share the points among them; without, one after the other.
-        only: which points are asked for; the others are 0. None for all.
+        workers: threads that share the points; None solves them sequentially.
+        only: the points to solve; the others are 0. None for all.
     """
     places = np.zeros(conditions.held.shape)
-    # Fresh memory costs as much as the mathematics.
+    # Reuse nodes: allocating new memory costs as much as the computation.
     spare: list[Nodes] = []
 
     def one(group: list[int]) -> int:
@@ -92,9 +92,10 @@ def solve(
 
 @njit(cache=True, nogil=True)
 def _hold(held, values, matrix, right, reach, offset, slack):
-    """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``: changes the nodes.
+    """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``, in place.
 
-    What a held coordinate asks beyond C w is r, at its cost: it becomes part of the weights' energy.
+    The difference between a held coordinate and C w is r, at its cost. It becomes part of the weights'
+    energy.
     """
     count = reach.shape[2]
     for p in range(held.shape[0]):
@@ -114,7 +115,7 @@ def _hold(held, values, matrix, right, reach, offset, slack):
 
 
 def _groups(points: int, conditions: Conditions) -> list[list[int]]:
-    """Points that couplings tie together."""
+    """Returns groups of points that are connected by couplings."""
     group = list(range(points))
     for a, b in zip(conditions.first[:, 0], conditions.second[:, 0], strict=True):
         old, new = group[a], group[b]
@@ -140,7 +141,7 @@ class _System:
         self.work = 0
 
     def solve(self) -> Float:
-        """(P, F, 3) places."""
+        """Solves the positions (P, F, 3)."""
         y = np.zeros((self._points, max(self._frames - 2, 0), 3))
         nu = np.zeros(len(self._difference))
         places = np.empty((self._points, self._frames, 3))
@@ -150,7 +151,7 @@ class _System:
             changed, new = self._answer(to_y, to_nu, places)
             if changed == 0:
                 break
-            # Along the step the dual falls with this slope at first.
+            # Halve the step until the dual does not increase.
             share = 1.0
             while new > value + 1e-12 * (abs(value) + 1.0) and share > _SHORTEST:
                 share *= 0.5
@@ -160,19 +161,20 @@ class _System:
         return places
 
     def _answer(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
-        """The nodes' answer to y and nu, into ``places``: how many changed, and the dual."""
+        """Evaluates the nodes for y and nu, into ``places``. Returns the number of changed nodes, and the
+        dual."""
         changed, energy = self._nodes.respond(self._pull(y, nu), *self._bounds, places)
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
     def _pull(self, y: Float, nu: Float) -> Float:
-        """(P, F, 3) q = lambda A' y + H' nu."""
+        """Computes (P, F, 3) q = lambda A' y + H' nu."""
         pull = self._weight * pulled(y, self._frames)
         np.add.at(pull, self._first, nu)
         np.subtract.at(pull, self._second, nu)
         return pull
 
     def _newton(self) -> tuple[Float, Float]:
-        """The y and nu that are right for the pieces that hold now."""
+        """Computes the y and nu that are optimal for the current quadratic pieces."""
         bands = [Band(give, self._weight) for give in self._nodes.give]
         self.work += sum(band.work for band in bands)
         base, rows = self._nodes.base, len(self._difference)
@@ -190,7 +192,7 @@ class _System:
         return y - through @ nu, nu
 
     def _given(self, rows: int) -> Float:
-        """(P, F, 3, R) give H': how places follow the multipliers."""
+        """Computes (P, F, 3, R) give H': the response of the positions to the multipliers."""
         out = np.zeros((self._points, self._frames, 3, rows))
         for r in range(rows):
             for ends, sign in ((self._first, 1.0), (self._second, -1.0)):

@@ -1,6 +1,6 @@
-"""Edits of whole characters, each written once for all rigs: copied, moved, scaled, mirrored, cut and merged.
+"""Edits of whole characters, each written once for all rigs: copy, move, scale, mirror, cut and merge.
 
-What differs between rigs is a method of the rig, in the rig's own room. The table of rigs is in
+Differences between rigs are methods of the rig, in the rig's own package. The table of rigs is in
 :mod:`enliven.modeling.edits.rigs`.
 """
 

@@ -1,11 +1,13 @@
-"""Takes of which one is heard: what was performed again is kept beside what was performed before.
+"""Alternative takes (take comping): a repeated performance is kept next to the earlier ones, and one of them
+plays.
 
-    takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second is heard
-    choose_take(project, "take 1", "take 1")       # the first is heard again, on every character
-    drop_take(project, "take 1", "take 2")         # its layers and its takes are gone
+    takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
+    choose_take(project, "take 1", "take 1")       # the first plays again, on every character
+    drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 
-Each layer says which recording it came from, and of which alternatives that is one; so both go along through
-cuts, merges and copies. Project -> Project; an edit that is refused raises InputError and changes nothing.
+Each layer stores the recording it came from, and the group of alternatives that this recording belongs to.
+Both survive cuts, merges and copies. Each edit maps a project to a project. An invalid edit raises InputError
+and changes nothing.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from enliven.errors import InputError
 
 
 def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
-    """The recordings that are alternatives of one another, in their order, and whether each is heard."""
+    """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
     found: dict[str, bool] = {}
     for one in project.characters.values():
         for layer in one.playing:
@@ -28,16 +30,17 @@ def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
 
 
 def alternatives_of(project: Project, recorded: str) -> str:
-    """The name of the alternatives to which a recording belongs; empty where nothing of it is left."""
+    """Returns the name of the group of alternatives of a recording. It is empty if no layer of the recording
+    is left."""
     layers = (layer for one in project.characters.values() for layer in one.playing)
     return next((one.alternatives for one in layers if recorded and one.recorded == recorded), "")
 
 
 def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
-    """A project in which one of the alternatives is heard, on every character; none for an empty name.
+    """Selects the alternative that plays, on every character. An empty name mutes all of them.
 
     Raises:
-        InputError: where that is none of them.
+        InputError: if the recording is not in the group.
     """
     known = takes_beside(project, alternatives)
     if recorded and recorded not in known:
@@ -59,7 +62,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
 
 
 def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
-    """A project in which the layers of takes that ``before`` lacks are one of the alternatives."""
+    """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
 
     def told(layer: Playing) -> Playing:
         held, known = (getattr(each, layer.source) for each in (project, before))
@@ -79,13 +82,13 @@ def as_take(before: Project, project: Project, recorded: str, alternatives: str)
 
 
 def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
-    """A project without one of several alternatives: its layers go, and the takes that nothing plays then.
+    """Removes one of several alternatives: its layers, and takes that are no longer played.
 
-    The first recording of a possessed mesh is what its nodes play: it stands still there instead. Where the
-    one that was heard goes, the one before it is heard, or the next.
+    The first recording of a possessed mesh drives its nodes. There the nodes keep the pose of its first frame
+    instead. If the removed alternative was playing, its predecessor plays next, or else its successor.
 
     Raises:
-        InputError: where that is none of them.
+        InputError: if the recording is not in the group.
     """
     known = takes_beside(project, alternatives)
     if recorded not in known:
@@ -104,10 +107,10 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
 
 
 def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
-    """A project with one of the alternatives alone.
+    """Keeps only one of the alternatives.
 
     Raises:
-        InputError: where that is none of them.
+        InputError: if the recording is not in the group.
     """
     project = choose_take(project, alternatives, recorded)
     for name in takes_beside(project, alternatives):
@@ -121,7 +124,7 @@ def _is(layer: Playing, alternatives: str, recorded: str) -> bool:
 
 
 def _without(project: Project, one: RigBase, alternatives: str, recorded: str) -> Project:
-    """A project with a character without the layers of a recording."""
+    """Removes the layers of a recording from a character."""
     for number in reversed(range(len(one.playing))):
         layer = one.playing[number]
         if not _is(layer, alternatives, recorded):
@@ -136,7 +139,7 @@ def _without(project: Project, one: RigBase, alternatives: str, recorded: str) -
 
 
 def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
-    """A part that stands as at its stream's first frame, and the stream of that."""
+    """Returns a part that holds the first frame of its stream, and a stream of that frame."""
     stream = project.streams[part.take]
     name = unused(f"{part.take} still", project.streams)
     first = PoseStream(name, stream.linear[:1], stream.positions[:1], stream.step)
@@ -145,7 +148,7 @@ def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
 
 
 def _tidied(before: Project, project: Project) -> Project:
-    """A project without the takes that a character of ``before`` needed and none does now."""
+    """Removes takes that a character of ``before`` needed and that no character needs now."""
 
     def needed(one: Project, kind: str) -> set[str]:
         return set().union(*(character.needed()[kind] for character in one.characters.values()))

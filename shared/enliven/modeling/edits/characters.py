@@ -1,10 +1,10 @@
-"""The edits of one character: Project -> Project, each written once for all rigs.
+"""Edits of one character: Project -> Project, each written once for all rigs.
 
     project, copied = copy_character(project, "chair", offset=(1, 0, 0), delay=0.5)
     project = mirror_character(project, copied, (1, 0, 0))
     project, parts = cut_character(project, "cactus", PlaneCut(point, normal), time)
 
-An edit that is refused raises InputError and changes nothing.
+An invalid edit raises InputError and changes nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from enliven.modeling.rigged import Axes
 from enliven.rotation import IDENTITY
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Metres: nowhere else, or the middle of the world, where nothing else is asked for."""
+"""Metres: no offset, or the centre of the world, as the default of positions."""
 
 
 def copy_character(
@@ -35,11 +35,11 @@ def copy_character(
     offset: AnyArray | Sequence[float] = _ORIGIN,
     delay: float = 0.0,
 ) -> tuple[Project, str]:
-    """A project with a copy of a character, and the copy's id; it plays the same takes.
+    """Copies a character, and returns the project and the copy's id. The copy plays the same takes.
 
     Args:
         offset: (3,) metres from the character to its copy.
-        delay: seconds that the copy moves later.
+        delay: seconds by which the copy's motion is delayed.
     """
     return paste_character(project, project, character_id, offset=offset, delay=delay)
 
@@ -52,12 +52,12 @@ def paste_character(
     offset: AnyArray | Sequence[float] = _ORIGIN,
     delay: float = 0.0,
 ) -> tuple[Project, str]:
-    """A project with a copy of a character of another project, with its motion, and the copy's id.
+    """Copies a character from another project with its motion, and returns the project and the copy's id.
 
-    Takes and streams that the project has already, bit for bit, are used; others come along.
+    Takes and streams that the project already contains, bit for bit, are reused; others are copied.
 
     Raises:
-        InputError: where there is no such character, or the offset or delay is no number.
+        InputError: if the character does not exist, or the offset or delay is not a number.
     """
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
@@ -71,19 +71,19 @@ def paste_character(
 
 
 def delete_character(project: Project, character_id: str) -> Project:
-    """A project without a character; the takes that it played stay.
+    """Deletes a character. The takes that it played stay.
 
     Raises:
-        InputError: where there is no such character.
+        InputError: if the character does not exist.
     """
     return project.without(character_id)
 
 
 def rename_character(project: Project, character_id: str, wanted: str) -> Project:
-    """A project with a character under another name, at its place among the others.
+    """Renames a character, and keeps its position in the order.
 
     Raises:
-        InputError: where there is no such character, or another is called so.
+        InputError: if the character does not exist, or the name is taken.
     """
     character = project.character(character_id)
     if wanted == character_id:
@@ -106,15 +106,15 @@ def move_character(
     turn: AnyArray = IDENTITY,
     about: AnyArray | Sequence[float] = _ORIGIN,
 ) -> Project:
-    """A project with a character moved at every time: x becomes turn (x - about) + about + offset.
+    """Moves a character at every time: x becomes turn (x - about) + about + offset.
 
     Args:
         offset: (3,) metres.
         turn: (4,) rotation.
-        about: (3,) metres that the turn leaves.
+        about: (3,) metres, the fixed point of the rotation.
 
     Raises:
-        InputError: where there is no such character, or a number is not finite.
+        InputError: if the character does not exist, or a number is not finite.
     """
     character = project.character(character_id)
     way, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
@@ -128,20 +128,20 @@ def move_character(
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
-    """A project with a character turned by a rotation (4,) about where it stands, at every time.
+    """Rotates a character by ``turn`` (4,) about its centre, at every time.
 
     Raises:
-        InputError: where there is no such character, or the turn is no unit quaternion.
+        InputError: if the character does not exist, or the rotation is not a unit quaternion.
     """
     character = project.character(character_id)
     return move_character(project, character_id, _ORIGIN, turn, rig_of(character).centre(character))
 
 
 def scale_character(project: Project, character_id: str, factor: float) -> Project:
-    """A project with a character ``factor`` times as large where it stands; strides grow along.
+    """Scales a character by ``factor`` about its centre. Strides scale with it.
 
     Raises:
-        InputError: where there is no such character, or the factor is not above zero.
+        InputError: if the character does not exist, or the factor is not above zero.
     """
     character = project.character(character_id)
     if not (np.isfinite(factor) and factor > 0.0):
@@ -151,12 +151,12 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
 
 
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
-    """A project with a character mirrored, at every time, where it stands, across ``normal`` (3,).
+    """Mirrors a character, at every time, across a plane through its centre with normal ``normal`` (3,).
 
     To keep both, copy it first.
 
     Raises:
-        InputError: where there is no such character, or no direction.
+        InputError: if the character does not exist, or the normal is zero.
     """
     character = project.character(character_id)
     axes = Axes.mirror(np.asarray(normal, np.float64))
@@ -164,19 +164,20 @@ def mirror_character(project: Project, character_id: str, normal: AnyArray | Seq
 
 
 def shift_character(project: Project, character_id: str, delay: float) -> Project:
-    """A project in which a character does everything ``delay`` seconds later.
+    """Delays all motion of a character by ``delay`` seconds.
 
     Raises:
-        InputError: where there is no such character, or the delay is no number.
+        InputError: if the character does not exist, or the delay is not a number.
     """
     return project.with_characters(project.character(character_id).later(delay))
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
-    """A project with layers of a character changed: offset, speed, loop, muted, or what else they all have.
+    """Changes attributes of a character's layers: offset, speed, loop, muted, or another one that they all
+    have.
 
     Raises:
-        InputError: where there is no such character or layer, or it cannot be played like that.
+        InputError: if the character or layer does not exist, or it cannot be played with these values.
     """
     character, wanted = project.character(character_id), set(numbers)
     _layers(character, wanted)
@@ -187,10 +188,10 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
 
 
 def remove_layer(project: Project, character_id: str, number: int) -> Project:
-    """A project in which a character no longer plays a layer; the take stays.
+    """Removes a layer of a character; the take stays.
 
     Raises:
-        InputError: where there is no such character or layer, or it has no motion without it.
+        InputError: if the character or layer does not exist, or it has no motion without it.
     """
     character = project.character(character_id)
     _layers(character, {number})
@@ -204,14 +205,14 @@ def drag_handle(
     place: AnyArray | Sequence[float],
     time: float,
 ) -> Project:
-    """A project in which a character is posed by hand: a handle of it is at ``place`` (3,) metres at a time.
+    """Poses a character by hand: moves one of its handles to ``place`` (3,) metres at a time.
 
     Args:
         handle: a joint or a control point, by number or name.
 
     Raises:
-        InputError: where there is no such character or handle, the place is not finite, or what moves the
-            character is not posed by hand.
+        InputError: if the character or handle does not exist, the place is not finite, or the character's
+            motion cannot be posed by hand.
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
     if wanted.shape != (3,) or not np.isfinite(wanted).all():
@@ -222,18 +223,18 @@ def drag_handle(
 def cut_character(
     project: Project, character_id: str, stroke: CutSurface, time: float, *, notes: list[str] | None = None
 ) -> tuple[Project, tuple[str, ...]]:
-    """A character cut along a stroke, as it is seen at ``time``; all parts go on moving.
+    """Cuts a character along a stroke, in its pose at ``time``. All parts keep moving.
 
     Args:
-        stroke: a ``StrokeCut`` (drawn on a picture) or a ``PlaneCut``, in world metres.
+        stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
         time: seconds of the project's time.
-        notes: takes sentences about how the mesh was closed, and what was approximated.
+        notes: receives sentences about how the mesh was closed, and what was approximated.
 
     Returns:
         The project and the ids: the first part keeps ``character_id``, the others get new ones.
 
     Raises:
-        InputError: where there is no such character, or the stroke cuts nothing off.
+        InputError: if the character does not exist, or the stroke cuts nothing off.
     """
     rig, told = rig_of(project.character(character_id)), [] if notes is None else notes
     return rig.cut(project, character_id, stroke, time, notes=told)
@@ -242,7 +243,11 @@ def cut_character(
 def _with_takes_of(
     project: Project, source: Project, character: RigBase
 ) -> tuple[Project, dict[tuple[str, str], str]]:
-    """The project with what a character plays in another, and by map and id the id of each take here."""
+    """Adds the takes that a character plays in another project.
+
+    Returns:
+        The project, and the id of each take in it, by the name of its collection and its old id.
+    """
     ids: dict[tuple[str, str], str] = {}
     for held, names in character.needed().items():
         for name in sorted(names):
@@ -255,7 +260,7 @@ def _with_takes_of(
 
 
 def _layers(character: RigBase, numbers: set[int]) -> None:
-    """Refuse numbers of layers that are not there."""
+    """Raises an error for layer numbers that do not exist."""
     count = len(character.playing)
     if not numbers <= set(range(count)):
         what = f"there is no layer {max(numbers, key=abs)}"

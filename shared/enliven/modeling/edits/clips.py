@@ -1,12 +1,12 @@
 """Edits of the clips of a lane: one implementation for the layers of all rigs.
 
-    split_clip(project, "squid", [0], time)                   # nothing looks different
-    trim_clip(project, "squid", [0], 1, begin=2.0)            # what is left plays as before
+    split_clip(project, "squid", [0], time)                   # the motion stays the same
+    trim_clip(project, "squid", [0], 1, begin=2.0)            # the rest plays as before
     slip_clip(project, "squid", [0], 1, 0.5)                  # another part of the take, at the same time
-    blend_clips(project, "squid", [0], 0, 0.4)                # one clip goes over into the next
+    blend_clips(project, "squid", [0], 0, 0.4)                # cross-fades a clip into the next
 
-A lane is what a character's layers play that share a bar on the timeline; its clips are numbered in the order
-of time, in seconds of the project. An edit that is refused raises InputError and changes nothing.
+A lane holds the layers of a character that share a bar on the timeline. Its clips are numbered in the order
+of time, and times are in seconds of the project. An invalid edit raises InputError and changes nothing.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 _SHORTEST = 1e-3
-"""Seconds of a clip at least: below it no frame of a take is seen."""
+"""Minimum duration of a clip in seconds. A shorter one shows no frame of its take."""
 _SLOWEST = 0.02
-"""Times as recorded that a clip is played at least: a fiftieth."""
+"""Minimum playback speed of a clip, relative to the recording: one fiftieth."""
 _FASTEST = 50.0
-"""Times as recorded that a clip is played at most."""
+"""Maximum playback speed of a clip, relative to the recording."""
 _Lane = Callable[[tuple[Segment, ...]], Sequence[Segment]]
 
 
 def clips_of(project: Project, character_id: str, number: int) -> tuple[Segment, ...]:
-    """The clips of a layer, in seconds of the project.
+    """Returns the clips of a layer, in seconds of the project.
 
     Raises:
-        InputError: where there is no such character or layer.
+        InputError: if the character or layer does not exist.
     """
     layer = _layer(project.character(character_id), number)
     return layer.clips(project.length_of(layer))
 
 
 def split_clip(project: Project, character_id: str, numbers: Iterable[int], time: float) -> Project:
-    """A project in which the clip under a time is two; it plays as before.
+    """Splits the clip at a time in two. The motion stays the same.
 
     Raises:
-        InputError: where no clip is there, or its end is.
+        InputError: if there is no clip at that time, or the time is at its end.
     """
 
     numbers = tuple(numbers)
@@ -78,9 +78,9 @@ def trim_clip(
     begin: float | None = None,
     end: float | None = None,
 ) -> Project:
-    """A project with a clip that begins or ends at another time; what is left of it plays as before.
+    """Changes the start or end time of a clip. The rest of it plays as before.
 
-    It gets no longer than its take: from the first frame, or to the last.
+    The clip cannot extend beyond its take's first or last frame.
     """
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer(character, numbers[0])
@@ -89,7 +89,7 @@ def trim_clip(
 
     def change(one: Segment) -> Segment:
         ends = sorted((one.begin - one.first / one.speed, one.begin + (length - one.first) / one.speed))
-        # A clip that holds an end of its take already may keep doing so.
+        # A clip that already holds the first or last frame of its take may keep doing so.
         low, high = min(ends[0], one.begin), max(ends[1], one.end)
         start = one.begin if begin is None else min(max(begin, low), one.end - _SHORTEST)
         stop = one.end if end is None else max(min(end, high), start + _SHORTEST)
@@ -101,17 +101,18 @@ def trim_clip(
 def slip_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """A project with a clip that plays what comes ``seconds`` of its take later, at the same time."""
+    """Makes a clip play what comes ``seconds`` later in its take, at the same time of the project (slip
+    edit)."""
     return _changed(project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds))
 
 
 def move_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, delay: float
 ) -> Project:
-    """A project with a clip that plays ``delay`` seconds later; where it overlaps another they are blended.
+    """Delays a clip by ``delay`` seconds. Where it overlaps another clip, the two are blended.
 
     Raises:
-        InputError: where it would lie within another, or three would overlap.
+        InputError: if it would lie inside another clip, or three clips would overlap.
     """
     numbers = tuple(numbers)
     layer = _layer(project.character(character_id), numbers[0])
@@ -132,7 +133,7 @@ def stretch_clip(
     begin: float | None = None,
     end: float | None = None,
 ) -> Project:
-    """A project in which a clip plays the same of its take faster or slower, from ``begin`` to ``end``."""
+    """Plays the same part of a clip's take faster or slower, so that it lasts from ``begin`` to ``end``."""
     numbers = tuple(numbers)
     layer = _layer(project.character(character_id), numbers[0])
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
@@ -143,7 +144,7 @@ def stretch_clip(
         factor = lasts / max(stop - start, 1e-9)
         speed = min(max(abs(one.speed) * factor, _SLOWEST), _FASTEST)
         lasts *= abs(one.speed) / speed
-        # The end that is not dragged stays.
+        # Keep the end that is not dragged.
         start, stop = (stop - lasts, stop) if end is None else (start, start + lasts)
         return Segment(start, stop, one.first, speed if one.speed > 0.0 else -speed)
 
@@ -151,17 +152,17 @@ def stretch_clip(
 
 
 def reverse_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
-    """A project with a clip that plays backwards, where it is."""
+    """Reverses a clip in place."""
     return _changed(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.last, speed=-one.speed)
     )
 
 
 def remove_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
-    """A project without a clip of a lane.
+    """Removes a clip from a lane.
 
     Raises:
-        InputError: for the only one of a lane, or one that is not there.
+        InputError: if it is the only clip of the lane, or does not exist.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
@@ -174,13 +175,13 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
 def blend_clips(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """A project in which a clip goes over into the next within ``seconds``, half of them on either side.
+    """Cross-fades a clip into the next over ``seconds``, half of them on each side of the boundary.
 
-    Where their takes have no more frames there, an end stands still. With 0 they meet in the middle of where
-    they overlapped.
+    If a take has no more frames there, its last pose is held. With 0 the clips meet in the middle of their
+    overlap.
 
     Raises:
-        InputError: for the last clip, or where the next does not begin where it ends.
+        InputError: for the last clip, or if the next clip does not begin where it ends.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
@@ -202,10 +203,10 @@ def blend_clips(
 
 
 def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -> Project:
-    """A project in which layers play the mirror image of their take, left for right, or no longer do.
+    """Toggles whether layers play the mirror image of their take (left and right swapped).
 
     Raises:
-        InputError: for a possessed mesh, which plays where its own nodes went.
+        InputError: for a possessed mesh, since its recording describes its own nodes.
     """
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer(character, numbers[0])
@@ -222,7 +223,7 @@ def _changed(
     clip: int,
     change: Callable[[Segment], Segment],
 ) -> Project:
-    """A project with one clip changed; the others stay."""
+    """Changes one clip. The others stay."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _number(clips, clip, character_id)
@@ -232,7 +233,7 @@ def _changed(
 
 
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
-    """A project with the lane of some layers changed, which they all have then."""
+    """Changes the lane of some layers, which all get the same clips."""
     character, wanted = project.character(character_id), tuple(numbers)
     first = _layer(character, wanted[0])
     length = project.length_of(first)
@@ -250,7 +251,7 @@ def _layer(character: RigBase, number: int) -> Playing:
 
 
 def _number(clips: Sequence[Segment], clip: int, character_id: str) -> None:
-    """Refuse the number of a clip that is not there."""
+    """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
         what, mend = f"there is no clip {clip}", f"That lane has {len(clips)}."
         raise InputError(what, where=f"character {character_id!r}", mend=mend)

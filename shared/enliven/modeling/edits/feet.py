@@ -1,4 +1,5 @@
-"""How feet stand while clips play: found, always held, never held, or kept above the floor; for every rig."""
+"""The foot lock mode of clips, for every rig: automatic, always locked, never locked, or kept above the
+floor."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from enliven.modeling.edits.graph_feet import stand, way_to_stand
 
 
 def feet_while(character: RigBase, number: int) -> str | None:
-    """How feet stand while a layer of a character plays; None where that is not this layer's to say."""
+    """Returns the foot lock mode of a character's layer, or None if the layer does not have one."""
     if isinstance(character, GraphShape):
         return way_to_stand(character, number) if number < len(character.parts) else None
     layer = character.playing[number]
@@ -20,18 +21,18 @@ def feet_while(character: RigBase, number: int) -> str | None:
 
 
 def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet: str) -> Project:
-    """A project in which feet stand in one way while layers of a character play.
+    """Sets the foot lock mode of layers of a character.
 
-    Of a shape with bones, the ends of all legs are pinned where no foot is yet. Of a possessed mesh, a layer
-    over its motion holds its feet as it moves now; asked for again, they are found again.
+    In a shape with bones, the ends of all legs are pinned if it has no pins yet. In a possessed mesh, a layer
+    on top of its motion locks the feet in its current motion. A repeated call detects the feet again.
 
     Args:
-        numbers: of the layers.
+        numbers: numbers of the layers.
         feet: "auto", "always", "never" or "ground"; see :mod:`enliven.motion.layers.footing`.
 
     Raises:
-        InputError: where there is no such character, layer or way, no foot is found, or it is a puppet, which
-            stands by its own contacts.
+        InputError: if the character, layer or mode does not exist, or no foot is found. Also for a puppet,
+            which has its own contacts.
     """
     character = project.character(character_id)
     if isinstance(character, GraphShape):
@@ -43,7 +44,7 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
 
 
 def _pinned(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
-    """The same for a shape with bones."""
+    """Sets the foot lock mode of a shape with bones."""
     project = change_layers(project, shape_id, numbers, feet=feet)
     shape = project.shape(shape_id)
     if feet == "auto" or shape.pins:

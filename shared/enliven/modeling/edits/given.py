@@ -1,4 +1,4 @@
-"""A performance given to another character: its performers step into that one's mesh."""
+"""Transfers a performance to another character: the performers possess that character's mesh."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from enliven.modeling.possessed import possess_another
 from enliven.possession import as_moved, settings_of
 
 _OF_RECORDING = ("recorded", "alternatives")
-"""What a layer says about the recording that it came from, and not about when it plays."""
+"""Attributes of a layer that identify its recording. The others say when it plays."""
 
 
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
-    """Returns the first part of a shape that performers moved, or else what they performed over it."""
+    """Returns the first part of a shape that performers moved, or else the first layer that they performed on
+    top."""
     return next((one for one in (*shape.parts, *shape.over) if one.possession is not None), None)
 
 
@@ -35,21 +36,21 @@ def give_performance(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, str]:
-    """Returns a project in which a mesh does what performers did with another one, and its id.
+    """Transfers the motion of performers from one mesh to another. Returns the project and the new mesh's id.
 
-    They step into the mesh as it stands at a time, brought to the size that they need; then it has its own
-    size again, and begins where it stood. A mesh that nothing moves yet, neither motion nor bones nor key
-    poses, is the one that moves; of any other character a copy does, and the character stays.
+    The performers possess the mesh in its pose at ``time``, scaled to the size that they need. Then the mesh
+    gets its own size again, and starts at its old position. A mesh without motion, bones and key poses
+    becomes the performed character itself. Any other character is copied and stays unchanged.
 
     Args:
         time: seconds.
-        nodes: of the deformation graph.
-        progress: is told the share that is done, from 0 to 1.
-        notes: takes a sentence about each hold that the mesh refused.
+        nodes: number of nodes of the deformation graph.
+        progress: is called with the completed fraction, from 0 to 1.
+        notes: receives a sentence about each attachment that the mesh refused.
 
     Raises:
-        InputError: where the first is no mesh that performers moved, where the second has no surface, or is
-            the first, or where the performers can take hold of none of it.
+        InputError: if the first is not a mesh that performers moved. Also if the second has no surface or is
+            the first, or if the performers cannot attach to any part of it.
     """
     shape, target = project.graph(source_id), project.character(target_id)
     layer = performance_in(shape)
@@ -63,7 +64,7 @@ def give_performance(
     seen = vertices_of(project, target_id, time)
     mesh = replace(target.mesh, vertices=seen, name=target_id)
     take = project.bodies[layer.possession.take]
-    # Where the first mesh was fixed in the room, this one is elsewhere.
+    # The first mesh may have been fixed in the room; this one is elsewhere.
     settings = replace(settings_of(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
     ends, joints = _known(target, seen)
@@ -89,7 +90,7 @@ def give_performance(
 
 
 def _known(target: RigBase, seen: Float) -> tuple[Float | None, Float | None]:
-    """Returns the ends and joints of a mesh as it is seen, where they are known."""
+    """Returns the known ends and joints of a mesh, in its pose."""
     if not isinstance(target, GraphShape):
         return None, None
     rest = target.mesh.vertices
@@ -98,7 +99,7 @@ def _known(target: RigBase, seen: Float) -> tuple[Float | None, Float | None]:
 
 
 def _as_it_stood(project: Project, name: str, seen: Float) -> Project:
-    """Returns the project with a new mesh as large as its vertices (V, 3) were seen, beginning there."""
+    """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
     grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
@@ -107,11 +108,11 @@ def _as_it_stood(project: Project, name: str, seen: Float) -> Project:
 
 
 def _height(vertices: Float) -> float:
-    """Metres from the lowest to the highest of vertices (V, 3)."""
+    """Returns the vertical extent of vertices (V, 3), in metres."""
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 
 
 def _is_plain(project: Project, one: RigBase) -> bool:
-    """Whether a character is a mesh that nothing moves: as it was opened, sketched or scanned."""
+    """Returns True if a character is a mesh without motion: as opened, sketched or scanned."""
     plain = isinstance(one, GraphShape) or (isinstance(one, Puppet) and len(one.poses) < 2)
     return plain and not any(project.length_of(layer) > 0.0 for layer in one.playing)

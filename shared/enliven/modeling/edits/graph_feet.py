@@ -1,13 +1,13 @@
-"""Feet of a possessed mesh that stand while it plays: a layer over its motion holds them.
+"""Foot lock for a possessed mesh: a layer on top of its motion holds the feet in place.
 
-    project = stand(project, "chair", [0], "always")       # over the part 0, as it moves now
+    project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
     way_to_stand(shape, 0) -> "always"
 
-The feet are the lowest places of the mesh at rest, or those that an artist named. Their ways are watched
-once; contacts are as those of skeletons (:mod:`enliven.motion.contact`). With s_n^j how far node n goes along
-with foot j (:func:`~enliven.modeling.possessed.followers`), c solves S c = d, where S_ij is the mean of s^j
-over foot i by its skin weights, so that each foot goes exactly the way d_i that it lacks, and the mesh bends
-above.
+The feet are the lowest parts of the mesh at rest, or those that an artist named. Their paths are analysed
+once; contacts are detected as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot
+j's displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve
+S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
+required correction d_i, and the mesh bends above it.
 """
 
 from __future__ import annotations
@@ -40,24 +40,25 @@ from enliven.motion.contact import contacts_of, hold, window_of
 from enliven.rotation import conjugate, rotate
 
 _SOLE = 0.04
-"""Share of the mesh's height above its lowest vertex within which a vertex stands: a hoof, a sole."""
+"""Vertices within this fraction of the mesh's height above its lowest vertex belong to a foot: a hoof, a
+sole."""
 _APART = 0.06
-"""Share of the mesh's size by which two feet are apart; nearer vertices are of one."""
+"""Minimum distance of two feet, as a fraction of the mesh's size. Nearer vertices belong to one foot."""
 _LIMB = 0.5
-"""Share of the mesh's height that counts as the length of a limb: a chair's legs, a person's."""
+"""Assumed limb length as a fraction of the mesh's height: the legs of a chair or a person."""
 _MOST = 48
-"""Vertices of a foot that are watched: they all but move as one."""
+"""Maximum number of sampled vertices per foot. All of them move nearly as one."""
 _FEW = 12
-"""Feet at most, the largest first: an insect's, and some to spare."""
+"""Maximum number of feet, the largest first: enough for an insect, with some to spare."""
 
 
 @dataclass(frozen=True, eq=False)
 class StandingFoot:
-    """A place of a mesh that stands.
+    """A part of a mesh that stands on the floor.
 
     Attributes:
-        vertices: (K,) of the mesh.
-        node: of the graph, the nearest.
+        vertices: (K,) vertices of the mesh.
+        node: the nearest node of the graph.
     """
 
     vertices: Int
@@ -65,22 +66,22 @@ class StandingFoot:
 
 
 def way_to_stand(shape: GraphShape, number: int) -> str:
-    """How the feet stand that one of its layers moves: "never" as they were performed."""
+    """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of(shape, [number])
     found = [one.feet for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
     return found[0] if found else "never"
 
 
 def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
-    """A project in which feet of a possessed mesh stand in one way, as it moves now.
+    """Sets the foot lock mode of a possessed mesh, in its current motion.
 
     Args:
-        numbers: of its layers: the feet of the parts that they move.
-        feet: "auto" holds them where they are low and slow, "always" wherever they are low, and none below
-            the floor; "ground" only lifts those below the floor, "never" leaves them as performed.
+        numbers: numbers of its layers; the mode applies to the feet of the parts that they move.
+        feet: "auto" locks feet where they are low and slow, "always" wherever they are low; both keep feet
+            above the floor. "ground" only lifts feet below the floor, and "never" leaves them as performed.
 
     Raises:
-        InputError: where there is no such mesh or way, or it has no feet there.
+        InputError: if the mesh or mode does not exist, or it has no feet there.
     """
     shape = project.graph(shape_id)
     if feet not in FEET:
@@ -106,7 +107,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
 
 
 def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
-    """The feet that some nodes of a possessed mesh carry, the largest first."""
+    """Finds the feet that some nodes of a possessed mesh carry, the largest first."""
     vertices = np.asarray(shape.mesh.vertices)
     size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))
     carried = np.isin(shape.skin.indices[np.arange(len(vertices)), shape.skin.weights.argmax(1)], nodes)
@@ -126,7 +127,7 @@ def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
 
 
 def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
-    """The numbers of places (K, 3) in groups that are farther than ``apart`` from each other."""
+    """Groups the numbers of points (K, 3). Points of different groups are farther apart than ``apart``."""
     if not len(places):
         return []
     pairs = scipy.spatial.cKDTree(places).query_pairs(apart, output_type="ndarray")
@@ -136,7 +137,8 @@ def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
 
 
 def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
-    """The nodes of the parts that some layers of a possessed mesh are, or move."""
+    """Returns the nodes of the parts that belong to some layers of a possessed mesh, or that these layers
+    move."""
     starts, chosen = shape.starts, set[int]()
     for number in numbers:
         if number < len(shape.parts):
@@ -151,7 +153,7 @@ def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
 
 
 def _users(project: Project, take: str) -> int:
-    """How many layers play a stream."""
+    """Returns the number of layers that play a stream."""
     every = (layer for one in project.graphs.values() for layer in one.playing)
     return sum(layer.take == take and layer.source == "streams" for layer in every)
 
@@ -159,7 +161,7 @@ def _users(project: Project, take: str) -> int:
 def _held(
     project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
-    """The layer that holds feet while a shape plays as it does, and its stream."""
+    """Returns the layer that locks the feet in a shape's current motion, and its stream."""
     window = window_of([*shape.parts, *shape.over], project.streams)
     count = max(round((window.end - window.start) / KEY_STEP), 1) + 1
     step = (window.end - window.start) / (count - 1) or KEY_STEP
@@ -171,7 +173,7 @@ def _held(
         for number, foot in enumerate(feet):
             seen = root(_surface(shape, foot, linear, positions))
             places[number, frame], soles[number, frame] = seen.mean(0), seen[:, 1].min()
-        # What a node goes within the rest for a metre in the world.
+        # Maps a displacement in the world to the node's displacement at rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
     lacking = np.stack([_lacking(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)])
     own, shares = _shares(shape, feet)
@@ -187,14 +189,14 @@ def _held(
 
 
 def _surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
-    """(K, 3) metres, the vertices of a foot."""
+    """Returns (K, 3) metres, the posed vertices of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
     return blended(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
 def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
-    """(F, 3) metres by which a foot at places (F, 3), with its sole at heights (F,), is to be moved."""
+    """Returns (F, 3) metres, the corrections of a foot at positions (F, 3) with sole heights (F,)."""
     if way == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
@@ -211,7 +213,7 @@ def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: s
 
 
 def _shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
-    """The nodes that go along with any foot, and (N, J) how far every node goes with each."""
+    """Returns the nodes that follow any foot, and (N, J) the share by which every node follows each foot."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
         own, follow = followers(shape, foot.node)
@@ -220,6 +222,6 @@ def _shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float
 
 
 def _mean(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
-    """How far the vertices of a foot go, in the mean, where each node goes by its share (N,)."""
+    """Returns the mean displacement of a foot's vertices if each node moves by its share (N,)."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * shares[indices]).sum(1).mean())

@@ -1,6 +1,6 @@
-"""The edits of several characters as one: moved, turned, scaled, mirrored and copied together.
+"""Edits of several characters as a group: move, rotate, scale, mirror and copy.
 
-Of one character alone they are the edits of :mod:`enliven.modeling.edits.characters`.
+For a single character they equal the edits of :mod:`enliven.modeling.edits.characters`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from enliven.rotation import IDENTITY
 
 
 def middle_of(project: Project, names: Sequence[str]) -> Float:
-    """(3,) metres: the middle of what each of some characters is turned about."""
+    """Returns (3,) metres: the mean of the centres of some characters."""
     return np.asarray(np.mean([_centre(project, name) for name in names], axis=0))
 
 
@@ -35,19 +35,19 @@ def move_characters(
     turn: AnyArray = IDENTITY,
     about: AnyArray | Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Project:
-    """A project with characters moved at every time: x becomes turn (x - about) + about + offset."""
+    """Moves characters at every time: x becomes turn (x - about) + about + offset."""
     for name in names:
         project = move_character(project, name, offset, turn, about)
     return project
 
 
 def turn_characters(project: Project, names: Sequence[str], turn: AnyArray) -> Project:
-    """A project with characters turned by a rotation (4,) about their middle."""
+    """Rotates characters by ``turn`` (4,) about their middle."""
     return move_characters(project, names, np.zeros(3), turn, middle_of(project, names))
 
 
 def scale_characters(project: Project, names: Sequence[str], factor: float) -> Project:
-    """A project with characters ``factor`` times as large: several about the floor below their middle."""
+    """Scales characters by ``factor``. Several are scaled about the floor below their middle."""
     floor = middle_of(project, names) * [1.0, 0.0, 1.0]
     for name in names:
         centre = _centre(project, name)
@@ -58,7 +58,7 @@ def scale_characters(project: Project, names: Sequence[str], factor: float) -> P
 
 
 def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) -> Project:
-    """A project with characters mirrored across a plane through their middle with a unit normal (3,)."""
+    """Mirrors characters across a plane through their middle with a unit normal (3,)."""
     middle, way = middle_of(project, names), np.asarray(normal, np.float64)
     for name in names:
         offset = 2.0 * way * (way @ (middle - _centre(project, name)))
@@ -69,7 +69,8 @@ def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) 
 def copy_characters(
     project: Project, source: Project, names: Sequence[str], offset: AnyArray
 ) -> tuple[Project, tuple[str, ...]]:
-    """A project with copies of characters of another, all ``offset`` (3,) metres away, and their ids."""
+    """Copies characters of another project, all with the same ``offset`` (3,) metres. Also returns their
+    ids."""
     made: list[str] = []
     for name in names:
         project, copied = paste_character(project, source, name, offset=offset)
@@ -78,14 +79,14 @@ def copy_characters(
 
 
 def shift_characters(project: Project, names: Sequence[str], delay: float) -> Project:
-    """A project in which characters do everything ``delay`` seconds later."""
+    """Delays all motion of characters by ``delay`` seconds."""
     for name in names:
         project = shift_character(project, name, delay)
     return project
 
 
 def mute_characters(project: Project, names: Sequence[str], muted: bool) -> Project:
-    """A project in which no layer of some characters plays, or every one does."""
+    """Mutes or unmutes all layers of some characters."""
     for name in names:
         count = len(project.character(name).playing)
         project = change_layers(project, name, range(count), muted=muted)

@@ -1,4 +1,4 @@
-"""Edits of how a window treats the things of a project: what is hidden or locked, their names and order."""
+"""Edits of the display state of characters (hidden, locked, order), and of the names of takes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def handle_characters(
     size: float | None = None,
     exaggeration: float | None = None,
 ) -> Project:
-    """A project in which characters are hidden or shown, locked or free; None leaves that as it is.
+    """Hides, shows, locks or unlocks characters. None leaves a value unchanged.
 
     Args:
-        size: how many times their own size they stand on a stage.
-        exaggeration: how far their soft parts swing past the motion there.
+        size: scale of the characters on a stage, relative to their own size.
+        exaggeration: strength with which their soft parts overshoot the motion there.
 
     Raises:
-        InputError: where there is no such character.
+        InputError: if the character does not exist.
     """
     handling = dict(project.handling)
     for name in names:
@@ -42,10 +42,10 @@ def handle_characters(
 
 
 def refuse_locked(before: Project, after: Project) -> None:
-    """Refuse an edit that changed a locked character; one that unlocks it as well may.
+    """Raises an error if an edit changed a locked character. An edit that also unlocks it is allowed.
 
     Raises:
-        InputError: which character is locked, and how to unlock it.
+        InputError: names the locked character and how to unlock it.
     """
     for name, handling in before.handling.items():
         freed = name in after.characters and not after.handling.get(name, FREE).locked
@@ -55,10 +55,10 @@ def refuse_locked(before: Project, after: Project) -> None:
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
-    """A project with a character at another place among the others; 0 is the first.
+    """Moves a character to another position in the order; 0 is the first.
 
     Raises:
-        InputError: where there is no such character.
+        InputError: if the character does not exist.
     """
     moved = project.character(name)
     rest = [one for one in project.characters.values() if one is not moved]
@@ -68,10 +68,10 @@ def order_characters(project: Project, name: str, place: int) -> Project:
 
 
 def rename_take(project: Project, name: str, wanted: str) -> Project:
-    """A project with a take under another name; what plays it goes on playing it.
+    """Renames a take. Characters that play it keep playing it.
 
     Raises:
-        InputError: where there is no such take, or another is called so.
+        InputError: if the take does not exist, or the name is taken.
     """
     take = project.takes.get(name)
     if take is None or not wanted or (wanted != name and wanted in project.takes):
@@ -96,10 +96,10 @@ def rename_take(project: Project, name: str, wanted: str) -> Project:
 
 
 def delete_take(project: Project, name: str) -> Project:
-    """A project without a take that nothing plays.
+    """Deletes a take that no character plays.
 
     Raises:
-        InputError: where there is none, or a character plays it.
+        InputError: if the take does not exist, or a character plays it.
     """
     users = [one.id for one in project.characters.values() if name in one.needed()["takes"]]
     if name not in project.takes or users:

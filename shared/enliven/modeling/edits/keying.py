@@ -1,8 +1,8 @@
-"""Keys set by hand: a joint, a node or a whole character is dragged at a time, and a key brings it there.
+"""Keyframes set by dragging: a joint, a node or a whole character is dragged at a time, which adds a key.
 
 project = key_handle(project, "squid", "hand", place, 1.5)            # its bone points there
 project = key_handle(project, "chair", 17, place, 0.8)                # the mesh bends there
-project = key_characters(project, ["bean"], 2.0, offset)              # the whole is moved from there
+project = key_characters(project, ["bean"], 2.0, offset)              # moves the whole character
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ from enliven.rotation import (
 )
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Metres: nowhere else."""
+"""Metres: no offset, or the origin, as the default of positions."""
 
 
 def key_handle(
     project: Project, character_id: str, handle: int | str, place: AnyArray, time: float
 ) -> Project:
-    """A project in which a key brings a handle or a node to ``place`` (3,) metres in the world at a time.
+    """Sets a key that brings a handle or a node to ``place`` (3,), metres in the world, at a time.
 
-    The bone of a joint points there; a node of a possessed mesh is there, and the mesh bends around it.
+    The bone of a joint points there. A node of a possessed mesh moves there, and the mesh bends around it.
 
     Raises:
-        InputError: for the root, which no bone carries, a place that is not finite, or a rig without either.
+        InputError: for the root, which no bone carries, for a place that is not finite, or for a rig with
+            handles that take no keys.
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
     if wanted.shape != (3,) or not np.isfinite(wanted).all():
@@ -64,13 +65,14 @@ def key_characters(
     turn: AnyArray = IDENTITY,
     about: AnyArray | Sequence[float] = _ORIGIN,
 ) -> Project:
-    """A project in which keys move characters at a time: x becomes turn (x - about) + about + offset.
+    """Sets keys that move characters at a time: x becomes turn (x - about) + about + offset.
 
     Args:
-        offset, turn, about: as of :func:`~enliven.modeling.edits.characters.move_character`.
+        offset, turn, about: as in :func:`~enliven.modeling.edits.characters.move_character`.
 
     Raises:
-        InputError: where there is no such character, its keys are not heard then, or a number is not finite.
+        InputError: if the character does not exist, its keys do not play at that time, or a number is not
+            finite.
     """
     way, centre, turned = (np.asarray(one, np.float64) for one in (offset, about, turn))
     shapes = (way.shape, centre.shape, turned.shape) == ((3,), (3,), (4,))
@@ -91,7 +93,7 @@ def key_characters(
 
 
 def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float) -> Project:
-    """A project in which a key lets the bone of a joint point at a place, the root's layers apart."""
+    """Sets a key that points the bone of a joint at a position given without the root layers."""
     if j == 0:
         mend = "Drag another joint, or move the whole."
         raise InputError("the root is moved, not turned", where=shape.where, mend=mend)
@@ -102,14 +104,14 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-    # D = above K, so turned in the world by w it is above K', K' = K D^-1 w D.
+    # D = above K. After a rotation w in the world it is above K', with K' = K D^-1 w D.
     own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     known, seen = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
     if number is not None:
         seen = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
     added = multiply(seen.rotations(from_rotation_vector(np.radians(known))), own)
-    # The reflection is its own inverse, and so L^-1 = S basis^-1.
+    # The reflection is its own inverse, so L^-1 = S basis^-1.
     mine = multiply(multiply(conjugate(seen.turn), added), seen.turn)
     mine = Axes(IDENTITY, seen.mirrored).rotations(mine)
     degrees = _nearest(to_rotation_vector(normalized(mine)), known)
@@ -117,7 +119,7 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
 
 
 def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time: float) -> Project:
-    """A project in which a key brings a node of a possessed mesh to a place, the root's layers apart."""
+    """Sets a key that brings a node of a possessed mesh to a position given without the root layers."""
     if key_layer(project, shape.id, node) is None:
         project = set_key(project, shape.id, node, time)
     number = key_layer(project, shape.id, node)
@@ -136,7 +138,8 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
 
 
 def _nearest(radians: Float, known: Float) -> Float:
-    """(3,) degrees of a rotation vector (3,) in radians: of all its rounds the nearest to ``known``."""
+    """Returns (3,) degrees of a rotation vector (3,) in radians, with the number of full turns nearest to
+    ``known``."""
     vector = np.degrees(radians)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:

@@ -1,12 +1,13 @@
-"""Keys over motion: on a bone, on a node of a possessed mesh, or on the whole of any character.
+"""Keyframes on top of motion: on a bone, on a node of a possessed mesh, or on the whole of any character.
 
     project = set_key(project, "squid", "arm", 1.2, (0.0, 30.0, 0.0))     # a bone: degrees
     project = set_key(project, "chair", 17, 0.8, metres=(0.0, 0.2, 0.0))  # a node: the mesh bends there
-    project = set_key(project, "bean", None, 2.0, metres=(1.0, 0.0, 0.0)) # the whole goes over the stage
+    project = set_key(project, "bean", None, 2.0, metres=(1.0, 0.0, 0.0)) # the whole moves over the stage
 
-The keys of a thing are a take of their own, and what plays it is a layer as any: it is muted, weighted,
-shifted, stretched, copied, cut and exported as others are. At a key a bone or a node is turned and moved,
-after its motion, in its own axes; the whole is so in the world, about where it stood at its first key.
+The keys of a bone, node or character form a take of their own, which an ordinary layer plays. So they can be
+muted, weighted, shifted, stretched, copied, cut and exported like other layers. A key rotates and moves a
+bone or node after its motion, in its own axes. A key of the whole acts in world axes, about the character's
+position at its first key.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ from enliven.modeling.edits.rigs import rig_of
 from enliven.modeling.rigged import bone_number
 
 Handle = int | str | None
-"""A bone by number or name, a node by number, or None for the whole character."""
+"""The target of keys: a bone by number or name, a node by number, or None for the whole character."""
 Three = Sequence[float]
 
 
 def key_layer(project: Project, character_id: str, handle: Handle) -> int | None:
-    """The number of the layer that plays a thing's keys; None where it has none."""
+    """Returns the number of the layer that plays the keys of a handle, or None if it has no keys."""
     character = project.character(character_id)
     if handle is not None:
         return rig_of(character).key_layer(project, character, _number(character, handle))
@@ -54,7 +55,7 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
 
 
 def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[float, MotionKey], ...]:
-    """The keys of a thing, each with the second of the project at which it is played."""
+    """Returns the keys of a handle, each with the time in seconds of the project at which it plays."""
     number = key_layer(project, character_id, handle)
     if number is None:
         return ()
@@ -64,7 +65,7 @@ def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[
 
 
 def key_at(project: Project, character_id: str, handle: Handle, time: float) -> MotionKey:
-    """What the keys of a thing turn and move it by at a time, as the key that would be there."""
+    """Returns the interpolated key of a handle at a time: its rotation and displacement there."""
     number = key_layer(project, character_id, handle)
     if number is None:
         return MotionKey(max(float(time), 0.0))
@@ -87,14 +88,14 @@ def set_key(
     ease: str | None = None,
     metres: Three | None = None,
 ) -> Project:
-    """A project with a key of a thing at a time, in the place of one that is on that frame.
+    """Sets a key of a handle at a time. It replaces a key on the same frame.
 
     Args:
-        degrees, metres: what it is turned and moved by; None: as it is there already.
-        ease: how it goes over into the next; None as before, or smooth.
+        degrees, metres: rotation and displacement; None keeps the interpolated values.
+        ease: interpolation to the next key; None keeps the one of a replaced key, else "smooth".
 
     Raises:
-        InputError: where there is no such thing, it takes no keys, or the numbers are no key.
+        InputError: if the handle does not exist, it takes no keys, or the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
     made = _changed(key_at(project, character_id, handle, time), degrees, metres)
@@ -122,10 +123,10 @@ def move_key(
     degrees: Three | None = None,
     metres: Three | None = None,
 ) -> Project:
-    """A project with a key of a thing at another time, or with other degrees or metres; None as they are.
+    """Moves a key of a handle to another time, or changes its degrees or metres. None leaves them unchanged.
 
     Raises:
-        InputError: where there is no such key, or another is on that frame.
+        InputError: if the key does not exist, or another is on that frame.
     """
     number, found = _key(project, character_id, handle, key)
     character = project.character(character_id)
@@ -137,10 +138,10 @@ def move_key(
 
 
 def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease: str) -> Project:
-    """A project in which a key goes over into the next in another way: "smooth", "linear" or "step".
+    """Changes the interpolation from a key to the next: "smooth", "linear" or "step".
 
     Raises:
-        InputError: where there is no such key or way.
+        InputError: if the key or interpolation does not exist.
     """
     number, found = _key(project, character_id, handle, key)
     keys = _keyed(project, project.character(character_id).playing[number]).keys
@@ -149,10 +150,10 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
 
 
 def remove_key(project: Project, character_id: str, handle: Handle, key: int) -> Project:
-    """A project without a key of a thing; with the last one goes its layer, and its take.
+    """Removes a key of a handle. Removing the last one also removes its layer and its take.
 
     Raises:
-        InputError: where there is no such key.
+        InputError: if the key does not exist.
     """
     number, found = _key(project, character_id, handle, key)
     layer = project.character(character_id).playing[number]
@@ -167,24 +168,24 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
 
 
 def _changed(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
-    """The key with what is given."""
+    """Returns the key with the given values replaced."""
     turned: Any = key.degrees if degrees is None else tuple(degrees)
     moved: Any = key.metres if metres is None else tuple(metres)
     return replace(key, degrees=turned, metres=moved)
 
 
 def _refuse_moved(character: RigBase, handle: Handle, key: MotionKey) -> None:
-    """Refuse metres of a bone, which hangs on the one before it."""
+    """Raises an error if a bone's key has a displacement, since a bone is fixed to its parent."""
     if isinstance(character, Shape) and handle is not None and any(key.metres):
         mend = "Give degrees, or move the whole."
         raise InputError("a bone is turned, not moved", where=character.where, mend=mend)
 
 
 def _number(character: RigBase, handle: int | str) -> int:
-    """The number of a bone or node.
+    """Returns the number of a bone or node.
 
     Raises:
-        InputError: where there is none, or the rig's handles take no keys.
+        InputError: if there is none, or the rig's handles take no keys.
     """
     if isinstance(character, Shape):
         return bone_number(character, handle)
@@ -200,13 +201,13 @@ def _frame(second: float) -> int:
 
 
 def _keyed(project: Project, layer: Playing) -> Clip | PoseStream:
-    """The take of keys that a layer plays."""
+    """Returns the take of keys that a layer plays."""
     take: Clip | PoseStream = getattr(project, layer.source)[layer.take]
     return take
 
 
 def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple[int, MotionKey]:
-    """The layer of a thing's keys, and one of them."""
+    """Returns the number of the layer of a handle's keys, and one of the keys."""
     number = key_layer(project, character_id, handle)
     layer = None if number is None else project.character(character_id).playing[number]
     keys = () if layer is None else _keyed(project, layer).keys
@@ -218,7 +219,7 @@ def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple
 
 
 def _second(project: Project, layer: Playing, time: float) -> float:
-    """The second of a layer's keys at a time, also after their end.
+    """Returns the time within a layer's keys at a time of the project, also after their end.
 
     Raises:
         InputError: for a time before they begin.
@@ -233,7 +234,7 @@ def _second(project: Project, layer: Playing, time: float) -> float:
 
 
 def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Project:
-    """A project with the first key of a whole character, about where it stands as it is modeled."""
+    """Adds the first key of a whole character. It acts about the character's modeled centre."""
     clip = keyed_clip(unused(f"{character.id} keys", project.takes), "root", [key])
     layer = RootLayer(clip.id, np.array(rig_of(character).centre(character)))
     made = character.with_changes(root_layers=(*character.root_layers, layer))
@@ -241,7 +242,7 @@ def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Pr
 
 
 def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[MotionKey]) -> Project:
-    """A project with other keys of a layer; other layers that play the same ones keep theirs."""
+    """Replaces the keys of a layer. Other layers that play the same keys keep theirs."""
     character = project.character(character_id)
     layer, old = character.playing[number], _keyed(project, character.playing[number])
     users = [one for each in project.characters.values() for one in each.playing]

@@ -1,10 +1,10 @@
-"""The weight and the speed of layers as curves over time: keys of numbers, for the layers of all rigs.
+"""The weight and the speed of layers as curves over time: keyframes of numbers, for the layers of all rigs.
 
-    project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # not heard at 1 s of the project
-    project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half as fast from there on
+    project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # weight 0 at 1 s of the project
+    project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from there on
 
-A curve of one key is a number. Keys lie on the project's time and go along with the beginning of their lane;
-where time would stand or go back they are refused.
+A curve with one key is constant. Keys lie on the project's time and move with the start of their lane. Keys
+that would stop or reverse time are refused.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 Number = Literal["weights", "speeds"]
-"""Which number of a layer keys are of."""
+"""The attribute of a layer that the keys control."""
 _SAME = 1.0 / 60.0
-"""Seconds within which a key takes the place of another: half a frame of film."""
+"""Maximum distance in seconds at which a key replaces another: about half a frame of film."""
 
 
 def layer_keys(project: Project, character_id: str, layer: int, number: Number) -> tuple[CurveKey, ...]:
-    """The keys of a number of a layer, in the order of time.
+    """Returns the keys of one attribute of a layer, in the order of time.
 
     Raises:
-        InputError: where there is no such character or layer.
+        InputError: if the character or layer does not exist.
     """
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
@@ -46,15 +46,15 @@ def set_layer_key(
     value: float,
     ease: str = "smooth",
 ) -> Project:
-    """A project with a key of a number of layers at a time, in the place of one that is there.
+    """Sets a key of one attribute of layers at a time. It replaces a key at that time.
 
     Args:
-        layers: their numbers; all of them have the keys of the first then.
+        layers: numbers of the layers. All of them get the keys of the first.
         time: seconds of the project.
-        value: a weight from 0 to 1, or how many times as fast.
+        value: a weight from 0 to 1, or a speed factor.
 
     Raises:
-        InputError: where there is no such layer, or the value cannot be played.
+        InputError: if the layer does not exist, or the value cannot be played.
     """
     wanted = tuple(layers)
     keys = layer_keys(project, character_id, wanted[0], number)
@@ -73,10 +73,10 @@ def move_layer_key(
     value: float | None = None,
     ease: str | None = None,
 ) -> Project:
-    """A project with a key of a number of layers at another time, or with another value or ease.
+    """Moves a key of one attribute of layers to another time, or changes its value or interpolation.
 
     Raises:
-        InputError: where there is no such key, another is there, or the value cannot be played.
+        InputError: if the key does not exist, another is there, or the value cannot be played.
     """
     wanted = tuple(layers)
     found, keys = _key(project, character_id, wanted[0], number, key)
@@ -92,10 +92,10 @@ def move_layer_key(
 def remove_layer_key(
     project: Project, character_id: str, layers: Iterable[int], number: Number, key: int
 ) -> Project:
-    """A project without a key of a number of layers; without any the number is as it is.
+    """Removes a key of one attribute of layers. Without any key the attribute has its default value.
 
     Raises:
-        InputError: where there is no such key.
+        InputError: if the key does not exist.
     """
     wanted = tuple(layers)
     _, keys = _key(project, character_id, wanted[0], number, key)
@@ -117,7 +117,7 @@ def _key(
 def _with_keys(
     project: Project, character_id: str, layers: tuple[int, ...], number: Number, keys: list[CurveKey]
 ) -> Project:
-    """A project in which layers have these keys, each on the time of the first one's lane."""
+    """Gives layers these keys, with times relative to the first layer's lane."""
     playing = project.character(character_id).playing
     ordered = sorted(keys, key=lambda key: key.second)
     for layer in layers:

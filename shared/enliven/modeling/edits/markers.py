@@ -1,4 +1,4 @@
-"""Edits of the markers of a project: moments with names."""
+"""Edits of the markers of a project: named moments."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from enliven.errors import InputError
 
 
 def add_marker(project: Project, seconds: float, name: str = "marker") -> tuple[Project, str]:
-    """A project with one more marker, and its name: ``name``, with a number where that is taken."""
+    """Adds a marker, and returns its name: ``name``, with a number appended if that is taken."""
     made = Marker(unused(name, project.markers), float(seconds))
     return replace(project, markers={**project.markers, made.id: made}), made.id
 
 
 def move_marker(project: Project, name: str, seconds: float) -> Project:
-    """A project with a marker at another time, not before 0."""
+    """Moves a marker to another time, not before 0."""
     moved = replace(_marker(project, name), seconds=max(float(seconds), 0.0))
     return replace(project, markers={**project.markers, name: moved})
 
 
 def rename_marker(project: Project, name: str, wanted: str) -> Project:
-    """A project with a marker under another name, at its place among the others.
+    """Renames a marker, and keeps its position in the order.
 
     Raises:
-        InputError: where there is no such marker, or another is called so.
+        InputError: if the marker does not exist, or the name is taken.
     """
     marker = _marker(project, name)
     if wanted != name and wanted in project.markers:
@@ -35,10 +35,10 @@ def rename_marker(project: Project, name: str, wanted: str) -> Project:
 
 
 def remove_marker(project: Project, name: str) -> Project:
-    """A project without a marker.
+    """Removes a marker.
 
     Raises:
-        InputError: where there is none of the name.
+        InputError: if the marker does not exist.
     """
     _marker(project, name)
     return replace(project, markers={key: one for key, one in project.markers.items() if key != name})

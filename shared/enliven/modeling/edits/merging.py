@@ -1,4 +1,4 @@
-"""Two characters made one at a moment, of one rig or of two."""
+"""Merges two characters at a moment, with the same kind of rig or with different ones."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from enliven.modeling.rig import Merge
 
 _SEAM = SeamSettings()
 _LONGEST = 20.0
-"""Seconds after the merge for which loops of unlike lengths, or over the ground, are recorded."""
+"""Seconds after the merge that are recorded for loops with different lengths, or for loops that travel."""
 _SAME = 1e-6
-"""Metres within which a loop ends where it began: rounding."""
+"""Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 
 
 def merge_characters(
@@ -33,22 +33,23 @@ def merge_characters(
     seam: SeamSettings = _SEAM,
     notes: list[str] | None = None,
 ) -> Project:
-    """A project with one character put onto another where the two are at ``time``; they are one from then on.
+    """Attaches one character to another in their poses at ``time``; from then on they are one character.
 
-    At ``time`` both stay where they are, and both go on moving; the graft rides on the host. So keys that
-    move the whole host move both from then on, and those of the graft are left out.
+    At ``time`` both stay where they are, and both keep moving; the graft follows the host. Keys that move the
+    whole host now move both, and keys of the whole graft are dropped.
 
-    Two of one rig stay of that rig. Of two rigs the result is a deformation graph, in which each side is a
-    part with a time of its own. A graph is kept as it is; the bones of a skeleton become its nodes, exact at
-    60 frames a second and at ``time``; a puppet is baked, with an error that ``notes`` say. What is recorded
-    like that has no joints to pose and no key poses any more (undo brings them back). It plays until each
-    take was played once; a loop goes on for ever where it ends as it began, and else for 20 seconds.
+    Two characters with the same kind of rig keep it. Two different rigs result in a deformation graph, in
+    which each side is a part with its own time. A graph stays unchanged. The bones of a skeleton become
+    nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receive the error.
+    Baked parts lose their joints and key poses (undo restores them). They play until each take was played
+    once. A loop repeats for ever if its end matches its start, and otherwise plays for 20 seconds.
 
     Args:
-        node, at, loose, seam, notes: as :class:`enliven.modeling.rig.Merge` has them.
+        node, at, loose, seam, notes: as in :class:`enliven.modeling.rig.Merge`.
 
     Raises:
-        InputError: for a character merged with itself, a node that is not there, or meshes without a union.
+        InputError: if a character is merged with itself, the node does not exist, or the union of the meshes
+            fails.
     """
     host, graft = project.character(host_id), project.character(graft_id)
     if host_id == graft_id:
@@ -70,7 +71,7 @@ def merge_characters(
 
 
 def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
-    """A project in which a character is a graph that plays what it did; a graph stays as it is."""
+    """Bakes a character's motion to a deformation graph. A graph stays unchanged."""
     character = project.character(character_id)
     if character.kind == GraphShape.kind:
         return project
@@ -84,7 +85,8 @@ def recorded(project: Project, character_id: str, time: float, notes: list[str])
 
 
 def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
-    """(T,) even seconds that hold all of a character's motion, ``time`` among them; and whether they loop."""
+    """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True for a
+    loop."""
     rig = rig_of(character)
     heard = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]

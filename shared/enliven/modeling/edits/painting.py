@@ -1,4 +1,4 @@
-"""Painting stiff and soft spots onto a mesh with a brush (KinÊtre's per-node weights, by hand)."""
+"""Paints stiffness onto a mesh with a brush (the per-node weights of KinÊtre, set by hand)."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ from enliven.examples import reflected
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
-"""What a stroke does to what it covers: "erase" brings it back to 1."""
+"""Effect of a stroke on the covered vertices. "erase" resets the stiffness to 1."""
 MOST_DOUBLINGS = 4.0
-"""How often the stiffness is doubled, or halved, at most: 16 times, where a limb is as good as rigid."""
+"""Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
+rigid."""
 _DOUBLINGS = 2.0
-"""How often a stroke doubles or halves it in its middle: two strokes go all the way."""
+"""Number of doublings or halvings per stroke along its middle. Two strokes reach the limit."""
 _NOTHING = 1e-3
-"""Doublings below which a vertex is as if it were not painted."""
+"""Vertices with fewer doublings than this count as unpainted."""
 
 
 def brushed(
     mesh: Mesh, stroke: Float, radius: float, brush: Brush, mirror: Plane | None = None
 ) -> Float32 | None:
-    """(V,) the stiffness of a mesh after one stroke; None where none is left.
+    """Returns the stiffness (V,) of a mesh after one stroke, or None if no vertex is painted.
 
-    A stroke counts once wherever it passes, however slowly: in full along its middle, easing to nothing at
-    its radius.
+    A stroke acts once at each vertex, however slowly it was drawn. Its effect is full along its middle and
+    fades to zero at its radius.
 
     Args:
-        stroke: (P, 3) metres, places at rest that the brush went over.
+        stroke: (P, 3) metres, points at rest that the brush passed.
         radius: metres.
-        mirror: the plane at the other side of which the same is painted; None for one side.
+        mirror: a plane across which the stroke is mirrored; None paints one side.
     """
     doublings = np.zeros(len(mesh.vertices))
     if mesh.stiffness is not None:
@@ -63,20 +64,20 @@ def paint_character(
     brush: Brush,
     mirror: Plane | None = None,
 ) -> Project:
-    """A project in which one stroke is painted onto a character; see :func:`brushed`.
+    """Paints one stroke onto a character; see :func:`brushed`.
 
     Raises:
-        InputError: where there is no such character, or it has no surface.
+        InputError: if the character does not exist, or it has no surface.
     """
     mesh = _mesh_of(project, character_id)
     return _with_stiffness(project, character_id, brushed(mesh, stroke, radius, brush, mirror))
 
 
 def unpaint_character(project: Project, character_id: str) -> Project:
-    """A project in which nothing is painted on a character.
+    """Removes all painted stiffness from a character.
 
     Raises:
-        InputError: where there is no such character, or it has no surface.
+        InputError: if the character does not exist, or it has no surface.
     """
     _mesh_of(project, character_id)
     return _with_stiffness(project, character_id, None)

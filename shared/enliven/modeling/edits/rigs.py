@@ -1,4 +1,4 @@
-"""The table of rigs, and a character of any rig at a moment."""
+"""The table of rigs, and the state of a character with any rig at a moment."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ RIGS: dict[str, RigEdits] = {
     GraphShape.kind: GraphRig(),
     Puppet.kind: PuppetRig(),
 }
-"""The edits of every kind of rig; a fourth has its line here."""
+"""The edits of every kind of rig. Register further kinds here."""
 
 
 def rig_of(character: RigBase) -> RigEdits:
-    """The edits of a character's rig, and of the layers of its root where it has some."""
+    """Returns the edits of a character's rig, wrapped for its root layers if it has some."""
     own = RIGS[character.kind]
     return RootedRig(own) if character.root_layers else own
 
 
 def as_standing(project: Project, character: RigBase, time: float) -> RigBase:
-    """The character without the layers of its root, where they have it at a time of the project."""
+    """Returns the character without root layers, moved to where they put it at a time of the project."""
     standing = project.with_characters(character)
     return set_down(RIGS[character.kind], standing, character.id, time).character(character.id)
 
 
 def handle_number(character: RigBase, handle: int | str) -> int:
-    """The number of a handle that is given by number or name.
+    """Returns the number of a handle given by number or name.
 
     Raises:
-        InputError: where there is none, with those that there are.
+        InputError: if there is none; the message lists the existing handles.
     """
     names = character.handles
     number = names.index(handle) if handle in names else handle
@@ -48,22 +48,23 @@ def handle_number(character: RigBase, handle: int | str) -> int:
 
 
 def vertices_of(project: Project, character_id: str, time: float) -> Float:
-    """(V, 3) metres: where the vertices of a character are at a time of the project.
+    """Returns (V, 3) metres: the vertices of a character at a time of the project.
 
     Raises:
-        InputError: where there is none, or it lacks something to move.
+        InputError: if the character does not exist, or it lacks data that it needs to move.
     """
     character = project.character(character_id)
     return rig_of(character).seen(project, character, time)
 
 
 def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
-    """The transforms of a character for the wire and the viewer, as :func:`vertices_of`."""
+    """Returns the transforms of a character for the network and the viewer. See :func:`vertices_of` for
+    errors."""
     character = project.character(character_id)
     return rig_of(character).player(project, character)(time).pose
 
 
 def foot_of(vertices: Float) -> Float:
-    """(3,) metres: the middle of the box of vertices (V, 3), at the height of the lowest."""
+    """Returns (3,) metres: the centre of the bounding box of vertices (V, 3), at the height of the lowest."""
     low, high = vertices.min(0), vertices.max(0)
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

@@ -1,4 +1,5 @@
-"""What a whole character is turned and moved by in the world, over all that it plays."""
+"""Root layers: the rotation and displacement of a whole character in the world, on top of its other
+layers."""
 
 from __future__ import annotations
 
@@ -23,47 +24,48 @@ from enliven.rotation import (
 )
 
 _HEARD = 1e-3
-"""Weight below which a layer is not posed by hand: its keys would have to be a thousand times as far."""
+"""Minimum weight of a layer that can be posed by hand. Below it, keys would need values a thousand times
+larger."""
 
 
 class RigidMotion(NamedTuple):
-    """x becomes turn x + move: a rotation (..., 4) and metres (..., 3), of one moment or of many."""
+    """A rigid motion x -> turn x + move: rotation (..., 4) and metres (..., 3), of one or several moments."""
 
     turn: Float
     move: Float
 
     def __call__(self, points: AnyArray) -> Float:
-        """(..., N, 3) metres, where points (..., N, 3) go; one row of points for each moment."""
+        """Transforms points (..., N, 3) to (..., N, 3) metres, with one row of points for each moment."""
         points = np.asarray(points, np.float64)
         return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
 
     def after(self, first: RigidMotion) -> RigidMotion:
-        """This motion of what the first one moved."""
+        """Returns the composition of this motion after ``first``."""
         return RigidMotion(
             normalized(multiply(self.turn, first.turn)), rotate(self.turn, first.move) + self.move
         )
 
     @property
     def inverse(self) -> RigidMotion:
-        """What takes it back."""
+        """The inverse motion."""
         back = conjugate(self.turn)
         return RigidMotion(back, -rotate(back, self.move))
 
 
 STAYS = RigidMotion(IDENTITY, np.zeros(3))
-"""Nothing is turned or moved."""
+"""The identity motion."""
 
 
 def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:
-    """The motion by which x becomes turn (x - centre) + centre + offset."""
+    """Returns the motion x -> turn (x - centre) + centre + offset."""
     return RigidMotion(turn, centre + offset - rotate(turn, centre))
 
 
 def root_motion(project: Project, character: RigBase, time: float) -> RigidMotion:
-    """What the layers of a character's root do with it at a time of the project.
+    """Returns the combined motion of a character's root layers at a time of the project.
 
     Raises:
-        InputError: for a time that is not finite.
+        InputError: if the time is not finite.
     """
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
@@ -74,7 +76,7 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
 
 
 def root_motions(project: Project, character: RigBase, times: AnyArray | Sequence[float]) -> RigidMotion:
-    """The same at times (T,): turns (T, 4) and moves (T, 3)."""
+    """Returns the combined motion of the root layers at times (T,): rotations (T, 4) and moves (T, 3)."""
     each = [root_motion(project, character, float(time)) for time in times]
     return RigidMotion(np.array([one.turn for one in each]), np.array([one.move for one in each]))
 
@@ -82,13 +84,17 @@ def root_motions(project: Project, character: RigBase, times: AnyArray | Sequenc
 def root_values(
     project: Project, character: RigBase, number: int, motion: RigidMotion, time: float
 ) -> tuple[Float, Float]:
-    """(3,) radians and (3,) metres of the clip of a root layer, with which all of them do a motion at a time.
+    """Computes the values of one root layer's clip for which all root layers together produce a motion at a
+    time.
 
     Args:
-        number: of the layer among those of the root.
+        number: index of the layer among the root layers.
+
+    Returns:
+        (3,) radians and (3,) metres.
 
     Raises:
-        InputError: where the layer is not heard then.
+        InputError: if the layer does not play at that time.
     """
     outer, inner = STAYS, STAYS
     for k, one in enumerate(character.root_layers):
@@ -108,7 +114,7 @@ def root_values(
 
 
 def _of_layer(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
-    """What one layer does at a time, and how far it is heard."""
+    """Returns the motion of one layer at a time, and its weight."""
     clip = project.take_of(layer)
     assert isinstance(clip, Clip)
     at = layer.moment(time, clip.duration)
@@ -124,7 +130,7 @@ def _of_layer(project: Project, layer: RootLayer, time: float) -> tuple[RigidMot
 
 
 def _recorded(clip: Clip, second: float) -> tuple[Float, Float]:
-    """The turn (4,) and the place (3,) of a clip's root at a second of it."""
+    """Returns the rotation (4,) and position (3,) of a clip's root at a second of the clip."""
     last = len(clip.turns) - 1
     frame = min(second / clip.step, float(last))
     before = min(int(frame), max(last - 1, 0))

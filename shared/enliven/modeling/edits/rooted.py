@@ -1,7 +1,7 @@
-"""Every rig with layers of its root: what the rig does in its own way is turned and moved as a whole.
+"""Root layers for every rig: they rotate and move the result of the rig as a whole.
 
-A rig knows nothing of these layers; here they are put over what it does, once for all rigs. What cuts or
-merges sees the character set down: where it is seen at that time, without the layers.
+Rigs do not know about root layers. This wrapper applies them on top, once for all rigs. Cuts and merges work
+on a character with its root layers baked into its placement at that time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from enliven.rotation import multiply, normalized, rotate, to_matrix
 
 
 class RootedRig(RigEdits):
-    """The edits of a rig, for characters that layers of their root move.
+    """The edits of a rig, for characters with root layers.
 
     Args:
         own: the edits of the rig.
@@ -32,23 +32,23 @@ class RootedRig(RigEdits):
         self.own, self.frames = own, own.frames
 
     def centre(self, character: Any) -> Float:
-        """As without the layers."""
+        """Returns the centre without root layers."""
         return self.own.centre(character)
 
     def rest(self, character: Any) -> Float:
-        """As without the layers."""
+        """Returns the rest vertices, which root layers do not change."""
         return self.own.rest(character)
 
     def drawn(self, character: Any) -> Character:
-        """As without the layers."""
+        """Returns the mesh and pivots, which root layers do not change."""
         return self.own.drawn(character)
 
     def seen(self, project: Project, character: Any, time: float) -> Float:
-        """The vertices, moved."""
+        """Returns the vertices, moved by the root layers."""
         return root_motion(project, character, time)(self.own.seen(project, character, time))
 
     def player(self, project: Project, character: Any) -> Player:
-        """The poses and handles, moved."""
+        """Returns a function that gives poses and handles, moved by the root layers."""
         own = self.own.player(project, character)
 
         def at(time: float) -> Posed:
@@ -60,34 +60,34 @@ class RootedRig(RigEdits):
         return at
 
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
-        """The surface, moved."""
+        """Returns a function that gives the surface, moved by the root layers."""
         own = self.own.surface(project, character)
         return lambda time: root_motion(project, character, time)(own(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
-        """As without the layers."""
+        """Returns the rig's own list. Root layers do not change it."""
         return self.own.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
-        """The rig's own of them."""
+        """Checks the layers that belong to the rig."""
         count = len(character.playing) - len(character.root_layers)
         self.own.check_layers(project, character, {one for one in numbers if one < count})
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
-        """Dragged to where that place would be without the layers."""
+        """Drags the handle to the position that corresponds to ``place`` without root layers."""
         back = root_motion(project, character, time).inverse
         return self.own.dragged(project, character, handle, back(place[None])[0], time)
 
     def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
-        """As without the layers, which come after all others."""
+        """Returns the rig's own layer number. Root layers come after all others."""
         return self.own.key_layer(project, character, handle)
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
-        """As without the layers."""
+        """Adds the layer to the rig. Root layers stay."""
         return self.own.with_key_layer(project, character, handle, key)
 
     def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
-        """The layers turn about the place that went along, in axes that turned along."""
+        """Moves the character, and with it the centre and the axes of each root layer."""
         made = self.own.moved(character, offset, turn, about)
         layers = tuple(
             replace(
@@ -100,7 +100,7 @@ class RootedRig(RigEdits):
         return made.with_changes(root_layers=layers)
 
     def scaled(self, character: Any, factor: float) -> Any:
-        """The way that it goes grows along."""
+        """Scales the character and the path of its root layers."""
         centre = self.centre(character)
         layers = tuple(
             replace(layer, about=centre + factor * (layer.about - centre), size=factor * layer.size)
@@ -109,7 +109,7 @@ class RootedRig(RigEdits):
         return self.own.scaled(character, factor).with_changes(root_layers=layers)
 
     def mirrored(self, project: Project, character: Any, axes: Axes) -> Any:
-        """The way that it goes is reflected along."""
+        """Mirrors the character and the path of its root layers."""
         centre = self.centre(character)
         layers = tuple(
             axes.layer(replace(layer, about=centre + axes.vectors(layer.about - centre)))
@@ -120,7 +120,7 @@ class RootedRig(RigEdits):
     def as_graph(
         self, project: Project, character: Any, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """The nodes, moved; no layer is left."""
+        """Converts to a graph with the root layers baked into the motion of the nodes."""
         graph, stream, note = self.own.as_graph(project, character, times, stream_id)
         seconds = times[0] + stream.step * np.arange(len(stream.positions))
         motions = root_motions(project, character, seconds)
@@ -131,7 +131,7 @@ class RootedRig(RigEdits):
     def cut(
         self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
-        """Cut where it is seen then; the layers go on moving all parts."""
+        """Cuts the character in its pose at ``time``. The root layers keep moving all parts."""
         character = project.character(name)
         project, parts = self.own.cut(
             set_down(self.own, project, name, time), name, stroke, time, notes=notes
@@ -141,12 +141,12 @@ class RootedRig(RigEdits):
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """As without the layers: both were set down."""
+        """Merges without root layers. Both characters had theirs baked before."""
         return self.own.merged(project, merge)
 
 
 def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project:
-    """A project in which a character without the layers of its root is where it is seen at a time."""
+    """Replaces a character's root layers by a placement with the same position at a time."""
     character = project.character(name)
     if not character.root_layers:
         return project
@@ -156,7 +156,7 @@ def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project
 
 
 def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
-    """A project in which the root layers of ``before`` move a character that was set down at a time."""
+    """Restores the root layers of ``before`` that ``set_down`` replaced at a time."""
     character = project.character(name)
     if not before.root_layers:
         return project
@@ -166,5 +166,5 @@ def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: floa
 
 
 def _moved(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
-    """Maps (..., N, 3, 3) and places (..., N, 3), moved."""
+    """Applies a motion to linear maps (..., N, 3, 3) and positions (..., N, 3)."""
     return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

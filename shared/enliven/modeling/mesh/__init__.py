@@ -1,4 +1,4 @@
-"""Surgery on triangle meshes: cuts with caps, unions with seams, remeshing and symmetry."""
+"""Operations on triangle meshes: cuts with caps, unions with smooth seams, remeshing and symmetry."""
 
 import lazy_loader
 

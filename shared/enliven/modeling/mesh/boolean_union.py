@@ -1,4 +1,5 @@
-"""The boolean union of two meshes: kept vertices stay to the bit, new ones are traced and skinned."""
+"""The boolean union of two meshes. Kept vertices stay bit-exact. New ones are traced to both meshes and
+skinned."""
 
 from __future__ import annotations
 
@@ -25,17 +26,18 @@ from enliven.modeling.skinning import skin_values as skins
 
 @dataclass(frozen=True)
 class Union:
-    """Two meshes as one.
+    """Two meshes united in one.
 
     Attributes:
         mesh: both surfaces.
-        skin: both skins.
-        first: (V,) the vertex of the first mesh that each vertex was, or -1.
-        second: (V,) the same of the second.
-        seam: (V,) where they meet: new vertices, and old ones that lie in both.
-        fused: whether it is one surface now, and not two shells in one mesh.
-        notes: what was mended, or why they were not fused.
-        failed: whether the library could make no union: one is no solid, or it gave up.
+        skin: the combined skin weights.
+        first: (V,) the number of each vertex in the first mesh, or -1.
+        second: (V,) the number of each vertex in the second mesh, or -1.
+        seam: (V,) true where the two meshes meet: at new vertices, and at old ones that lie in both.
+        fused: true if the result is one surface, and not two shells in one mesh.
+        notes: what was repaired, or why the meshes were not fused.
+        failed: true if manifold3d could not compute the union: one mesh is not a solid, or the library
+            reported an error.
     """
 
     mesh: Mesh
@@ -56,7 +58,7 @@ class MeshPair:
     skins: tuple[SkinWeights, SkinWeights]
 
     def side_by_side(self, note: str, failed: bool = False) -> Union:
-        """One mesh of all shells of both."""
+        """Returns one mesh that contains the shells of both meshes, without fusing them."""
         one, other = self.meshes
         faces = np.concatenate([one.faces, other.faces + np.int32(len(one.vertices))])
         vertices = np.concatenate([one.vertices, other.vertices])
@@ -70,7 +72,7 @@ class MeshPair:
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
-        """The union from manifold3d's result, with kept vertices and faces in their order, to the bit."""
+        """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
             return self.side_by_side("one lies inside of the other: joined as separate shells")
@@ -106,7 +108,7 @@ class Side:
 
 
 class UnionBuilder:
-    """Puts one mesh together: kept vertices of both in their order, then the new ones."""
+    """Builds one mesh: first the kept vertices of both meshes in their order, then the new ones."""
 
     def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:
         self.pair, self.sides = pair, sides
@@ -115,7 +117,8 @@ class UnionBuilder:
         self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in pair.meshes)
 
     def union(self, notes: tuple[str, ...]) -> Union:
-        """The union of both meshes, with its traces, skin and colours."""
+        """Returns the union of both meshes, with its traces, skin and colours."""
+        # Number the result: kept vertices of the first mesh, of the second, then new ones.
         kept = [
             np.union1d(side.old[side.old >= 0], side.solid.leaves.faces).astype(np.int64)
             for side in self.sides
@@ -130,6 +133,7 @@ class UnionBuilder:
             used[side.used] = True
         new = np.flatnonzero(used & (number < 0))
         number[new] = ends[1] + np.arange(len(new))
+        # Faces: whole ones of both meshes, split ones of both, then the leaves.
         faces = np.concatenate(
             [*(self._kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
@@ -140,12 +144,14 @@ class UnionBuilder:
         )
         vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
         vertices = np.concatenate([vertices, self.places[new]])
+        # Skin and paint: old values for kept vertices, interpolated ones for new vertices.
         weights, paint = self._at_new(new)
         whole = skins.bone_count(skins.stacked(self.pair.skins))
         old_skins = [self._skin(k, kept[k], whole) for k in range(2)]
         skin = skins.stacked([*old_skins, skins.sparse(weights)])
         paint = np.concatenate([*(m.paint[k] for m, k in zip(self.meshes, kept, strict=True)), paint])
         colours, stiffness = mixed_paint(paint, *self.meshes)
+        # Trace each vertex to its number in either mesh.
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
         first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)
@@ -157,7 +163,8 @@ class UnionBuilder:
         return _welded(whole) if self.share else whole
 
     def _materials(self, corners: Float) -> MeshMaterials | None:
-        """The materials of the faces with these corners (F, 3, 3): kept ones as they were, then split."""
+        """Returns the materials of the faces with corners (F, 3, 3): first those of kept faces, then of split
+        ones."""
         if all(mesh.materials is None for mesh in self.meshes):
             return None
         groups = list[tuple[MeshMaterials | None, int]]()
@@ -176,7 +183,7 @@ class UnionBuilder:
         return joined_materials(groups)
 
     def _kept_faces(self, side: Side, number: Int) -> Int:
-        """(K, 3) whole faces in their order, their corners as they were."""
+        """Returns the whole faces (K, 3) in their order, with unchanged corners."""
         order = np.sort(side.source[side.whole])
         at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
         known = np.flatnonzero(side.old >= 0)
@@ -184,7 +191,8 @@ class UnionBuilder:
         return np.asarray(at[side.solid.mesh.faces[order]])
 
     def _skin(self, k: int, kept: Int | Int32, bones: int) -> SkinWeights:
-        """The skin of the kept vertices; those that close a hole take it from what is around them."""
+        """Returns the skin of the kept vertices. Vertices that close a hole interpolate the skin of its
+        border."""
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given:
@@ -196,7 +204,8 @@ class UnionBuilder:
         return skins.stacked([old, skins.sparse(full[kept[kept >= given]])])
 
     def _at_new(self, new: Int) -> tuple[Float, Float]:
-        """(N, B) weights and (N, 4) paint of the new vertices, by their place in the face they lie in."""
+        """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
+        lies in."""
         bones = skins.bone_count(skins.stacked(self.pair.skins))
         weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
@@ -218,7 +227,7 @@ class UnionBuilder:
     def _joined(
         self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
     ) -> Union:
-        """One skin for all vertices at one place of the seam."""
+        """Averages the skin over all seam vertices at the same position."""
         count = len(mesh.vertices)
         first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
         seam = np.zeros(count, bool)
@@ -241,7 +250,7 @@ class UnionBuilder:
 
 
 def _welded(union: Union) -> Union:
-    """Vertices at one place become one: the first mesh's own, where it has one there."""
+    """Merges vertices at the same position. The first mesh's own vertex is kept, if it has one there."""
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
@@ -264,7 +273,7 @@ def _welded(union: Union) -> Union:
 
 
 def _membranes(faces: Int) -> Bool:
-    """(F,) true for faces that lie back to back: what is left between two caps that met."""
+    """Returns (F,) true for faces that lie back to back. They remain between two caps that met."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)

@@ -1,4 +1,5 @@
-"""Caps: triangulations that close the loops of a cut; their inner points take their values from the rim."""
+"""Caps: triangulations that close the loops of a cut. Their inner points interpolate the values of the
+rim."""
 
 from __future__ import annotations
 
@@ -14,14 +15,15 @@ from enliven.modeling.mesh.planar import refined, triangulated
 from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
 _GROWTH = 1.25
-"""How much longer edges get with every ring towards the middle of a cap."""
+"""Factor by which edges get longer with every ring towards the middle of a cap."""
 
 
 class HarmonicInterpolation:
     """Harmonic interpolation from the first ``fixed`` points of a triangulation to the others.
 
-    With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
-    it stays within the bounds of what it interpolates. Factored once, for any number of values.
+    With cotangent weights it is exact for linear functions. Delaunay triangles make the weights positive, so
+    that results stay within the range of the given values. The matrix is factored once, for any number of
+    values.
     """
 
     def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
@@ -33,7 +35,7 @@ class HarmonicInterpolation:
             self._factor = splu(csc_matrix(diags(own[fixed:]) - web[fixed:, fixed:]), **SYMMETRIC_LU)
 
     def __call__(self, values: Float) -> Float:
-        """(I, K) at the inner points, from (R, K) at the fixed ones."""
+        """Returns (I, K) values at the inner points, from (R, K) values at the fixed points."""
         if not self.count:
             return np.zeros((0, *values.shape[1:]))
         return np.asarray(self._factor.solve(self._rim @ values))
@@ -44,9 +46,10 @@ class Cap:
     """A filling between loops.
 
     Attributes:
-        rim: (R,) the numbers of the rim's points, as the caller counts them.
-        faces: (T, 3) into the R points of the rim and then the I points inside; the border runs as the loops.
-        inside: what is inside, from what is on the rim: (I, K) of (R, K).
+        rim: (R,) the caller's numbers of the rim's points.
+        faces: (T, 3) indices into the R points of the rim and then the I inner points. The border runs in the
+            direction of the loops.
+        inside: interpolates values at the inner points (I, K) from values on the rim (R, K).
     """
 
     rim: Int
@@ -55,12 +58,12 @@ class Cap:
 
 
 def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
-    """A cap between loops, in even triangles.
+    """Fills the area between loops with evenly sized triangles.
 
     Args:
         loops: the points of each loop, in order.
-        places: (N, 2) where the points are, in the surface.
-        fine: false adds no points inside.
+        places: (N, 2) coordinates of the points in the surface.
+        fine: if false, no inner points are added.
     """
     mirrored = sum(area(places[loop]) for loop in loops) < 0
     rim = np.concatenate(loops)
@@ -74,8 +77,11 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
 
 
 def _sizes(points: Float, loops: list[Int]) -> Float:
-    """(R,) how long edges at each point of the rim should be: a rim has two points for each edge of the
-    mesh that it crosses, so about twice as long as its own."""
+    """Returns (R,) target edge lengths at the rim's points.
+
+    A rim has two points for each mesh edge that it crosses, so the target is about twice the length of its
+    own edges.
+    """
     sizes = np.empty(len(points))
     for loop in loops:
         step = np.linalg.norm(points[np.roll(loop, -1)] - points[loop], axis=1)
@@ -85,7 +91,7 @@ def _sizes(points: Float, loops: list[Int]) -> Float:
 
 
 def flattened(points: Float) -> Float:
-    """(N, 2) a loop in the plane that it spans best, counter-clockwise."""
+    """Projects a loop onto its best-fitting plane: (N, 2), counter-clockwise."""
     middle = points - points.mean(0)
     normal = np.cross(middle, np.roll(middle, -1, 0)).sum(0)
     normal /= max(float(np.linalg.norm(normal)), 1e-300)
@@ -95,7 +101,8 @@ def flattened(points: Float) -> Float:
 
 
 def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
-    """(P, P) the cotangent weights between points, none below zero."""
+    """Returns the cotangent weights between points, (P, P), with negative ones clamped to a small positive
+    value."""
     count = len(points)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     rows, columns, values = [], [], []

@@ -1,8 +1,10 @@
-"""Closes any triangles to an oriented 2-manifold: touching sheets part, holes are capped, leaves left out.
+"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, leaves out
+leaves.
 
-Faces belong together across an edge that two of them share, one each way about. Where more meet (an edge of
-two touching boxes), those are joined that have the thinnest wedge of solid between them. What is left open is
-capped where little is missing; the rest are leaves (cloth, a feather), which enclose nothing.
+Two faces are connected across an edge if they alone share it with opposite directions. If more than two faces
+share an edge (an edge of two touching boxes), pairs with the thinnest wedge of solid between them are
+connected. Remaining holes are capped if little is missing. Other open parts are leaves (open sheets such as
+cloth or a feather), which do not enclose a volume.
 """
 
 from __future__ import annotations
@@ -20,10 +22,11 @@ from enliven.meshes import Mesh, face_areas
 from enliven.modeling.mesh.caps import cap_of, flattened
 
 _OPEN = 0.25
-"""Caps close a mesh, or a part of it, where they are at most this share of its surface; else it is a leaf."""
+"""Maximum area of the caps, as a fraction of the surface area, for a mesh or connected part to be closed. A
+part with larger holes is a leaf."""
 
 Interpolation = Callable[[Float], Float]
-"""(I, K) values at new points from (R, K) at those they are made of."""
+"""Interpolates (I, K) values at new points from (R, K) values at the points they are made from."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +34,14 @@ class ClosedSurface:
     """An oriented 2-manifold without border.
 
     Attributes:
-        vertices: (V', 3) metres: those given, then those that close it.
-        faces: (F', 3): those given but for leaves, their corners where they were, then the caps.
-        label: (V',) the point of the manifold that each vertex is; vertices of one label are one.
-        made: for the new vertices, in their order: those they are made of, and how.
-        caps: how many holes were capped.
-        leaf: (F,) the given faces that are of leaves.
+        vertices: (V', 3) metres: the given ones, then those added to close the surface.
+        faces: (F', 3): the given faces without leaves, with their corners at the same positions, then the
+            caps.
+        label: (V',) the manifold vertex that each vertex belongs to. Vertices with equal labels are the same
+            point.
+        made: for the new vertices, in their order: the vertices they are made from, and the interpolation.
+        caps: number of holes that were capped.
+        leaf: (F,) true for given faces that belong to leaves.
     """
 
     vertices: Float
@@ -51,7 +56,7 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
     """Returns the closed surface of a mesh.
 
     Args:
-        mesh: any triangles with three different corners, none there twice.
+        mesh: any triangles with three different corners, without duplicates.
         of: (V,) the welded vertex of each vertex.
     """
     welded = of[mesh.faces]
@@ -75,13 +80,14 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
 
 
 def _links(mates: Int, count: int) -> coo_matrix:
-    """(F, F) which faces are joined; mates (3F,) are faces, or below 0."""
+    """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) are face numbers, or below 0 for
+    none."""
     joined = np.flatnonzero(mates >= 0)
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
 
 def _mates(faces: Int, mesh: Mesh) -> Int:
-    """(3F,) for each half-edge, 3 face + corner, the one that it is joined with; -1 for a border."""
+    """Returns (3F,) the opposite half-edge (3 face + corner) of each half-edge, or -1 at a border."""
     starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
     count = int(faces.max(initial=-1)) + 1
     edge = np.minimum(starts, ends) * count + np.maximum(starts, ends)
@@ -98,7 +104,7 @@ def _mates(faces: Int, mesh: Mesh) -> Int:
 
 
 def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
-    """Joins the faces around one edge by pairs, the thinnest wedge of solid first."""
+    """Connects the faces around one non-manifold edge in pairs, the thinnest wedge of solid first."""
     corners = mesh.vertices[mesh.faces[halves // 3]]
     rows, k = np.arange(len(halves)), halves % 3
     forward = starts[halves] == starts[halves[0]]
@@ -116,7 +122,7 @@ def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
 
 
 def _fans(mates: Int) -> Int:
-    """(3F,) for each corner of a face the fan of joined faces around a vertex that it is of."""
+    """Returns (3F,) for each corner of a face the number of the fan of connected faces that contains it."""
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
     after = other - other % 3 + (other + 1) % 3
@@ -125,7 +131,8 @@ def _fans(mates: Int) -> Int:
 
 
 def _borders(mates: Int, corner: Int) -> list[Int]:
-    """The half-edges of each border in the order in which a cap goes round it, against the faces."""
+    """Returns the half-edges of each border in the order of the cap's rim, which is opposite to the faces'
+    direction."""
     lonely = np.flatnonzero(mates < 0)
     flat = corner.ravel()
     after = lonely - lonely % 3 + (lonely + 1) % 3
@@ -143,13 +150,13 @@ def _borders(mates: Int, corner: Int) -> list[Int]:
 
 
 class _Rim(NamedTuple):
-    """A border with what would cap it.
+    """A border and the cap that would close it.
 
     Attributes:
         around: (R,) the vertices of the rim.
-        faces: (T, 3) into the rim and then the I points inside.
-        points: (I, 3) metres.
-        how: what the points inside are made of the rim by.
+        faces: (T, 3) indices into the rim and then the I inner points.
+        points: (I, 3) metres, the inner points.
+        how: interpolates values at the inner points from values on the rim.
         area: square metres of the cap.
     """
 
@@ -161,7 +168,7 @@ class _Rim(NamedTuple):
 
 
 class _Work:
-    """Vertices, corners, labels and caps while a surface is being closed."""
+    """The vertices, corners, labels and caps of a surface while it is being closed."""
 
     def __init__(self, mesh: Mesh, corner: Int) -> None:
         count = len(mesh.vertices)
@@ -179,12 +186,12 @@ class _Work:
         self.label[place] = label
 
     def cap(self, loop: Int) -> _Rim:
-        """Returns what would cap a border of half-edges."""
+        """Returns the cap that would close a border of half-edges."""
         rim = self.corners.ravel()[loop]
         cap = cap_of([np.arange(len(rim))], flattened(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
-        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # it lies on a line, or crosses itself
+        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # the border is a line, or crosses itself
             turn = np.arange(len(rim))
             order, how = rim, _mean
             faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)
@@ -194,7 +201,7 @@ class _Work:
         return _Rim(order, faces, inside, how, area)
 
     def close(self, cap: _Rim) -> None:
-        """Caps a border."""
+        """Adds a cap to the surface."""
         numbers = np.concatenate([cap.around, len(self.vertices) + np.arange(len(cap.points))])
         labels = int(self.label.max()) + 1 + np.arange(len(cap.points))
         self._add(cap.points, cap.around, cap.how, labels)

@@ -1,4 +1,4 @@
-"""Slivers along a seam taken out: short edges are contracted, others flipped, so that it can be faired."""
+"""Removes slivers along a seam, so that it can be smoothed: contracts short edges and flips others."""
 
 from __future__ import annotations
 
@@ -8,26 +8,28 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.modeling.mesh.remesh import flip_within
 
 _SHORT = 0.5
-"""Edges of the seam shorter than this share of the edges around are contracted."""
+"""Edges of the seam shorter than this fraction of the median edge length nearby are contracted."""
 _OLD = 0.5
-"""The same for an edge to a vertex that must stay, of the above: the seam is drawn to it."""
+"""Factor on the limit above for an edge with one vertex that must stay: the seam is pulled onto that
+vertex."""
 
 
 def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
-    """The surface with fewer and better triangles at its new vertices.
+    """Removes slivers at the new vertices of a surface.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3), closed.
-        new: (V,) those that may move, and go.
+        new: (V,) true for vertices that may be moved or removed.
 
     Returns:
-        (V, 3) vertices, only new ones moved; (G, 3) faces, those without a new vertex first and unchanged;
-        (V,) true for vertices that are left; and (V,) true for new ones that others were contracted into.
+        (V, 3) vertices, with only new ones moved; (G, 3) faces, starting with the unchanged faces without a
+        new vertex; (V,) true for remaining vertices; and (V,) true for vertices that others were contracted
+        into.
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
-    # Faces around those too: a contraction asks about the neighbours of both its ends.
+    # Include the faces around those too: a contraction checks the neighbours of both its ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
     patch.contract(_SHORT * _usual(vertices, faces[around], new))
@@ -43,7 +45,7 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
 
 
 def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
-    """Metres, how long edges between old vertices are there."""
+    """Returns the median length of nearby edges between old vertices, in metres."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = ends[~new[ends].any(1)]
     if len(ends) == 0:
@@ -52,7 +54,7 @@ def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
 
 
 class _Patch:
-    """A few faces with their adjacency, for contractions one at a time."""
+    """A few faces with their adjacency, for contracting edges one at a time."""
 
     def __init__(self, vertices: Float, faces: Int, new: Bool) -> None:
         self.vertices, self.new = vertices, new
@@ -65,7 +67,7 @@ class _Patch:
                 self.of.setdefault(v, set()).add(number)
 
     def contract(self, short: float) -> None:
-        """Contract edges from the shortest on while any is shorter than ``short`` metres."""
+        """Contracts edges shorter than ``short`` metres, the shortest first."""
         ends = {
             (min(a, b), max(a, b))
             for face in self.faces
@@ -80,7 +82,7 @@ class _Patch:
                 continue
             if not self.new[a]:
                 a, b = b, a
-            # a goes; where both are new, they meet in the middle.
+            # Vertex a is removed. If both are new, they meet in the middle.
             place = (self.vertices[a] + self.vertices[b]) / 2 if self.new[b] else self.vertices[b]
             if self._allowed(a, b, place):
                 self._contract(a, b, place)
@@ -92,7 +94,7 @@ class _Patch:
         return {w for f in self.of[v] for w in self.faces[f] or () if w != v}
 
     def _allowed(self, a: int, b: int, place: Float) -> bool:
-        """Whether the surface stays a surface, and no face turns over or becomes a needle."""
+        """Returns True if the contraction keeps the surface manifold, and no face flips or degenerates."""
         both = self.of[a] & self.of[b]
         if len(both) != 2 or len(self._ring(a) & self._ring(b)) != 2:
             return False

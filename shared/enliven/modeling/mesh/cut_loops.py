@@ -1,4 +1,4 @@
-"""Where a surface passes through a mesh: crossed faces, and the loops that they form."""
+"""The intersection of a surface with a mesh: crossed faces, and the loops that they form."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from enliven.deformation.graph import components
 
 @dataclass(frozen=True)
 class Crossings:
-    """The faces that a field crosses.
+    """The faces that the zero level of a field crosses.
 
     Attributes:
         faces: (K,) the crossed faces, ascending.
-        edges: (E, 2) crossed edges, the smaller vertex first.
-        pairs: (K, 2) the two crossed edges of each crossed face, directed as the border of the cap
-            that closes the near side.
-        loops: (K,) which loop each crossed face belongs to.
+        edges: (E, 2) the crossed edges, the smaller vertex first.
+        pairs: (K, 2) the two crossed edges of each crossed face, directed like the border of the cap that
+            closes the near side.
+        loops: (K,) the loop that each crossed face belongs to.
     """
 
     faces: Int
@@ -29,12 +29,13 @@ class Crossings:
 
 
 def crossings_of(faces: Int, far: Bool) -> Crossings:
-    """The crossed faces of ``faces`` (F, 3): some of their vertices, not all, are ``far`` (V,)."""
+    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices that are ``far``
+    (V,)."""
     side = far[faces]
     many = side.sum(1)
     crossed = np.flatnonzero((many == 1) | (many == 2))
     corners, side = faces[crossed], side[crossed]
-    # Turn each face so that its lonely corner is first.
+    # Rotate the corners of each face so that the one that is alone on its side comes first.
     lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
     turn = (lonely[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, 1)
@@ -42,7 +43,7 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     both = np.sort(np.stack([out_of, into], 1).reshape(-1, 2), 1)
     edges, number = np.unique(both, axis=0, return_inverse=True)
     pairs = number.reshape(-1, 2)
-    # The border of the near part runs from the last edge to the first where the lonely corner is far.
+    # If that corner is far, the border of the near part runs from the last edge to the first.
     lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
     label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
@@ -50,10 +51,13 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
 
 
 def chains_of(pairs: Int) -> list[tuple[Int, bool]]:
-    """Ordered edges of each loop, along the direction of most pairs, and whether it closes.
+    """Orders the edges of each loop in the direction of most pairs.
 
     Args:
-        pairs: (K, 2) links between edges; some may be the wrong way about.
+        pairs: (K, 2) links between edges; some may have the wrong direction.
+
+    Returns:
+        For each chain, its edges in order, and True if it is closed.
     """
     beside: dict[int, list[int]] = {}
     for k, (a, b) in enumerate(pairs.tolist()):
@@ -68,11 +72,11 @@ def chains_of(pairs: Int) -> list[tuple[Int, bool]]:
 
 
 def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
-    """One chain from an edge on, until it comes back or cannot go on."""
+    """Follows one chain from an edge until it returns to the start or ends."""
     chain, forward, at = [start], 0, start
     while True:
         free = [k for k in beside[at] if unused[k]]
-        # Straight on in the direction of the links where there is a choice.
+        # If several links are free, prefer one in the direction of the chain.
         k = next((k for k in free if pairs[k, 0] == at), free[0] if free else -1)
         if k < 0:
             break
@@ -89,11 +93,11 @@ def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) ->
 
 
 def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tuple[Int, bool]]:
-    """The chains, with open ones joined where their ends are near, and closed where they nearly close.
+    """Joins open chains with nearby ends, and closes chains that nearly close.
 
     Args:
-        places: (E, 2) where each edge is crossed, on the surface.
-        gap: how much of the length of a chain may be missing.
+        places: (E, 2) coordinates on the surface of each crossing.
+        gap: maximum length of a gap, as a fraction of the chain's length.
     """
     closed = [chain for chain in chains if chain[1]]
     waiting = [order for order, shut in chains if not shut]
@@ -116,7 +120,8 @@ def _length(points: Float) -> float:
 
 
 def winding(polygon: Float, point: Float) -> float:
-    """How often a polygon (P, 2), closed, runs around a point: about 0 outside, 1 or -1 inside."""
+    """Returns the winding number of a closed polygon (P, 2) around a point: about 0 outside, 1 or -1
+    inside."""
     rays = polygon - point
     ahead = np.roll(rays, -1, 0)
     cross = rays[:, 0] * ahead[:, 1] - rays[:, 1] * ahead[:, 0]
@@ -124,6 +129,6 @@ def winding(polygon: Float, point: Float) -> float:
 
 
 def area(polygon: Float) -> float:
-    """The signed area of a polygon (P, 2)."""
+    """Computes the signed area of a polygon (P, 2)."""
     ahead = np.roll(polygon, -1, 0)
     return float((polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]).sum() / 2)

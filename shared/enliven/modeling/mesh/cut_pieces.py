@@ -1,4 +1,4 @@
-"""One side of a cut as a mesh: kept vertices, new ones on crossed edges, and those inside of caps."""
+"""One side of a cut as a mesh: kept vertices, new ones on crossed edges, and the inner vertices of caps."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Piece:
     """One side of a cut.
 
     Attributes:
-        mesh: its surface, the kept faces first, then the split ones, then the caps.
-        skin: bones numbered as before the cut; None where the mesh had none.
-        kept: (V,) for each vertex the one it was, or -1 for a new one.
-        caps: how many faces at the end close it.
+        mesh: its surface: first the kept faces, then the split ones, then the caps.
+        skin: skin weights with the bone numbers from before the cut; None if the mesh had none.
+        kept: (V,) the number of each vertex before the cut, or -1 for a new one.
+        caps: number of faces at the end of the list that belong to caps.
     """
 
     mesh: Mesh
@@ -32,17 +32,17 @@ class Piece:
 
 
 def piece_of(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
-    """The faces of one side, with its part of the split ones and its caps.
+    """Builds one side of a cut from its whole faces, its parts of the split faces, and its caps.
 
     Args:
-        keeps: (W,) the welded vertices on this side.
-        far: whether it is the side where the field is above zero.
+        keeps: (W,) true for welded vertices on this side.
+        far: true for the side with positive field values.
     """
     return _Maker(work, keeps, far).piece(caps)
 
 
 class _Maker:
-    """Puts one side together: kept vertices, new ones on crossed edges, then those inside of caps."""
+    """Builds one side of a cut: kept vertices, new ones on crossed edges, then the inner vertices of caps."""
 
     def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
         self.work, self.far = work, far
@@ -58,7 +58,7 @@ class _Maker:
         self.number[self.kept] = np.arange(len(self.kept))
 
     def piece(self, caps: list[Cap]) -> Piece:
-        """The piece."""
+        """Returns the piece."""
         split, parts, sources, edges = self._split_faces()
         base = len(self.kept)
         doubled = len(self.work.rest) < len(self.mesh.vertices)
@@ -69,7 +69,7 @@ class _Maker:
         rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
         for cap in caps:
             if doubled:
-                # Flat-shaded meshes have a vertex for each side of an edge: so has the rim.
+                # Flat-shaded meshes have one vertex for each side of an edge, so the rim is duplicated too.
                 rim = count + np.arange(len(cap.rim))
                 count += len(rim)
             else:
@@ -97,8 +97,12 @@ class _Maker:
         return Piece(mesh, skin, kept, len(closing))
 
     def _split_faces(self) -> tuple[Int, Int, Int, Int]:
-        """(S, 3) faces and (S,) the old face of each; and for each new vertex its two old ones (N, 2) and its
-        crossed edge (N,)."""
+        """Splits the crossed faces.
+
+        Returns:
+            (S, 3) faces and (S,) the old face of each; and for each new vertex its two old ones (N, 2) and
+            its crossed edge (N,).
+        """
         work = self.work
         own = self.mesh.faces[self.split].astype(np.int64)
         side = work.far[work.of[own]]
@@ -106,7 +110,7 @@ class _Maker:
         corner = np.take_along_axis(own, (lonely[:, None] + np.arange(3)) % 3, 1)
         lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
-        # A new vertex for each pair of old ones: on flat-shaded meshes one for each face.
+        # One new vertex for each pair of old ones. On flat-shaded meshes that is one for each face.
         ends = np.stack([corner[:, [0, 1]], corner[:, [2, 0]]], 1).reshape(-1, 2)
         crossed = pairs.reshape(-1)
         turned = work.of[ends[:, 0]] != work.found.edges[crossed, 0]
@@ -123,13 +127,14 @@ class _Maker:
     def _attributes(
         self, sources: Int, edges: Int, insides: list[tuple[Int, HarmonicInterpolation]], doubled: bool
     ) -> tuple[Float, Float, SkinWeights | None]:
-        """Positions, paint and skin of all vertices."""
+        """Returns positions, paint and skin of all vertices."""
         work, mesh = self.work, self.mesh
         share = work.share[edges][:, None]
         base = len(self.kept)
 
         def grown(old: Float, rim: Float | None = None) -> Float:
-            """The values at the new vertices: along the edges, and inside of caps from their rims."""
+            """Interpolates values at the new vertices: along the crossed edges, and inside caps from their
+            rims."""
             made = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
             out = [made]
             for around, spread in insides:

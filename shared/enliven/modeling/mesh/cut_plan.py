@@ -1,4 +1,5 @@
-"""The plan of a cut: the loops of a mesh that are cut, the side of each vertex, and the caps between."""
+"""The plan of a cut: the loops of the mesh to cut, the side of each vertex, and the caps between the
+sides."""
 
 from __future__ import annotations
 
@@ -18,15 +19,15 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
-"""The corners of a triangle's three sides."""
+"""The pairs of corners that form a triangle's three sides."""
 _ISLAND = 0.05
-"""A part of the surface that weights alone would cut out stays, if it is smaller than this share of all on
-its side."""
+"""Islands of vertices below this fraction of their side are not cut out. Skin weights alone may create
+them."""
 
 
 @dataclass(frozen=True)
 class CutSettings:
-    """How meshes are cut."""
+    """Settings for cutting meshes."""
 
     slide: float = setting(
         0.15,
@@ -49,7 +50,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut: its topology is the welded mesh's, its result the given mesh's."""
+    """The plan of a cut. Its topology is that of the welded mesh, but its result refers to the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -58,7 +59,7 @@ class CutPlan:
     settings: CutSettings
     loyal: Float | None
     values: Float | None = None
-    """(V,) a field to cut along in place of the surface's, which only the caps lie near to then."""
+    """(V,) a field to cut along instead of the surface's own. The caps are then only near the surface."""
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -84,7 +85,8 @@ class CutPlan:
         self.chosen = np.zeros(0, np.int64)
 
     def _clear_of_vertices(self) -> float:
-        """How far to move the cut to keep away from vertices: the middle of the widest gap near 0."""
+        """Returns the offset that keeps the cut away from vertices: the middle of the widest gap in values
+        near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = self.field[ends].min(1), self.field[ends].max(1)
         met = (low <= 0) & (high >= 0)
@@ -100,7 +102,7 @@ class CutPlan:
         return float((stops[best] + stops[best + 1]) / 2)
 
     def _without_islands(self) -> Float:
-        """(W,) the values, with what is small and alone on its side of zero given to the other side."""
+        """Returns the values (W,), with small islands on one side of zero moved to the other side."""
         assert self.values is not None
         values = self.values[self.first]
         far = values > 0
@@ -112,16 +114,18 @@ class CutPlan:
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Choose every loop."""
+        """Chooses every loop."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
     def between(self, at: Float, edges: Int, share: Float) -> Float:
-        """The places (E, 3) that lie so much of the way along edges (E, 2) of vertices at (V, 3)."""
+        """Returns points (E, 3) at the fractions ``share`` along edges (E, 2) of vertices at ``at`` (V,
+        3)."""
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _shares(self, edges: Int) -> Float:
-        """(E,) how far along each crossed edge the cut is; by bisection, as the field may be curved."""
+        """Returns (E,) the position of the cut along each crossed edge. Uses bisection, since the field may
+        be curved."""
         low, high = np.zeros(len(edges)), np.ones(len(edges))
         start = self.field[edges[:, 0]] - self.shift
         ends = self.field[edges[:, 1]] - self.shift
@@ -136,15 +140,15 @@ class CutPlan:
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
 
     def _polygon(self, loop: int) -> Float:
-        """(P, 2) the longest chain of a loop, on the surface."""
+        """Returns the longest chain of a loop, (P, 2) coordinates on the surface."""
         chains = chains_of(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
 
     def choose_around(self, point: Float, own: Float, where: str) -> None:
-        """The loops around a place on the surface, and those inside of them.
+        """Chooses the loops around a point on the surface, and the loops inside them.
 
         Args:
-            own: (V,) how much each vertex follows the bone that is cut.
+            own: (V,) weight of the cut bone at each vertex.
         """
         self.point = point
         polygons = [self._polygon(loop) for loop in range(self.count)]
@@ -156,7 +160,7 @@ class CutPlan:
         if not around:
             self._without_a_cut(where)
             return
-        # Loops within loops are one limb: the shell's inner side, or a bone in a sleeve.
+        # Loops inside loops belong to one limb: the inner side of a shell, or a bone in a sleeve.
         outer = max(around, key=lambda i: abs(area(polygons[i])))
         inside = [
             i for i, polygon in enumerate(polygons) if abs(winding(polygons[outer], polygon.mean(0))) > 0.5
@@ -164,7 +168,7 @@ class CutPlan:
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
     def _beside(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
-        """The nearest loop that follows the bone, where it is no farther away than it is thick."""
+        """Returns the nearest loop that follows the bone, if its distance is below its own radius."""
         of_bone = np.zeros(len(self.rest))
         np.maximum.at(of_bone, self.of, own)
         best: tuple[float, list[int]] = (1.0, [])
@@ -177,7 +181,8 @@ class CutPlan:
         return best[1]
 
     def _without_a_cut(self, where: str) -> None:
-        """Shells that follow the bones beyond part from the others as they are, if all do clearly."""
+        """Separates whole shells by the bones they follow, without cutting any. Each shell must clearly
+        follow one side."""
         assert self.loyal is not None
         part = self._components(np.zeros(len(self.found.loops), bool))[self.of]
         mean = np.bincount(part, self.loyal) / np.maximum(np.bincount(part), 1)
@@ -187,7 +192,7 @@ class CutPlan:
         self.notes.append("the bone passes through nothing there: the parts were taken asunder as they are")
 
     def choose_covered(self) -> None:
-        """The loops that are drawn over for at least a half."""
+        """Chooses the loops that the drawn stroke covers by at least half."""
         covered = self.surface.covers(self.between(self.at, self.found.edges, self.share))
         pairs = covered[self.found.pairs].mean(1)
         loops = np.unique(self.found.loops)
@@ -198,7 +203,8 @@ class CutPlan:
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
-        """(W,) whether each welded vertex is on the far side; cuts more loops where the mesh still hangs."""
+        """Returns (W,) true for welded vertices on the far side. Cuts more loops while the two sides are
+        still connected."""
         while True:
             cut = np.isin(self.found.loops, self.chosen)
             part = self._components(cut)
@@ -216,7 +222,7 @@ class CutPlan:
         return np.asarray(side[part] == 1)
 
     def _components(self, cut: Bool) -> Int:
-        """(W,) what still hangs together once the chosen crossed faces are split."""
+        """Returns (W,) connected components after the chosen crossed faces are split."""
         whole = np.ones(len(self.faces), bool)
         whole[self.found.faces[cut]] = False
         faces = self.faces[whole]
@@ -228,7 +234,7 @@ class CutPlan:
         return components(len(self.rest), np.concatenate(links))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
-        """Add the nearest loop through which the two sides still hang together."""
+        """Adds the nearest loop through which the two sides are still connected."""
         free = ~np.isin(self.found.loops, self.chosen)
         free &= np.isin(part[self.faces[self.found.faces, 0]], torn)
         middle = self.places[self.found.pairs].mean(1)
@@ -241,7 +247,8 @@ class CutPlan:
             self.notes.append(note)
 
     def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
-        """The side of an uncut shell: that of the bones it follows, else of the nearest surface."""
+        """Returns the side of an uncut shell: that of the bones it follows, else that of the nearest
+        surface."""
         if self.loyal is not None:
             mean = float(self.loyal[np.isin(self.of, vertices)].mean())
             if abs(mean - 0.5) > 1e-3:
@@ -253,7 +260,7 @@ class CutPlan:
         return int(np.mean(side[part[known[nearest]]]) > 0.5)
 
     def caps(self) -> list[Cap]:
-        """A cap for every shell that was cut, its rim as numbers of crossed edges."""
+        """Returns a cap for every shell that was cut. The rim consists of numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
         shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
@@ -276,7 +283,7 @@ class CutPlan:
         return made
 
     def _own_cap(self, loop: Int) -> Cap:
-        """A cap in the plane that a loop spans best."""
+        """Returns a cap in the best-fitting plane of a loop."""
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
         cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)

@@ -1,7 +1,7 @@
-"""Surfaces that cut a mesh: a plane, or a stroke on the screen swept along the view.
+"""Surfaces that cut a mesh: a plane, or a stroke on the screen swept along the viewing direction.
 
-A surface is a field over space, below zero on the one side and above on the other, and two coordinates on
-itself, in which the caps are triangulated.
+A surface is given by a scalar field over space (negative on the near side, positive on the far side) and by
+two coordinates on itself. The caps are triangulated in these coordinates.
 """
 
 from __future__ import annotations
@@ -19,26 +19,27 @@ class CutSurface(Protocol):
     """The protocol of a surface that cuts a mesh."""
 
     def field(self, points: Float) -> Float:
-        """(N,) how far each of the points (N, 3) is on the far side; below zero on the near side."""
+        """Returns (N,) signed distances of points (N, 3): positive on the far side, negative on the near
+        side."""
         ...
 
     def flat(self, points: Float) -> Float:
-        """(N, 2) coordinates on the surface, about metres."""
+        """Returns (N, 2) coordinates on the surface, approximately in metres."""
         ...
 
     def covers(self, points: Float) -> Bool:
-        """(N,) whether points on the surface are within what was drawn."""
+        """Returns (N,) true for points on the surface that are within the drawn part."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneCut(CutSurface):
-    """A plane. The near side is behind it, the far side where the normal points.
+    """A cutting plane. The normal points to the far side; the near side is behind the plane.
 
     Attributes:
         point: (3,) metres.
         normal: (3,) of any length above zero.
-        reach: metres around ``point`` that count as drawn.
+        reach: radius around ``point`` that counts as drawn, in metres.
     """
 
     point: Float
@@ -68,11 +69,11 @@ class PlaneCut(CutSurface):
 
 @dataclass(frozen=True, eq=False)
 class StrokeCut(CutSurface):
-    """A stroke on the picture, swept along the view; it goes on straight beyond its two ends.
+    """A stroke on the image, swept along the viewing direction and extended straight beyond both ends.
 
     Attributes:
-        stroke: (S, 2) in the picture's own units (pixels, or -1..1), the y axis up. Seen along the stroke,
-            what lies to the left is the far side.
+        stroke: (S, 2) in the image's own units (pixels, or -1..1), the y axis up. The far side is on the left
+            in the direction of the stroke.
         picture_from_world: (4, 4) the projection: x and y in the units of the stroke, after division by w.
     """
 
@@ -98,7 +99,7 @@ class StrokeCut(CutSurface):
         if len(points) == 0:
             return np.zeros((0, 2))
         along, _, depth = self._along(points)
-        # Metres that the picture's unit spans here, so that both coordinates are about metres.
+        # Metres per unit of the image at this depth, so that both coordinates are approximately metres.
         rows = self.picture_from_world
         unit = float(np.median(depth)) / np.linalg.norm(rows[0, :3])
         ahead = rows[3, :3] if np.any(rows[3, :3]) else np.cross(rows[0, :3], rows[1, :3])
@@ -109,7 +110,8 @@ class StrokeCut(CutSurface):
         return np.asarray((along >= 0) & (along <= _lengths(self.stroke)[-1]))
 
     def _along(self, points: Float) -> tuple[Float, Float, Float]:
-        """(N,) arc length on the stroke, (N,) distance to its left, (N,) the depth w of each point."""
+        """Returns (N,) arc length on the stroke, (N,) distance to its left, and (N,) the depth w of each
+        point."""
         whole = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
         depth = whole[:, 3]
         shown = whole[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
@@ -118,12 +120,13 @@ class StrokeCut(CutSurface):
 
 
 def _lengths(stroke: Float) -> Float:
-    """(S,) arc length at each point."""
+    """Returns (S,) the arc length at each point."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 
 def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
-    """(N,) arc length of the nearest place on the stroke, lengthened, and (N,) distance to the left."""
+    """Returns (N,) arc length of the nearest point on the extended stroke, and (N,) the distance to its
+    left."""
     starts, vectors = stroke[:-1], np.diff(stroke, axis=0)
     lengths = np.linalg.norm(vectors, axis=1)
     units = vectors / lengths[:, None]
@@ -136,7 +139,7 @@ def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
     rest = away - held[..., None] * units[None]
     distance = np.linalg.norm(rest, axis=2)
     cross = units[None, :, 0] * away[..., 1] - units[None, :, 1] * away[..., 0]
-    # At a corner two segments are equally near: the one that sees the point squarely knows the side.
+    # At a corner two segments are equally near. The one more perpendicular to the offset decides the side.
     square = np.abs(cross) / np.maximum(distance, 1e-300)
     least = distance.min(1, keepdims=True)
     best = np.argmax(np.where(distance <= least * (1 + 1e-9) + 1e-300, square, -1.0), axis=1)

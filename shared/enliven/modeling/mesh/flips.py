@@ -1,7 +1,7 @@
-"""Edge flips in a triangulation, with its adjacency kept.
+"""Edge flips in a triangulation that keep its adjacency up to date.
 
-``beside[t, k]`` is the triangle across the edge opposite to corner k of triangle t, -1 at a border. The
-caller decides whether a flip is legal, and better.
+``beside[t, k]`` is the triangle across the edge opposite to corner k of triangle t, or -1 at a border. The
+caller decides whether a flip is legal and improves the triangulation.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enliven.kernels import njit
 
 
 def across_edges(triangles: Int, count: int) -> Int:
-    """(T, 3) the triangle across the edge opposite to each corner, or -1."""
+    """Returns (T, 3) the triangle across the edge opposite to each corner, or -1."""
     starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
     key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
     order = np.argsort(key, kind="stable")
@@ -25,7 +25,7 @@ def across_edges(triangles: Int, count: int) -> Int:
 
 @njit(cache=True, nogil=True)
 def slot(row, value):
-    """Kernel: where in a row of three a value is, -1 where it is not."""
+    """Kernel: returns the index of a value in a row of three, or -1 if it is absent."""
     for k in range(3):
         if row[k] == value:
             return k
@@ -34,10 +34,11 @@ def slot(row, value):
 
 @njit(cache=True, nogil=True)
 def flip(triangles, beside, t, k):
-    """Kernel: the edge opposite to corner k of t becomes the other diagonal of t and its neighbour, in place.
+    """Kernel: replaces the edge opposite to corner k of t by the other diagonal of t and its neighbour, in
+    place.
 
     Args:
-        triangles: (T, 3) vertices, counter-clockwise; the edge has a triangle on both sides.
+        triangles: (T, 3) vertices, counter-clockwise. The edge has a triangle on both sides.
         beside: (T, 3) neighbours.
     """
     u = beside[t, k]

@@ -1,9 +1,9 @@
-"""Joins two surfaces in their poses at a moment; each keeps its rest away from the seam.
+"""Joins two surfaces in their poses at one moment. Each keeps its rest shape away from the seam.
 
-The union is made of the posed surfaces, so an artist joins what is visible, whatever the two look like at
-rest. A vertex away from the seam keeps its rest position and weights to the bit. A vertex at the seam is
-taken back to rest by the inverse of its own blended transform: at that moment it is where it was joined, and
-otherwise it follows its weights.
+The union is computed on the posed surfaces, so that artists join what they see, whatever the two look like at
+rest. Vertices away from the seam keep their rest positions and weights bit-exactly. A vertex at the seam is
+mapped back to rest by the inverse of its blended transform. At the moment of the join it is therefore where
+it was joined, and otherwise it follows its weights.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import united
 
 Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
-"""What makes a surface smooth and its weights good around a seam (V,)."""
+"""Smooths a surface and recomputes its weights around a seam (V,)."""
 
 
 class SkinnedSurface(NamedTuple):
-    """A mesh at rest with its skin, and (V, 3) where its vertices are seen."""
+    """A mesh at rest with its skin, and its posed vertices (V, 3)."""
 
     mesh: Mesh
     skin: SkinWeights
@@ -43,17 +43,17 @@ def joined(
     notes: list[str],
     where: str,
 ) -> tuple[Mesh, SkinWeights]:
-    """One mesh at rest, and its skin.
+    """Joins two posed surfaces in one mesh at rest, with its skin.
 
     Args:
-        first, second: skinned to the same numbers.
-        maps: (B, 3, 4) what each number's transform does at that moment, world from rest.
-        loose: put both into one mesh where no union can be made.
-        notes: takes what was mended, or why there are two shells and not one surface.
-        where: named when it is refused.
+        first, second: skinned to the same bone numbers.
+        maps: (B, 3, 4) the transform of each bone at that moment, world from rest.
+        loose: if the union fails, put both surfaces into one mesh.
+        notes: receives what was repaired, or why there are two shells and not one surface.
+        where: the name used in error messages.
 
     Raises:
-        InputError: where no union can be made and ``loose`` is false.
+        InputError: if the union fails and ``loose`` is false.
     """
     whole = united(
         replace(first.mesh, vertices=first.seen),
@@ -79,10 +79,10 @@ def joined(
 
 
 def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
-    """(V, 3) the rest positions that the blend of ``maps`` (B, 3, 4) takes to ``seen`` (V, 3).
+    """Computes the rest positions (V, 3) that the blend of ``maps`` (B, 3, 4) takes to ``seen`` (V, 3).
 
-    A blend that is nearly flat (bones that turned against one another) has no inverse worth having: there the
-    map of the first bone is taken back.
+    A nearly singular blend (of bones that turned against one another) has no useful inverse. In that case the
+    inverse transform of the bone with the largest weight is used.
     """
     blend = np.einsum("vk,vkab->vab", skin.weights.astype(np.float64), maps[skin.indices])
     flat = np.abs(np.linalg.det(blend[:, :, :3])) < 0.05
@@ -91,7 +91,7 @@ def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
 
 
 def _kept_rest(whole: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
-    """(V, 3) the rest of the vertices that were one in either mesh; the others as they are seen."""
+    """Returns (V, 3) rest positions of vertices from either mesh. New vertices keep their posed positions."""
     rest = whole.mesh.vertices.copy()
     ours, theirs = whole.first >= 0, (whole.second >= 0) & (whole.first < 0)
     rest[ours] = first.mesh.vertices[whole.first[ours]]

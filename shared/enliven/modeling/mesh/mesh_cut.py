@@ -1,12 +1,13 @@
-"""Cutting a mesh where a surface passes through it, locally, into two closed meshes with their skins.
+"""Cuts a skinned mesh along a surface, locally, into two closed meshes with their skins.
 
     cut_across_bone(mesh, skin, skeleton, bone, u) -> Cut        a plane across a bone, around that bone only
-    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, what it passes through
+    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts it passes
+    through
 
-``Cut.near`` is the root's side of a bone (behind a plane), ``Cut.far`` the other; each is a :class:`Piece`
-with its mesh, its skin (bones numbered as they were) and ``kept``, the old vertex of each vertex or -1.
-Vertices away from the cut are the same to the bit, positions, colours and weights; so are faces, in their
-order. Both sides of the cut share their caps' points, so that the volumes of the two add up to the whole.
+``Cut.near`` is the root's side of a bone (behind a plane), and ``Cut.far`` is the other side. Each is a
+:class:`Piece` with its mesh, its skin (bone numbers from before the cut) and ``kept``, the old number of each
+vertex or -1. Away from the cut, positions, colours and weights of vertices stay bit-exact, and faces keep
+their order. Both sides share the points of their caps, so that their two volumes add up to the whole.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
 _LARGER = 1.01
-"""Area of the far side over that of the near one from which it is larger: no matter of rounding."""
+"""Ratio of surface areas above which the far side counts as larger. The margin absorbs rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Cut:
 
     @property
     def larger_first(self) -> tuple[Piece, Piece]:
-        """Both sides, the one with more surface first; of two halves the near one."""
+        """Both sides, the one with more surface first. Of two equal halves the near one comes first."""
         near, far = (
             float(face_areas(one.mesh.vertices, one.mesh.faces).sum()) for one in (self.near, self.far)
         )
@@ -55,18 +56,19 @@ def cut_across_bone(
     u: float,
     settings: CutSettings | None = None,
 ) -> Cut:
-    """Cut the limb around a bone, square to the bone.
+    """Cuts the limb around a bone, perpendicular to the bone.
 
-    Shells that the plane does not touch go with the bones that they follow. Where the bone runs outside of
-    the mesh, what follows it beside it is cut; where nothing does, shells part by the bones they follow.
+    Shells that the plane does not touch stay with the bones that they follow. If the bone runs outside the
+    mesh, the nearby part that follows the bone is cut. If no part follows it, whole shells are separated by
+    the bones they follow.
 
     Args:
         mesh: at rest, in the skeleton's frame.
         bone: the joint that the bone ends at; not the root.
-        u: where along the bone, 0 at its parent joint and 1 at its own.
+        u: position along the bone: 0 at its parent joint, 1 at its own joint.
 
     Raises:
-        InputError: for a bone without length, or where no part of the mesh surrounds it there.
+        InputError: if the bone has no length, or if no part of the mesh surrounds it there.
     """
     settings = settings or CutSettings()
     where = f"bone {skeleton.names[bone]!r}"
@@ -87,7 +89,7 @@ def cut_across_bone(
     behind = 1.0 - ahead - own
     if len(work.chosen) == 0 or _belongs(cut, ahead, behind) > settings.belongs:
         return cut
-    # A plane through a body's middle, as the bone to a hip asks for, would halve the body.
+    # A plane through the middle of the body, as for a bone to a hip, would cut the body in half.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
     other.choose_all()
@@ -99,17 +101,20 @@ def cut_across_bone(
 
 
 def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
-    """How much of what follows the bones on either side lies on that side, of the worse side; 1 is all of it.
+    """Computes how well the two sides of a cut match the bones: from 0 to 1, for the worse side.
+
+    A side's score is the fraction of its bones' total weight that lies on it. 1 means all of it.
 
     Args:
-        ahead: (V,) how much each vertex follows the bones beyond the cut.
-        behind: (V,) how much the bones before it.
+        ahead: (V,) weight of the bones beyond the cut at each vertex.
+        behind: (V,) weight of the bones before the cut.
     """
     worst = 1.0
     for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
-        # What strays counts against the side that it strays to, too: a foot must not bring half a body.
+        # Also penalize the side that wrong vertices went to: cutting off a foot must not take half a body
+        # along.
         size = max(np.count_nonzero(wrong.kept >= 0), 1)
         worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst
@@ -122,14 +127,16 @@ def cut_by_stroke(
     posed: Float | None = None,
     settings: CutSettings | None = None,
 ) -> Cut:
-    """Cut all that a stroke passes through; a part counts when the stroke covers at least half of it.
+    """Cuts all parts that a stroke passes through. A part counts if the stroke covers at least half of its
+    loop.
 
     Args:
         surface: :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut`, or a PlaneCut.
-        posed: (V, 3) where the vertices were when it was drawn; None takes the mesh as it is.
+        posed: (V, 3) positions of the vertices when the stroke was drawn; None takes the positions in the
+            mesh.
 
     Raises:
-        InputError: where it passes through nothing.
+        InputError: if the stroke passes through nothing.
     """
     work = CutPlan(mesh, skin, surface, posed, settings or CutSettings(), None)
     work.choose_covered()
@@ -137,7 +144,7 @@ def cut_by_stroke(
 
 
 def _parted(work: CutPlan) -> Cut:
-    """Both pieces, once the chosen loops part the mesh."""
+    """Builds both pieces after the loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
         raise InputError("it parts nothing off", where="cut", mend="Cut elsewhere.")
@@ -149,7 +156,7 @@ def _parted(work: CutPlan) -> Cut:
 
 
 def rounded(piece: Piece, share: float) -> Piece:
-    """The piece with its caps blown up as ``inflate`` does; 1 makes half balls."""
+    """Inflates the caps of a piece with the method of ``inflate``. A share of 1 makes hemispheres."""
     if share == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh
@@ -168,7 +175,7 @@ def rounded(piece: Piece, share: float) -> Piece:
 
 
 def outward_of(caps: Mesh) -> Float:
-    """(V, 3) for each vertex the mean direction that the cap that it is on looks to."""
+    """Returns (V, 3) for each vertex the mean normal of its cap."""
     part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())

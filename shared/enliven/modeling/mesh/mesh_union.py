@@ -1,12 +1,12 @@
-"""The union of two meshes in one frame, every vertex traced, the skins of both kept.
+"""The union of two skinned meshes in one frame. Every vertex is traced to its origin.
 
     united(first, first_skin, second, second_skin, offset=0) -> Union
 
-``offset`` is added to the bone numbers of the second skin (0 where they are numbered for the merged skeleton
-already). ``Union.first`` and ``Union.second`` give for each vertex the one it was in either mesh, or -1;
-``Union.seam`` marks the vertices where the two meet. Vertices and faces that the seam does not touch are the
-same to the bit, in their order: those of the first, those of the second, the new ones. Where a union cannot
-be made the two become one mesh of separate shells, nothing is lost, and ``Union.notes`` says why.
+``offset`` is added to the bone numbers of the second skin (0 if they are already numbered for the merged
+skeleton). ``Union.first`` and ``Union.second`` give the old number of each vertex in either mesh, or -1.
+``Union.seam`` marks the vertices where the two meshes meet. Vertices and faces that the seam does not touch
+stay bit-exact and in order: those of the first mesh, those of the second, then the new ones. If the union
+fails, the result is one mesh of separate shells without any loss, and ``Union.notes`` gives the reason.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ def united(
     offset: int = 0,
     tidy: bool = False,
 ) -> Union:
-    """The union of two meshes; see the module for what it keeps.
+    """Returns the union of two meshes. The module's docstring lists what it preserves.
 
     Args:
         offset: added to the bone numbers of the second skin.
-        tidy: contract the short edges that a union leaves along a creased seam, so that it can be healed. The
-            seam is then where both surfaces were but for less than an edge; only new vertices move. Meshes
-            with doubled vertices are left as they are.
+        tidy: contract the short edges that a union leaves along a creased seam, so that it can be smoothed.
+            The seam then deviates from both surfaces by less than an edge length, and only new vertices move.
+            Meshes with duplicate vertices stay unchanged.
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
     pair = MeshPair((first, second), (first_skin, moved))
@@ -59,9 +59,9 @@ def united(
 
 
 def _without_slivers(union: Union) -> Union:
-    """The union with the slivers at its new vertices taken out, where the seam creases."""
+    """Removes slivers at the new vertices of a union, where the seam has a crease."""
     new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
-    # Where positions are there twice (flat-shaded meshes), moving one of them would open a crack.
+    # If positions occur twice (flat-shaded meshes), moving one of the vertices would open a crack.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
     vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
@@ -81,11 +81,12 @@ def _without_slivers(union: Union) -> Union:
 
 
 def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | None:
-    """The materials of a mesh once its slivers are gone: faces at new vertices take the nearest old face's.
+    """Returns the materials after slivers were removed. Faces at new vertices take those of the nearest old
+    face.
 
     Args:
-        new: (V,) the vertices that could move.
-        corners: (F, 3, 3) metres, of the faces that are left.
+        new: (V,) true for vertices that could move.
+        corners: (F, 3, 3) metres, the corners of the remaining faces.
     """
     if mesh.materials is None:
         return None

@@ -1,4 +1,5 @@
-"""Helpers for the mesh of an edited skeleton: posed vertices, bone numbers, and parts by bones."""
+"""Helpers for the mesh of an edited skeleton: posed vertices, bone numbers, and separation into parts by
+bones."""
 
 from __future__ import annotations
 
@@ -15,14 +16,15 @@ from enliven.modeling.skinning import renumbered
 
 
 def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
-    """(V, 3) metres: v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for L (N, 3, 3) and x (N, 3)."""
+    """Computes (V, 3) metres: v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for L (N, 3, 3) and x (N,
+    3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
     return blended(shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above])
 
 
 def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float) -> Float:
-    """(V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
+    """Computes (V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
     out = np.zeros_like(vertices)
     for slot in range(4):
         node = skin.indices[:, slot]
@@ -32,19 +34,22 @@ def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, po
 
 
 def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
-    """The shape with one side of a cut; ``numbers`` (N,): the bone here of each bone before the cut."""
+    """Returns the shape with the mesh of one side of a cut. ``numbers`` (N,) maps old bones to bones of the
+    shape."""
     assert piece.skin is not None
     return shape.with_changes(mesh=piece.mesh, skin=renumbered(piece.skin, numbers))
 
 
 def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """(N,) the bone of ``shape`` that each bone of ``before`` is now: by name, or the one named otherwise."""
+    """Returns (N,) the bone of ``shape`` with the same name as each bone of ``before``, or the bone
+    ``otherwise``."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
 
 def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """The shells of a piece, each with the group of bones that it follows most; None for a group without."""
+    """Assigns each shell of a piece to the group of bones that it follows most. A group without shells gives
+    None."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
@@ -58,7 +63,7 @@ def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
 
 
 def _part_of(piece: Piece, inside: Bool) -> Piece | None:
-    """The faces of a piece between the vertices that are inside (V,)."""
+    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are none."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():
@@ -72,12 +77,12 @@ def _part_of(piece: Piece, inside: Bool) -> Piece | None:
 
 
 def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
-    """(N, 3, 4) world from rest of each bone: L_j (v - rest_parent) + x_parent, for L (N, 3, 3)."""
+    """Returns (N, 3, 4) world from rest of each bone: L_j (v - rest_parent) + x_parent, for L (N, 3, 3)."""
     above = np.maximum(shape.skeleton.parents, 0)
     offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
     return np.concatenate([linear, offset[..., None]], -1)
 
 
 def no_maps(shape: Shape) -> Float:
-    """(N, 3, 4) the identity for each bone: the rest pose."""
+    """Returns (N, 3, 4) the identity for each bone: the rest pose."""
     return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

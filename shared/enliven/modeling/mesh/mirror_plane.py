@@ -1,8 +1,8 @@
-"""The plane in which a mesh is its own mirror image, if there is one.
+"""Finds the symmetry plane of a mesh, if it has one.
 
-Candidates (the axes, the principal axes, directions all around) are brought to the nearest plane of symmetry
-by mirroring points of the surface, pairing each image with the nearest point that faces as it does, and
-taking the plane that the pairs say. What is left between image and surface tells how good a plane is.
+Candidates (the axes, the principal axes, and directions all around) are refined iteratively, as in ICP. Each
+step mirrors points of the surface, pairs each image with the nearest point with a similar normal, and fits a
+plane to the pairs. The remaining distance between image and surface rates the plane.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from enliven.document import Plane
 from enliven.meshes import Mesh
 
 TOLERANCE = 0.012
-"""Part of the mesh's size (its box's diagonal) that the image may miss the surface by, in the mean."""
+"""Maximum mean distance between the mirror image and the surface, as a fraction of the diagonal of the
+bounding box."""
 _FEW = 250
-"""Points for the first test of each of some dozens of candidates."""
+"""Number of points for the first test of several dozen candidates."""
 _SOME = 1500
-"""Points for the candidates that are left."""
+"""Number of points for the second test, of the remaining candidates."""
 _MANY = 6000
-"""Points for the planes that are left at last: their gap decides against the tolerance."""
+"""Number of points for the last test. Its result is compared with the tolerance."""
 _DIRECTIONS = 40
-"""Normals to begin with, spread over the upper half of the sphere, some 23 degrees apart."""
+"""Number of initial normals, spread over the upper hemisphere about 23 degrees apart."""
 _KEPT = 5
-"""Different planes that the finer tests get."""
+"""Maximum number of different planes that get the finer tests."""
 _ALIKE = 0.98
-"""Cosine between normals from which on two planes are one."""
+"""Cosine between normals above which two planes count as equal."""
 _FACING = 0.3
-"""Part of the size that a pair of points counts as apart, for the part by which they face differently."""
+"""Weight of normals in the nearest-neighbour search: a unit difference counts as this fraction of the
+size."""
 _LEVEL = 0.35
-"""Sine of the angle to the level within which a plane's normal counts as level."""
+"""Sine of the angle to the horizontal up to which a plane's normal counts as horizontal."""
 
 
 class _Cloud(NamedTuple):
-    """Points (N, 3) on a surface in units of its size, their normals (N, 3), and a tree of both together."""
+    """Surface points (N, 3) divided by the mesh's size, their normals (N, 3), and a k-d tree over both."""
 
     points: Float
     normals: Float
@@ -46,7 +48,8 @@ class _Cloud(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """A plane (``normal`` x = ``offset``), and by what part of the size the image misses the surface."""
+    """A plane (``normal`` x = ``offset``), and the mean distance of the mirror image as a fraction of the
+    size."""
 
     gap: float
     normal: Float
@@ -54,16 +57,16 @@ class _Found(NamedTuple):
 
 
 def plane_of_symmetry(mesh: Mesh) -> Plane | None:
-    """The plane of symmetry, or None where the mirror image misses the surface by more than ``TOLERANCE``.
+    """Returns the symmetry plane, or None if the mirror image misses the surface by more than ``TOLERANCE``.
 
-    Where several planes hold (a box, a flat star), it is the upright one with the mesh widest along its
-    normal: the one between left and right.
+    If there are several symmetry planes (a box, a flat star), the result is the upright plane with the mesh
+    widest along its normal: the plane between left and right.
 
     Raises:
-        InputError: for a mesh without area.
+        InputError: if the mesh has no area.
     """
     size = max(float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0))), 1e-300)
-    # The samples' own middle keeps digits for a mesh far away; normals need no welding here.
+    # Centring on the samples keeps precision for a mesh far from the origin. Normals need no welding here.
     sampled = scatter(mesh, _MANY, np.random.default_rng(0), (mesh, np.arange(len(mesh.vertices))))
     middle = sampled.positions.mean(0)
     points = (sampled.positions - middle) / size
@@ -82,14 +85,14 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
 
 
 def _cloud(points: Float, normals: Float, count: int) -> _Cloud:
-    """About ``count`` of the points."""
+    """Subsamples the points to about ``count``, and builds their tree."""
     step = max(len(points) // count, 1)
     points, normals = points[::step], normals[::step]
     return _Cloud(points, normals, scipy.spatial.cKDTree(np.concatenate([points, _FACING * normals], 1)))
 
 
 def _candidates(points: Float) -> Float:
-    """(C, 3) normals to begin with."""
+    """Returns (C, 3) initial normals."""
     k = np.arange(_DIRECTIONS) + 0.5
     up, turn = k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - up * up)
@@ -98,23 +101,24 @@ def _candidates(points: Float) -> Float:
 
 
 def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _Found:
-    """The plane of symmetry nearest to one, after some steps of pairing."""
+    """Refines a plane to the nearest symmetry plane with a number of pairing steps."""
     points = cloud.points
     for _ in range(steps):
         pairs = cloud.points[_nearest(cloud, normal, offset)]
         middles, ways = (points + pairs) / 2, pairs - points
-        # Parts that have no counterpart (a raised hand) say nothing.
+        # Ignore parts without a counterpart (a raised hand): use the best 80 % of the pairs.
         missed = np.linalg.norm(_mirrored(points, normal, offset) - pairs, axis=1)
         good = missed <= np.quantile(missed, 0.8)
         centre = middles[good].mean(0)
         about = middles[good] - centre
-        # The normal is along the ways, and the middles lie in the plane.
+        # The normal is parallel to the differences of the pairs, and their middles lie in the plane.
         normal = np.linalg.eigh(about.T @ about - ways[good].T @ ways[good] / 4)[1][:, 0]
         offset = float(normal @ centre)
     nearest = _nearest(cloud, normal, offset)
     image = _mirrored(points, normal, offset)
     gaps = image - points[nearest]
-    # To the surface, not to its samples: what lies along the surface is no gap, as far as samples are apart.
+    # Measure the distance to the surface, not to its samples: ignore tangential offsets below the sample
+    # spacing.
     apart = np.linalg.norm(gaps, axis=1)
     through = np.abs((gaps * cloud.normals[nearest]).sum(1))
     spacing = 2.0 / np.sqrt(len(points))
@@ -122,7 +126,7 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
 
 
 def _nearest(cloud: _Cloud, normal: Float, offset: float) -> Float:
-    """(N,) the point nearest to the image of each, that faces alike."""
+    """Returns (N,) the index of the nearest point with a similar normal for the image of each point."""
     facing = cloud.normals - 2 * (cloud.normals @ normal)[:, None] * normal
     image = np.concatenate([_mirrored(cloud.points, normal, offset), _FACING * facing], 1)
     return np.asarray(cloud.tree.query(image)[1])
@@ -133,7 +137,7 @@ def _mirrored(points: Float, normal: Float, offset: float) -> Float:
 
 
 def _different(found: list[_Found]) -> list[_Found]:
-    """The best few that are not the same plane."""
+    """Returns the best few planes that differ from one another."""
     kept: list[_Found] = []
     for one in found:
         if all(abs(one.normal @ other.normal) < _ALIKE for other in kept):
@@ -142,5 +146,6 @@ def _different(found: list[_Found]) -> list[_Found]:
 
 
 def _breadth(points: Float, found: _Found) -> float:
-    """How far the mesh reaches along the plane's normal, in steps of a tenth, so that equal ones tie."""
+    """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
+    extents tie."""
     return float(np.round(np.ptp(points @ found.normal), 1))

@@ -1,8 +1,8 @@
-"""Triangulations in the plane: constrained Delaunay, refined until the triangles are as even as the outline.
+"""Constrained Delaunay triangulation in the plane, refined until triangles are as even as the outline.
 
-manifold3d cuts the ears; flipping inner edges until none is illegal makes it the constrained Delaunay
-triangulation (Lawson 1977). Points are added where a triangle is larger than the edges of the outline around
-it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+manifold3d clips the ears. Flipping inner edges until every edge is legal makes the result the constrained
+Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than the edges of the
+outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from enliven.kernels import copy_row, copy_rows, njit
 from enliven.modeling.mesh.flips import across_edges, flip, slot
 
 _MOST = 20_000
-"""Points at most that a refinement adds."""
+"""Maximum number of points that a refinement adds."""
 
 
 def triangulated(points: Float, loops: Sequence[Int]) -> Int:
-    """(T, 3) counter-clockwise triangles between loops: constrained Delaunay, without a new point.
+    """Returns (T, 3) counter-clockwise constrained Delaunay triangles between loops, without adding points.
 
     Args:
         points: (P, 2).
-        loops: the points of each, outer ones counter-clockwise and holes clockwise.
+        loops: the points of each loop; outer loops counter-clockwise and holes clockwise.
     """
     order = np.concatenate(loops)
     ears = manifold3d.triangulate([np.ascontiguousarray(points[loop], np.float64) for loop in loops])
@@ -37,17 +37,17 @@ def triangulated(points: Float, loops: Sequence[Int]) -> Int:
 def refined(
     points: Float, triangles: Int, sizes: Float, smooth: int = 3, growth: float = 1.0
 ) -> tuple[Float, Int]:
-    """The same region in triangles about as large as asked for; the outline is left as it is.
+    """Refines a triangulation to triangles of about the requested size. The outline stays unchanged.
 
     Args:
         points: (P, 2).
         triangles: (T, 3) constrained Delaunay.
-        sizes: (P,) how long edges should be around each point.
-        smooth: how often each new point is moved to the middle of its neighbours.
-        growth: how much longer edges may be with every point that is added, away from the outline.
+        sizes: (P,) target edge length around each point.
+        smooth: number of times that new points are moved to the middle of their neighbours.
+        growth: factor on the target edge length for every added point, away from the outline.
 
     Returns:
-        (Q, 2) points, the first P as they were, and (U, 3) triangles.
+        (Q, 2) points, the first P unchanged, and (U, 3) triangles.
     """
     room = len(points) + _MOST
     all_points, all_sizes = np.zeros((room, 2)), np.zeros(room)
@@ -65,13 +65,14 @@ def refined(
 
 @njit(cache=True, nogil=True)
 def _turn(a, b, c):
-    """Twice the signed area of the triangle a, b, c."""
+    """Computes twice the signed area of the triangle a, b, c."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 @njit(cache=True, nogil=True)
 def _in_circle(a, b, c, d):
-    """Above zero where d lies in the circle through a, b, c (counter-clockwise), scaled to about one."""
+    """Returns a positive value, scaled to about one, if d lies inside the circle through a, b, c
+    (counter-clockwise)."""
     ax, ay, bx, by, cx, cy = a[0] - d[0], a[1] - d[1], b[0] - d[0], b[1] - d[1], c[0] - d[0], c[1] - d[1]
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
     size = max(aa, bb, cc)
@@ -82,7 +83,8 @@ def _in_circle(a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _legalise(points, cells, beside, t, k):
-    """Flip the edge opposite to corner k of cell t where that is legal and better; whether it was done."""
+    """Flips the edge opposite to corner k of cell t if that is legal and better. Returns True if it was
+    flipped."""
     u = beside[t, k]
     if u < 0:
         return False
@@ -98,7 +100,8 @@ def _legalise(points, cells, beside, t, k):
 
 @njit(cache=True, nogil=True)
 def _legalise_all(points, cells, beside):
-    """Flip until every inner edge is locally Delaunay; bounded, since rounding may undo a flip."""
+    """Flips edges until all inner edges are locally Delaunay. The number of passes is bounded, since rounding
+    may undo a flip."""
     for _ in range(200):
         flipped = 0
         for t in range(cells.shape[0]):
@@ -111,7 +114,8 @@ def _legalise_all(points, cells, beside):
 
 @njit(cache=True, nogil=True)
 def _refine(points, sizes, cells, beside, count, some, growth):
-    """Add the centre of each triangle that is too large, flip, and again; how many points and triangles."""
+    """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
+    and triangles."""
     for _ in range(60):
         before, first = count, some
         for t in range(first):
@@ -139,7 +143,7 @@ def _refine(points, sizes, cells, beside, count, some, growth):
 
 @njit(cache=True, nogil=True)
 def _split(cells, beside, t, p, some):
-    """Cell t becomes three around point p; the new ones are ``some`` and ``some + 1``."""
+    """Splits cell t in three around point p. The new cells are ``some`` and ``some + 1``."""
     a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
     over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
     u, v = some, some + 1
@@ -157,7 +161,9 @@ def _split(cells, beside, t, p, some):
 
 @njit(cache=True, nogil=True)
 def _relax(points, cells, fixed):
-    """Each point from ``fixed`` on goes to the middle of its neighbours, where no triangle turns over."""
+    """Moves each point from index ``fixed`` on to the middle of its neighbours, unless a triangle would
+    flip."""
+    # Target of each new point: the mean of its neighbours.
     total, many = np.zeros(points.shape), np.zeros(points.shape[0])
     for t in range(cells.shape[0]):
         for k in range(3):
@@ -170,6 +176,7 @@ def _relax(points, cells, fixed):
         if many[i] > 0.0:
             for a in range(2):
                 wanted[i, a] = total[i, a] / many[i]
+    # Restore the old corners of triangles that would flip or collapse, and check again.
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):
@@ -181,6 +188,7 @@ def _relax(points, cells, fixed):
                     copy_row(wanted[i], points[i])
         if not wrong:
             break
+    # Give up if a flipped triangle remains.
     for t in range(cells.shape[0]):
         a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
         if _turn(wanted[a], wanted[b], wanted[c]) <= 0.0:

@@ -1,4 +1,4 @@
-"""Poisson's equation on a flat mesh: the height with Laplacian -2 inside and value 0 on the rim."""
+"""Poisson's equation on a flat mesh: a height with Laplacian -2 inside and value 0 on the rim."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.modeling.skinning import cotangents
 
 SYMMETRIC_LU = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
-"""Options of SciPy's ``splu`` for symmetric positive definite matrices: a symmetric order, and no pivoting (a
-threshold of 0 takes the diagonal), which leaves fewer non-zeros."""
+"""Options of SciPy's ``splu`` for symmetric positive definite matrices: a symmetric ordering, and no pivoting
+(a threshold of 0 takes the diagonal). They leave fewer non-zeros."""
 
 
 def poisson(points: Float, faces: Int32, inner: Bool) -> Float:
-    """(V,) square metres: laplace(u) = -2 where ``inner`` (V,) is true, u = 0 elsewhere."""
+    """Solves laplace(u) = -2 where ``inner`` (V,) is true, with u = 0 elsewhere. Returns (V,) square
+    metres."""
     out = np.zeros(len(points))
     rows = np.flatnonzero(inner)
     if len(rows):

@@ -1,4 +1,4 @@
-"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices smoothed."""
+"""Remeshing of closed surfaces: edges flipped to Delaunay, and vertices smoothed (Taubin)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from enliven.kernels import njit
 from enliven.modeling.mesh.flips import across_edges, flip, slot
 
 _PASS = 0.5
-"""Taubin's factor lambda of smoothing ("A signal processing approach to fair surface design", 1995)."""
+"""Taubin's smoothing factor lambda ("A signal processing approach to fair surface design", 1995)."""
 _BACK = -0.53
-"""Taubin's factor mu: a step back, a little larger than the smoothing, keeps the surface from shrinking."""
+"""Taubin's factor mu. This negative step, slightly larger than the smoothing step, prevents shrinking."""
 
 
 def flipped(vertices: Float, faces: Int32) -> Int32:
-    """(F, 3) faces with an edge flipped wherever its two opposite angles sum to more than 180 degrees."""
+    """Returns faces (F, 3) with an edge flipped wherever its two opposite angles add up to more than 180
+    degrees."""
     out = faces.astype(np.int64)
     _flip_all(np.ascontiguousarray(vertices), out, across_edges(out, len(vertices)))
     return out.astype(np.int32)
 
 
 def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
-    """(F, 3) faces of a patch flipped to Delaunay, edges between two vertices of a seam (V,) left alone."""
+    """Flips the faces (F, 3) of a patch to Delaunay, except edges between two vertices of a seam (V,)."""
     out = faces.copy()
     beside = across_edges(out, len(vertices))
     ends = out[:, [[1, 2], [2, 0], [0, 1]]]
@@ -32,7 +33,8 @@ def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
 
 
 def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
-    """(V, 3) vertices between their neighbours: low frequencies stay, noise goes, triangles even out."""
+    """Smooths vertices (V, 3) between their neighbours: keeps low frequencies, removes noise, evens out
+    triangles."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
     for _ in range(times):
@@ -43,7 +45,7 @@ def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _to_middle(vertices, faces, count):
-    """(V, 3) from each vertex to the mean of its neighbours."""
+    """Returns (V, 3) vectors from each vertex to the mean of its neighbours."""
     total, many = np.zeros((count, 3)), np.zeros(count)
     for f in range(faces.shape[0]):
         for k in range(3):
@@ -74,7 +76,7 @@ def _cotangent(tip, p, q):
 
 @njit(cache=True, nogil=True)
 def _linked(faces, beside, t, a, d):
-    """Whether vertices a (of face t) and d share an edge: a walk around a."""
+    """Returns True if vertices a (of face t) and d share an edge. Visits the faces around a."""
     f = t
     for _ in range(64):
         k = slot(faces[f], a)
@@ -88,7 +90,7 @@ def _linked(faces, beside, t, a, d):
 
 @njit(cache=True, nogil=True)
 def _flip_all(vertices, faces, beside):
-    """Flip until nothing is better; an edge is not flipped where the surface would fold or an edge double."""
+    """Flips edges until none improves. Skips flips that would fold the surface or duplicate an edge."""
     for _ in range(20):
         done = 0
         for t in range(faces.shape[0]):

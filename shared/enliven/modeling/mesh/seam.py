@@ -1,14 +1,13 @@
-"""Healing: the surface made smooth around a seam, and skin weights computed anew there, and nowhere else.
+"""Seam repair: smooths the surface around a seam and recomputes the skin weights there, and nowhere else.
 
     healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      both of the below
     smoothed(mesh, seam) -> Mesh                                   positions only
     reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 
-``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Whatever is
-farther from it than the settings say stays the same to the bit. Near the seam the
-surface goes on as it comes, in direction and in curvature: a crease becomes a fillet, and what was smooth
-stays. Weights near the seam are those of :mod:`enliven.modeling.skinning.heat_diffusion`
-with the old weights held around them.
+``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Everything farther
+from the seam than the settings allow stays bit-exact. Near the seam, the surface continues the direction and
+curvature of its surroundings: a crease becomes a fillet, and smooth parts stay smooth. The weights near the
+seam come from :mod:`enliven.modeling.skinning.heat_diffusion`, with the old weights around them held fixed.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ from enliven.modeling.skinning import HeatSettings, bone_count, dense, heat_weig
 from enliven.settings import setting
 
 _HOLD = 1e-6
-"""How strongly vertices are held where they were, beside the smoothness of the surface."""
+"""Weight that holds vertices at their old positions, relative to the smoothness term."""
 _FAR = 1.5
-"""Edges' lengths that a vertex is moved by at most."""
+"""Maximum displacement of a vertex, in edge lengths."""
 
 
 @dataclass(frozen=True)
 class SeamSettings:
-    """How far a seam is healed."""
+    """Settings for smoothing a seam and its weights."""
 
     smooth_rings: int = setting(3, "rings of vertices around a seam that are smoothed", low=0, high=20)
     smooth_reach: float = setting(
@@ -64,18 +63,18 @@ class SeamSettings:
 def healed(
     mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
 ) -> tuple[Mesh, SkinWeights]:
-    """The mesh and its skin with the seam smoothed and weighted anew.
+    """Smooths the seam of a mesh and recomputes the skin weights around it.
 
     Args:
-        skeleton: the bones that the skin names, in the mesh's frame.
-        seam: (V,) true for its vertices.
+        skeleton: the bones that the skin refers to, in the mesh's frame.
+        seam: (V,) true for vertices of the seam.
     """
     smooth = smoothed(mesh, seam, settings)
     return smooth, reweighted(smooth, skin, skeleton, seam, settings)
 
 
 def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
-    """The mesh with the rings around the seam as smooth as what is around them allows."""
+    """Returns the mesh with the rings around the seam as smooth as the surrounding surface allows."""
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
@@ -93,7 +92,8 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
 def reweighted(
     mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
 ) -> SkinWeights:
-    """The skin with the rings around the seam computed by bone heat, the rest held and unchanged."""
+    """Returns the skin with the rings around the seam recomputed by bone heat. The other weights stay
+    unchanged."""
     settings = settings or SeamSettings()
     free = _around(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
     if not free.any():
@@ -107,19 +107,20 @@ def reweighted(
 
 
 def fair(mesh: Mesh, free: Bool) -> Float:
-    """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
+    """Fairs a surface: returns positions (V, 3) that are smooth where ``free`` (V,); the others stay
+    unchanged.
 
-    The mean curvature and the normals run harmonically from what is around into what is free, and the free
-    vertices take the positions with the Laplacians nearest to them, none moved far (R. Schneider and L.
-    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube continues as a tube, a
-    plane as a plane.
+    The mean curvature and the normals of the surroundings are interpolated harmonically into the free region.
+    The free vertices then take the positions that best match the resulting Laplacians, and none moves far. A
+    tube continues as a tube, and a plane as a plane. Source: R. Schneider and L. Kobbelt, "Geometric fairing
+    of irregular meshes", 2001, in one linear step.
     """
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
     loose[of[free]] = True
     web, lengths = _neighbour_shares(welded)
     inner = np.flatnonzero(loose)
-    # The Laplacians of free vertices and of their neighbours depend on what is free.
+    # The Laplacians of free vertices and of their neighbours depend on the free positions.
     rows = np.unique(np.concatenate([inner, web[inner].indices]))
     unknown = np.zeros(len(loose), bool)
     unknown[rows] = True
@@ -131,7 +132,8 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
     own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
     right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
-    # A little of where it was holds what nothing else holds: a small shell that is free as a whole.
+    # A weak pull to the old positions determines parts without any fixed vertex: small shells that are
+    # entirely free.
     right = right + _HOLD * welded.vertices[inner]
     square = (own.T @ own + _HOLD * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
@@ -143,7 +145,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
 
 
 def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
-    """(V, K) values; the unknown ones interpolate the known ones harmonically."""
+    """Returns the values (V, K) with unknown ones interpolated harmonically from known ones."""
     out = values.copy()
     inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     if len(inner) == 0 or len(known) == 0:
@@ -156,13 +158,17 @@ def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
 
 
 def _radius(points: Float) -> float:
-    """Metres, the mean distance of a loop's points from their middle."""
+    """Returns the root-mean-square distance of a loop's points from their centre, in metres."""
     return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
 
 def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
-    """(V, V) for each vertex the shares of its neighbours, nearer ones more, rows sum to one; (V,) their mean
-    distance in metres."""
+    """Returns normalized neighbour weights and mean neighbour distances.
+
+    Returns:
+        (V, V) weights of each vertex's neighbours: nearer ones get more, and rows sum to one. (V,) the mean
+        distance of the neighbours in metres.
+    """
     faces = welded.faces
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
@@ -173,13 +179,13 @@ def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     total = np.asarray(web.sum(1)).ravel()
     web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
     many = np.bincount(starts, minlength=count)
-    # The root of the mean square, weighted as the Laplacian is.
+    # Root mean square, with the same weights as the Laplacian.
     square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
     return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
 
 
 def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
-    """(V,) the seam's vertices at edges of the seam across which the surface bends by more."""
+    """Returns (V,) true for seam vertices at seam edges with a dihedral bend of more than ``degrees``."""
     welded, of = weld(mesh)
     on = np.zeros(len(welded.vertices), bool)
     on[of[seam]] = True
@@ -195,12 +201,16 @@ def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
 
 
 def _around(mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf) -> Bool:
-    """(V,) the vertices around a seam, across doubled vertices too: so many edges away, or of its own radii.
+    """Returns (V,) true for vertices around a seam: within a number of edges, or within multiples of its
+    radius.
+
+    Duplicate vertices are treated as connected.
 
     Args:
-        from_: (V,) the part of the seam to count from.
-        reach: radii that count in any case.
-        most: radii beyond which no ring counts.
+        from_: (V,) the part of the seam to measure from.
+        rings: distance in edges.
+        reach: distance in radii of the seam within which all vertices count.
+        most: distance in radii beyond which no ring counts.
     """
     welded, of = weld(mesh)
     seeds = np.zeros(len(welded.vertices), bool)

@@ -1,4 +1,4 @@
-"""Meshes as closed oriented solids for manifold3d, with every vertex traced."""
+"""Converts meshes to closed, oriented solids for manifold3d, with every vertex traced to its origin."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_s
 
 @dataclass(frozen=True)
 class Solid:
-    """A closed mesh and where its parts come from.
+    """A closed mesh, with the origin of its parts.
 
     Attributes:
-        manifold: the library's own; each vertex has its number in ``mesh`` as a property.
-        mesh: vertices as given, then those that close it; faces that could not be used left out.
-        closing: for the vertices that close it, in their order, those they are made of, and how.
-        leaves: the vertices of ``mesh`` with the given faces that enclose nothing.
-        id: the number under which the library's results name it.
-        notes: what was mended.
+        manifold: the manifold3d object. Each vertex carries its number in ``mesh`` as a property.
+        mesh: the given vertices, then those that close the surface. Unusable faces are left out.
+        closing: for the vertices that close the surface, in their order: the vertices they are made from, and
+            the interpolation.
+        leaves: the vertices of ``mesh`` with the given faces that do not enclose a volume (open sheets).
+        id: the number that identifies the solid in manifold3d's results.
+        notes: what was repaired.
     """
 
     manifold: manifold3d.Manifold
@@ -34,7 +35,7 @@ class Solid:
 
 
 def solid_of(mesh: Mesh) -> Solid | str:
-    """The mesh as a solid, or why it is none."""
+    """Converts a mesh to a solid. Returns the reason as a sentence if that fails."""
     if not np.isfinite(mesh.vertices).all():
         return "some vertices are not finite"
     notes: list[str] = []
@@ -67,7 +68,8 @@ def solid_of(mesh: Mesh) -> Solid | str:
 
 
 def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
-    """The mesh without its leaves, with what closes it, which is painted as it is made."""
+    """Returns the mesh with open sheets removed and holes capped. The caps interpolate the paint of their
+    borders."""
     paint = mesh.paint
     for of, how in closed.made:
         paint = np.concatenate([paint, how(paint[of])])
@@ -79,13 +81,14 @@ def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
 
 
 def signed_volume(mesh: Mesh) -> float:
-    """Cubic metres inside a closed mesh; below zero where its faces materials inward."""
+    """Computes the volume of a closed mesh in cubic metres. It is negative if its faces point inward."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(0) for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def _usable(welded: Mesh) -> Bool:
-    """(F,) faces with three corners that are not there before, either way about."""
+    """Returns (F,) true for faces with three different corners that do not repeat an earlier face in either
+    direction."""
     corners = np.sort(welded.faces, 1)
     whole = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])
     _, first = np.unique(corners, axis=0, return_index=True)
@@ -95,12 +98,12 @@ def _usable(welded: Mesh) -> Bool:
 
 
 def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
-    """The library's solid, its vertices numbered in a property, faces by themselves.
+    """Builds the manifold3d solid, with vertex numbers as a property and each face with its own id.
 
     Args:
-        label: (V,) vertices of one label are one.
+        label: (V,) vertices with equal labels are merged.
     """
-    # Loose vertices are left out: the library would count them as solids without faces.
+    # Loose vertices are left out, since manifold3d would count them as solids without faces.
     kept = np.unique(mesh.faces)
     _, first, of = np.unique(label[kept], return_index=True, return_inverse=True)
     target = first[of.reshape(-1)]

@@ -1,4 +1,4 @@
-"""Edits of possessed meshes: cut, merged, copied and posed with their motion kept."""
+"""Edits of possessed meshes: cutting, merging, copying and posing, with their motion kept."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A mesh that the performers of another one step into, with what they held and how."""
+"""Transfers a possession to another mesh: the same performers, attachments and settings."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ def possess_another(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, str]:
-    """Returns a project with a mesh that performers move as they moved the one of a possession, and its id.
+    """Adds a mesh that performers move as they moved the mesh of a possession. Returns the project and its
+    id.
 
-    The mesh comes to its performers as it would on a stage, and keeps its own ends and joints. What was said
-    about places on the first mesh, its ends, joints and stiff spots, is not taken over.
+    The mesh approaches its performers as on a stage, and keeps its own ends and joints. Settings that refer
+    to places on the first mesh (its ends, joints and stiff spots) are dropped.
 
     Args:
-        fit: whether it is first brought to a person's size; else it is as modelled.
-        ends, joints: of the mesh, as of :func:`enliven.possession.prepared_as`.
-        nodes, progress, notes: as of :func:`possess_mesh`.
+        fit: whether the mesh is first scaled to a person's size; else it keeps its modeled size.
+        ends, joints: of the mesh, as in :func:`enliven.possession.prepared_as`.
+        nodes, progress, notes: as in :func:`possess_mesh`.
 
     Raises:
-        InputError: where the performers can take hold of no point of the mesh.
+        InputError: if the performers cannot attach to any point of the mesh.
     """
     settings = replace(settings_of(possession), stiffness=(), ends=(), joints=())
     made = prepared_as(mesh, settings, fit=fit, ends=ends, joints=joints)

@@ -1,4 +1,4 @@
-"""Poses that came when the sensor had them, at even steps of time."""
+"""Resamples poses with the sensor's timestamps to even time steps."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from enliven.document import Character, Pose, PoseStream
 from enliven.errors import InputError
 
 _MOST_PLACES = 1 << 23
-"""Poses at even steps times transforms, 0.8 GB: 2.6 h of 30 nodes at 30 a second."""
+"""Maximum number of even poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
 
 
 def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
-    """Returns the stream of a character's poses at even steps, mixed between neighbours.
+    """Returns the stream of a character's poses at even time steps, interpolated linearly.
 
     Raises:
-        InputError: where there are too few, or times that are too far apart.
+        InputError: if there are too few poses, or their times are too far apart.
     """
     kept, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
     values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
@@ -27,10 +27,13 @@ def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> Po
 
 
 def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple[list[Pose], Float, Float]:
-    """Returns the poses of different times, those (F,) in seconds since ``begin`` (ns), and (G,) even times.
+    """Removes poses with equal times, and chooses even times.
+
+    Returns:
+        The remaining poses, their times (F,) in seconds since ``begin`` (ns), and (G,) even times.
 
     Raises:
-        InputError: where there are too few, or times that are too far apart.
+        InputError: if there are too few poses, or their times are too far apart.
     """
     where = f"character {character.id!r}"
     seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
@@ -46,7 +49,8 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
 
 
 def between(values: Float, seconds: Float, grid: Float) -> Float:
-    """Returns (G, ...) ``values`` (F, ...) interpolated from ``seconds`` (F,) to ``grid`` (G,)."""
+    """Interpolates ``values`` (F, ...) linearly from times ``seconds`` (F,) to ``grid`` (G,). Returns (G,
+    ...)."""
     before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
     share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
     share = share.reshape(-1, *[1] * (values.ndim - 1))

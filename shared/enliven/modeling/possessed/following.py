@@ -1,4 +1,4 @@
-"""Which nodes of a possessed mesh go along with a node that is dragged, and how far."""
+"""Proportional editing: the nodes of a possessed mesh that follow a dragged node, with a smooth falloff."""
 
 from __future__ import annotations
 
@@ -10,19 +10,24 @@ from enliven.arrays import Float, Int, Int32
 from enliven.document import GraphShape
 
 _REACH = 0.3
-"""Share of the mesh's size, along its graph, within which nodes go along: a limb, and not the whole."""
+"""Falloff radius along the graph, as a fraction of the mesh's size: a limb follows, and not the whole
+mesh."""
 _AROUND = 1.5
-"""Lengths of the middle one of a node's edges that the reach has at least, so that neighbours go along."""
+"""Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
 _EVEN = 1e-3
-"""Share of an edge's squared length by which slopes across a graph's surface are held at 0; and how much
-less than the node of the keys any other goes along."""
+"""Regularization of slopes across the graph's surface towards 0, as a fraction of squared edge length. Also
+the minimum difference between the share of the dragged node (1) and that of any other node."""
 
 
 def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
-    """The (K,) nodes that go along with a node, and (K, 4) how far, with the slope of that, for a metre.
+    """Computes the nodes that follow a dragged node, and their shares.
 
-    The share falls from 1 at the node to 0 at the reach, with slopes of 0 at both: (1 - (a / reach)^2)^2,
-    with a the metres along the graph's edges at rest. Slopes are least-squares fits over each node's edges.
+    The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both: (1 - (a /
+    reach)^2)^2, with a the distance in metres along the graph's edges at rest. Slopes are least-squares fits
+    over each node's edges.
+
+    Returns:
+        (K,) nodes, and (K, 4) their share followed by its slope per metre.
     """
     rest, edges = shape.positions, shape.edges
     ways = rest[edges[:, 1]] - rest[edges[:, 0]]
@@ -34,13 +39,13 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     reach = max(_REACH * size, _AROUND * float(np.median(near)) if len(near) else 0.0)
     shares = np.where(away < reach, (1.0 - np.minimum(away / reach, 1.0) ** 2) ** 2, 0.0)
     shares = np.minimum(shares, 1.0 - _EVEN)
-    shares[node] = 1.0  # and of no other node, wherever it is
+    shares[node] = 1.0  # the only node with the full share
     own = np.flatnonzero(shares > 0.0)
     return own, np.concatenate([shares[own, None], _slopes(rest, edges, shares, node)[own]], 1)
 
 
 def _slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
-    """(N, 3) the slope of the shares (N,) at each node, for a metre; 0 at the node of the keys."""
+    """Computes (N, 3) the slope per metre of the shares (N,) at each node. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     ways = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]

@@ -1,4 +1,4 @@
-"""Where the nodes and the vertices of a graph shape are at a time."""
+"""Evaluates the nodes and the vertices of a graph shape at a time."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _MIRRORED = np.array([-1.0, 1.0, 1.0])
 
 
 def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
-    """(N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
+    """Returns (N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
 
-    Between two frames both are mixed in proportion. A part that rides is carried rigidly; see
-    :class:`enliven.document.Ride`. What was performed over it comes within that; see
+    Both are interpolated linearly between frames. A part with a ride is carried rigidly; see
+    :class:`enliven.document.Ride`. Layers on top act within the rest pose; see
     :class:`enliven.document.GraphLayer`.
 
     Raises:
-        InputError: for a time that is not finite.
+        InputError: if the time is not finite.
     """
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=shape.where, mend="Give seconds.")
@@ -39,7 +39,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         turn, move = part.turn, part.place
         here = slice(start, start + len(part.nodes))
         if part.ride is not None:
-            # What was performed over both reaches the part itself; what carries it is without that.
+            # Layers that act on this part must not also move its carrier: evaluate the carrier without them.
             carriers = [one for one in over if not one.moves[here].any()]
             node = np.array([part.ride.node])
             held = _layered((linear[node], positions[node]), carriers, node)
@@ -54,14 +54,14 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
 def within_layer(
     project: Project, shape: GraphShape, number: int, node: int, time: float
 ) -> tuple[Float, Float, float]:
-    """What a layer over a shape does for one of its nodes at a time.
+    """Evaluates a layer on top of a shape for one of its nodes at a time.
 
     Args:
-        number: of the layer among those over it.
+        number: index of the layer among those on top.
 
     Returns:
-        (3, 3) by how much the node goes for a way within the rest that the layer gives it, (3,) metres where
-        it is, and how far the layer is heard.
+        (3, 3) the map from a displacement at rest, as the layer gives it, to the node's displacement in the
+        world; (3,) metres, the node's position; and the weight of the layer.
     """
     layer = shape.over[number]
     outer = shape.with_changes(over=shape.over[:number])
@@ -72,22 +72,22 @@ def within_layer(
 
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
-    """(V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
+    """Returns (V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
     return blended(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
 def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
-    """The pose of a graph shape for the wire and the viewer."""
+    """Returns the pose of a graph shape for the network and the viewer."""
     linear, positions = graph_pose(project, shape, time)
     return Pose(shape.id, round(time * 1e9), linear.astype(np.float32), positions.astype(np.float32))
 
 
 @dataclass(frozen=True)
 class _Within:
-    """What a layer does with the nodes of a shape within its rest.
+    """The motion that a layer gives to the nodes of a shape at rest.
 
     Attributes:
-        moves: (N,) which nodes it moves.
+        moves: (N,) true for nodes that the layer moves.
         linear, apart: (N, 3, 3) and (N, 3) metres: the node at r goes to r + apart.
     """
 
@@ -97,19 +97,19 @@ class _Within:
 
 
 def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
-    """Linear maps (N, 3, 3) and positions (N, 3) with a motion within the rest put under them."""
+    """Applies a motion at rest before linear maps (N, 3, 3) and positions (N, 3)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 
 def _layered(base: tuple[Float, Float], over: Sequence[_Within], nodes: Int) -> tuple[Float, Float]:
-    """The maps and positions of some nodes, with what was performed over them."""
+    """Returns the maps and positions of some nodes with the layers on top applied."""
     for one in over:
         base = over_base(base, one.linear[nodes], one.apart[nodes])
     return base
 
 
 def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _Within:
-    """What a layer does at a time with the ``count`` nodes of its shape."""
+    """Evaluates a layer at a time for the ``count`` nodes of its shape."""
     linear, apart = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     moves = np.zeros(count, bool)
     moves[layer.own] = True
@@ -128,7 +128,8 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
 
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
-    """(K, 3, 3) and (K, 3) of a part's nodes as recorded; as at its first frame where nothing is played."""
+    """Returns the recorded (K, 3, 3) and (K, 3) of a part's nodes at a time. A muted part has its first
+    frame."""
     if part.muted:
         return _recorded(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)
@@ -139,7 +140,7 @@ def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Fl
 
 
 def _recorded(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
-    """The same at a second of the stream."""
+    """Returns the recorded maps and positions at a second of the stream."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))

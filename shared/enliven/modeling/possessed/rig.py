@@ -1,4 +1,4 @@
-"""The part of the edits of whole characters that deformation graphs do their own way."""
+"""Edits of whole characters for deformation graphs."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from enliven.person import MIRROR
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 _OTHER_SIDE = [0, 2, 1, 4, 3]
-"""The order of the five ends of a mesh in its mirror image: left is right."""
+"""The order of the five ends of a mesh in its mirror image: left and right are swapped."""
 
 
 class GraphRig(RigEdits):
-    """A deformation graph that plays what was recorded of it."""
+    """Edits of a deformation graph that plays recorded motion."""
 
     drawn = staticmethod(character_of_graph)
     cut = staticmethod(cut_graph)
     merged = staticmethod(merge_graphs)
 
     def centre(self, shape: GraphShape) -> Float:
-        """Its node 0 at rest."""
+        """Returns the rest position of node 0."""
         return np.asarray(shape.positions[0])
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
-        """The vertices at a time."""
+        """Returns the vertices at a time."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
     def player(self, project: Project, shape: GraphShape) -> Player:
-        """Its poses; nodes are no handles: they play what was recorded."""
+        """Returns a function that gives poses. There are no handles, since nodes play recorded motion."""
         return lambda time: Posed(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 
     def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
-        """The first layer over it of keys that are the node's."""
+        """Returns the first layer with keys of the node."""
         for number, layer in enumerate(shape.over):
             keyed = project.streams[layer.take].keyed
             if keyed >= 0 and (layer.own[layer.nodes == keyed] == handle).any():
@@ -59,7 +59,7 @@ class GraphRig(RigEdits):
         return None
 
     def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
-        """A layer over all others that bends the mesh around the node."""
+        """Adds a layer on top of all others that bends the mesh around the node."""
         own, follow = followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
         rest = shape.positions[own]
@@ -68,7 +68,7 @@ class GraphRig(RigEdits):
         return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
-        """The rest stays, and what rides is carried along."""
+        """Moves the motion. The rest pose stays, and parts with a ride follow their carrier."""
         parts = tuple(
             part
             if part.ride is not None
@@ -82,7 +82,7 @@ class GraphRig(RigEdits):
         return shape.with_changes(parts=parts)
 
     def scaled(self, shape: GraphShape, factor: float) -> GraphShape:
-        """Rest and motion alike."""
+        """Scales the rest pose and the motion."""
         centre = self.centre(shape)
 
         def larger(points: Float) -> Float:
@@ -105,7 +105,7 @@ class GraphRig(RigEdits):
         )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
-        """Rest and motion alike."""
+        """Mirrors the rest pose and the motion."""
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
         for part in shape.parts:
@@ -139,7 +139,7 @@ class GraphRig(RigEdits):
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """All parts in one stream, as they are at the times."""
+        """Combines all parts in one stream, sampled at the times."""
         poses = [graph_pose(project, shape, float(time)) for time in times]
         linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))

@@ -1,8 +1,9 @@
-"""The motion of a possessed mesh, solved from its performers: whether it still fits, and solved again.
+"""Solves the motion of a possessed mesh from its performers, detects outdated solutions, and solves them
+again.
 
-The recorded or solved stream of a part is a cache with a checksum of what it was solved from: the mesh, its
-nodes, the performers' take, the holds and the settings. What moves, turns, scales or mirrors the whole shape
-carries the stream along, and it fits as before; a cut, a merge or an edit of the mesh does not.
+The stream of a part is a cache. It has a checksum of its inputs: the mesh, its nodes, the performers' take,
+the attachments and the settings. Moving, rotating, scaling or mirroring the whole shape transforms the stream
+too, and the checksum stays valid. A cut, a merge or an edit of the mesh invalidates it.
 """
 
 from __future__ import annotations
@@ -35,26 +36,27 @@ from enliven.possession import replay
 from enliven.rotation import to_matrix
 
 _STEP = 1e-5
-"""Metres of the lattice on which two meshes are the same: a scaled mesh comes back to rounding, 1e-15."""
+"""Grid size in metres for comparing meshes. A mesh that was scaled and scaled back differs by rounding,
+1e-15."""
 _BESIDE = 0.31830988618
-"""Of a lattice step by which the lattice is moved, so that round numbers do not lie between two steps."""
+"""Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
 
 
 def stale(project: Project, shape: GraphShape) -> bool:
-    """Returns whether a motion of a shape was solved from something else than what is there now."""
+    """Returns True if a motion of a shape was solved from inputs that have changed since."""
     return any(_key(project, shape, n) != how.solved for n, _, how in _possessed(shape))
 
 
 def unsolved(shape: GraphShape) -> bool:
-    """Returns whether a motion of a shape is not there at all, as after its file was damaged."""
+    """Returns True if a motion of a shape is missing, for example after its file was damaged."""
     return any(not how.solved for _, _, how in _possessed(shape))
 
 
 def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
-    """A project in which all motion that was lost is solved; what is merely stale stays as it is.
+    """Solves all missing motion of a project. Outdated motion stays.
 
     Raises:
-        InputError: where performers can take hold of no point of a part.
+        InputError: if performers cannot attach to any point of a part.
     """
     for name, shape in project.graphs.items():
         if unsolved(shape):
@@ -63,7 +65,7 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
 
 
 def as_solved(project: Project, shape_id: str) -> Project:
-    """A project in which the streams of a shape count as solved from what is there now."""
+    """Marks the streams of a shape as solved from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
     for number, part, how in _possessed(shape):
         parts[number] = replace(part, possession=replace(how, solved=_key(project, shape, number)))
@@ -71,10 +73,10 @@ def as_solved(project: Project, shape_id: str) -> Project:
 
 
 def with_possession(project: Project, shape_id: str, possession: Possession) -> Project:
-    """A project in which the first part that performers moved is held otherwise; it has to be solved then.
+    """Replaces the possession of the first part that performers moved. The part has to be solved again then.
 
     Raises:
-        InputError: where there is no such shape, or performers moved no part of it.
+        InputError: if the shape does not exist, or performers moved no part of it.
     """
     shape = project.graph(shape_id)
     for number, part, how in _possessed(shape):
@@ -94,16 +96,17 @@ def possess_mesh(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, str]:
-    """A project with a mesh that the performers of a take move, and the mesh's id in it.
+    """Adds a mesh that the performers of a take move, and returns the project and the mesh's id.
 
     Args:
-        mesh: as it is to stand on the stage (:func:`enliven.possession.prepared`).
-        possession: how they hold it; its take and its rest become those of the arguments.
-        nodes: of the deformation graph.
-        progress, notes: as of :func:`solve_again`.
+        mesh: prepared for the stage (:func:`enliven.possession.prepared`).
+        possession: the attachments and settings. Its take and its rest pose are replaced by those of the
+            arguments.
+        nodes: number of nodes of the deformation graph.
+        progress, notes: as in :func:`solve_again`.
 
     Raises:
-        InputError: where the performers can take hold of no point of the mesh.
+        InputError: if the performers cannot attach to any point of the mesh.
     """
     if take.id in project.bodies and not same(project.bodies[take.id], take):
         take = replace(take, id=unused(take.id, project.bodies))
@@ -125,16 +128,16 @@ def solve_again(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> Project:
-    """A project in which the performers move a shape as it is now; parts that fit still stay as they are.
+    """Solves a shape's motion again from the performers and the current inputs. Valid parts stay unchanged.
 
-    Where and when the shape plays does not change.
+    The placement and timing of the shape do not change.
 
     Args:
-        progress: is told the share that is done, from 0 to 1.
-        notes: takes a sentence about each hold that the mesh as it is now refused.
+        progress: is called with the completed fraction, from 0 to 1.
+        notes: receives a sentence about each attachment that the current mesh refused.
 
     Raises:
-        InputError: where there is no such shape, or its performers can take hold of no point of a part.
+        InputError: if the shape does not exist, or its performers cannot attach to any point of a part.
     """
     shape = project.graph(shape_id)
     due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]
@@ -159,13 +162,13 @@ def solve_again(
 
 
 def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
-    """The parts of a shape that performers moved, with their numbers."""
+    """Returns the parts of a shape that performers moved, with their numbers."""
     parts = enumerate(shape.parts)
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
 def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
-    """A part of a shape as it was possessed: its rest as the recording had it, without other parts.
+    """Restores a part of a shape as it was possessed: in the rest pose of its recording, without other parts.
 
     Returns:
         The character, and (K, 3) metres, its nodes in full precision.
@@ -191,7 +194,8 @@ def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
 
 
 def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
-    """Vertices, faces, skin and stiffness of what follows the nodes ``own`` most; all where nothing does."""
+    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own`` most, else of
+    all."""
     mesh, skin = shape.mesh, shape.skin
     if len(own) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness
@@ -210,7 +214,7 @@ def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWei
 
 
 def _key(project: Project, shape: GraphShape, number: int) -> str:
-    """A checksum of all that the motion of a part is solved from."""
+    """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None
     (bare, _), told = _bare(shape, number), hashlib.blake2b(digest_size=16)

@@ -1,7 +1,7 @@
-"""Surgery on possessed meshes: the deformation graph is cut and merged with its motion.
+"""Cuts and merges possessed meshes: the deformation graph with its motion.
 
-A cut or merge changes the set of nodes and their carriers, never the recorded streams. So nothing is lost: a
-possessed chair is cut in two, and both halves still walk.
+A cut or merge changes the set of nodes and their carriers, never the recorded streams. So no motion is lost:
+if a possessed chair is cut in two, both halves still walk.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotat
 def cut_graph(
     project: Project, shape_id: str, stroke: CutSurface, time: float, *, notes: list[str] | None = None
 ) -> tuple[Project, tuple[str, str]]:
-    """A possessed mesh cut in two along a stroke, as it is seen at ``time``; both go on moving.
+    """Cuts a possessed mesh in two along a stroke, in its pose at ``time``. Both parts keep moving.
 
-    Each side keeps the nodes that its vertices follow, those near the cut on both sides. So every node and
-    every vertex is where it was, at every time and not only at ``time``.
+    Each side keeps the nodes that its vertices follow; nodes near the cut are kept on both sides. So every
+    node and vertex keeps its position at every time, not only at ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
-        notes: takes sentences about how the mesh was closed.
+        notes: receives sentences about how the mesh was closed.
 
     Returns:
-        The project and the ids: the larger side keeps ``shape_id`` (of two halves the near one), the other
-        gets a new one.
+        The project and the ids: the larger side keeps ``shape_id`` (of two equal halves the near one), the
+        other gets a new one.
 
     Raises:
-        InputError: where there is no such shape, or the stroke cuts nothing off.
+        InputError: if the shape does not exist, or the stroke cuts nothing off.
     """
     shape = project.graph(shape_id)
     seen = graph_vertices(shape, *graph_pose(project, shape, time))
@@ -57,14 +57,14 @@ def cut_graph(
 
 
 def merge_graphs(project: Project, merge: Merge) -> Project:
-    """One possessed mesh put onto another where the two are at a time; they are one shape from then on.
+    """Attaches one possessed mesh to another in their poses at a time; from then on they are one shape.
 
-    At that time both stay where they are. From then on the graft rides on a node of the host, rigidly, with
-    its own motion on top. The meshes are united as they are seen then. The graft's rest is moved to
-    the host's such that the two lie there, at the node, as they are seen; its vertices move as before.
+    At that time both stay where they are. From then on the graft rigidly follows a node of the host, with its
+    own motion on top. The meshes are united in their poses at that time. The graft's rest pose is moved to
+    that of the host so that the two meet at the node as in these poses. The graft's vertices move as before.
 
     Raises:
-        InputError: for a node that is not there, or meshes without a union.
+        InputError: if the node does not exist, or the union of the meshes fails.
     """
     host, graft = project.graph(merge.host), project.graph(merge.graft)
     ours, theirs = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
@@ -103,7 +103,8 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
 
 
 def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
-    """One side of a cut, with the nodes that its vertices follow and those that carry their parts."""
+    """Returns one side of a cut, with the nodes that its vertices follow and the nodes that carry their
+    parts."""
     assert piece.skin is not None
     kept = np.zeros(len(shape.positions), bool)
     kept[piece.skin.indices[piece.skin.weights > 0]] = True
@@ -125,24 +126,24 @@ def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
 
 
 def _starting(shape: GraphShape) -> list[tuple[GraphPart, int]]:
-    """The parts, each with the number of its first node."""
+    """Returns the parts, each with the number of its first node."""
     return list(zip(shape.parts, shape.starts, strict=False))
 
 
 def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
-    """A part with some of its nodes, and its ride under the node's new number."""
+    """Returns a part with a subset of its nodes, and its ride with the node's new number."""
     ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
     return replace(part, nodes=part.nodes[kept], ride=ride)
 
 
 def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
-    """What was performed over a shape, for those of its nodes that are kept, by their new numbers."""
+    """Returns a layer for the subset of its nodes that is kept, with their new numbers."""
     left = kept[layer.own]
     return replace(layer, nodes=layer.nodes[left], own=number[layer.own[left]])
 
 
 def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
-    """The host's node to ride on, and the graft's node that is nearest to it."""
+    """Returns the host's node that carries the graft, and the graft's node nearest to it."""
     apart = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
     if node is None:
         node = int(apart.min(1).argmin())
@@ -153,7 +154,8 @@ def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | Non
 
 
 def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
-    """The shape with its rest turned by ``axes`` about ``root`` and moved there; its motion is as before."""
+    """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``. The motion
+    stays."""
     positions = to + rotate(axes, shape.positions - root)
     vertices = to + rotate(axes, shape.mesh.vertices - root)
     back = conjugate(axes)
@@ -161,7 +163,8 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
     for part in shape.parts:
         ride = part.ride
         if ride is not None:
-            # A node's map is from rest to the world, so its rotation at the merge knows the new rest too.
+            # A node's map leads from rest to the world, so its rotation at the merge includes the new rest
+            # pose too.
             ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
         parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
     mesh = replace(shape.mesh, vertices=vertices)
@@ -170,13 +173,13 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
 
 
 def _carried(part: GraphPart, ride: Ride, first: int) -> GraphPart:
-    """A part of the graft in the merged shape, where its nodes come after ``first`` others."""
+    """Returns a part of the graft in the merged shape, in which its nodes come after ``first`` others."""
     if part.ride is None:
         return replace(part, ride=ride)
     return replace(part, ride=replace(part.ride, node=part.ride.node + first))
 
 
 def _maps(linear: Float, positions: Float, rest: Float) -> Float:
-    """(N, 3, 4) world from rest of each node."""
+    """Returns (N, 3, 4) world from rest of each node."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

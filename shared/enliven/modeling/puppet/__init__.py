@@ -1,4 +1,4 @@
-"""Edits of meshes that example poses move: control points, key poses, layers, cuts, merges and baking."""
+"""Edits of example-driven meshes (puppets): control points, key poses, layers, cuts, merges and baking."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Puppets baked to possessed meshes, which can be cut and merged (:mod:`enliven.modeling.possessed.surgery`).
+"""Bakes puppets to possessed meshes, which can be cut and merged (:mod:`enliven.modeling.possessed.surgery`).
 
     project, graph_id, error = bake_puppet(project, "cactus")
 
-The puppet's motion is kept within the stated error; its examples are not. Undo brings them back.
+The puppet's motion is kept within the returned error; its examples are lost. Undo restores them.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ def bake_puppet(
     keep: bool = False,
     settings: BakeSettings | None = None,
 ) -> tuple[Project, str, BakeError]:
-    """A project with a possessed mesh that does what a puppet does, its id, and how far off it is.
+    """Bakes a puppet to a possessed mesh. Returns the project, the mesh's id, and the error.
 
-    It takes the puppet's place and id; where the puppet is kept, it gets a new one.
+    The mesh takes the puppet's place and id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
         InputError: as :func:`baked`.
@@ -58,16 +58,16 @@ def baked(
     ids: tuple[str, str] | None = None,
     settings: BakeSettings | None = None,
 ) -> tuple[GraphShape, PoseStream, BakeError]:
-    """The motion of a puppet from ``start`` to ``end`` seconds, as nodes that a mesh follows.
+    """Bakes the motion of a puppet from ``start`` to ``end`` seconds to nodes that a mesh follows.
 
     Args:
         end: None takes the end of the last of its layers.
-        rate: frames a second.
-        ids: of the shape and its stream; None for the puppet's.
-        settings: how closely.
+        rate: frames per second.
+        ids: of the shape and its stream; None for those of the puppet.
+        settings: accuracy of the result.
 
     Raises:
-        InputError: where the times make no sense, or the puppet lacks something to move.
+        InputError: if the times are invalid, or the puppet lacks data that it needs to move.
     """
     settings = settings or BakeSettings()
     stop = project.end_of(puppet) if end is None else end
@@ -90,10 +90,10 @@ def graph_of(
     ids: tuple[str, str],
     start: float = 0.0,
 ) -> tuple[GraphShape, PoseStream]:
-    """A baked surface as a shape and its stream.
+    """Converts a baked surface to a shape and its stream.
 
     Args:
-        turns, places: (F, 4) and (F, 3), where the mesh's frame is in the world.
+        turns, places: (F, 4) and (F, 3), the world pose of the mesh's frame.
         step: seconds from frame to frame.
         ids: of the shape and of the stream.
         start: seconds of the project's time at which it begins.
@@ -106,10 +106,10 @@ def graph_of(
 
 
 def frame_times(start: float, end: float, rate: float, name: str) -> Float:
-    """(T,) seconds from start to end.
+    """Returns (T,) seconds from start to end.
 
     Raises:
-        InputError: where they make no sense.
+        InputError: if the times are invalid.
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
         what = f"from {start} s to {end} s at {rate} frames a second is no time"

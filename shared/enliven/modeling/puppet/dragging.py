@@ -1,4 +1,4 @@
-"""A control point dragged at a moment of what a puppet plays: the moment becomes a key pose."""
+"""Dragging a control point at a moment of a puppet's motion: the moment becomes a key pose."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
 
 def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, time: float) -> Project:
-    """A project in which a control point is at ``place`` (3,) metres in the world at a time of the project.
+    """Moves a control point to ``place`` (3,), metres in the world, at a time of the project.
 
-    The others stay where they are then, and all of them are a key pose of the take of the lowest layer that
-    plays; one of that frame that is there already is changed.
+    The other control points keep their positions at that time, and all of them form a key pose. It belongs to
+    the take of the lowest layer that plays. An existing key pose of that frame is changed.
 
     Raises:
-        InputError: where the puppet plays nothing, and as ``add_key_pose``.
+        InputError: if the puppet plays no take, and as ``add_key_pose``.
     """
     puppet = project.puppet(puppet_id)
     layer = next((one for one in puppet.layers if not one.muted), None)
@@ -36,7 +36,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
 
 
 def key_pose_at(project: Project, puppet: Puppet, take: str, second: float) -> int | None:
-    """The number of the key pose of a frame of a take, or None."""
+    """Returns the number of the key pose at a frame of a take, or None."""
     clip = project.takes[take]
     frames = [frame_at(clip, pose.time) if pose.take == take else -1 for pose in puppet.poses]
     frame = frame_at(clip, second)

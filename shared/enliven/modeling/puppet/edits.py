@@ -1,12 +1,12 @@
-"""Puppets made and given examples: pure edits, Project -> Project.
+"""Creates puppets and gives them takes to play. Pure edits, Project -> Project.
 
     project = make_puppet(project, mesh, "cactus")
     project = add_point(project, "cactus", 4711, "left arm", joint="LeftHand")
     project = add_key_pose(project, "cactus", "traffic", 3.2, places)
     project = play_take(project, "cactus", "traffic", loop=True)
 
-An edit that is refused raises InputError and changes nothing. Its layers are changed, and it
-is moved, mirrored and copied by :mod:`enliven.modeling.edits`.
+An invalid edit raises InputError and changes nothing. Changes of layers, moves, mirroring and copies are
+edits in :mod:`enliven.modeling.edits`.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from enliven.modeling.rig import check_names
 
 
 def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
-    """A project with a mesh as a puppet that has no control points yet.
+    """Adds a mesh as a puppet without control points.
 
     Args:
         mesh: metres, +Y up; it stands on y = 0 (:func:`enliven.meshes.mesh.fit_height` puts it there).
 
     Raises:
-        InputError: for a name that something has already, and for a mesh that cannot be one.
+        InputError: if the name is taken, or the mesh cannot be a puppet.
     """
     where = f"puppet {puppet_id!r}"
     if not puppet_id or puppet_id in project.characters:
@@ -44,15 +44,14 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
 
 
 def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) -> Project:
-    """A project in which a puppet plays a take, upon what it plays already.
+    """Adds a layer that plays a take on top of the puppet's other layers.
 
     Args:
-        attributes: of the ``PuppetLayer``: points, offset, speed, loop, weight, travel,
-            positions, ...
+        attributes: of the ``PuppetLayer``: points, offset, speed, loop, weight, travel, positions, ...
 
     Raises:
-        InputError: for a take or control point that is not there, and for constraints that contradict one
-            another: it says which.
+        InputError: if the take or a control point does not exist, or for contradicting constraints, which the
+            message names.
     """
     puppet = project.puppet(puppet_id)
     check_names(attributes, PuppetLayer, f"layer of {take!r}")
@@ -61,7 +60,7 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
 
 
 def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
-    """The layer, checked as far as an unfinished puppet allows."""
+    """Returns the layer after the checks that an unfinished puppet allows."""
     where = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."

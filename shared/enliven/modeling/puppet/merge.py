@@ -1,10 +1,11 @@
-"""Two puppets made one, without baking: the control points and the key poses of both are kept.
+"""Merges two puppets without baking: the control points and the key poses of both are kept.
 
-At the time of the merge both are where they are seen. Key poses of both stay; where only one of the two has a
-key pose, the other's control points are where its own motion has them then. So each goes on moving as it did,
-and the surfaces are one. A graft that plays what the host plays, or nothing, is carried by the host's surface
-around the place where they meet, rigidly, with its own motion on top. One that plays another take cannot be:
-its frames do not say what the host does then. It moves about where it is put.
+At the time of the merge both stay in their poses. Key poses of both are kept. If only one of them has a
+certain key pose, the other's control points get their positions from its own motion. So each keeps moving as
+before, and the surfaces become one. The host's surface around the meeting place rigidly carries a graft that
+plays the same takes as the host, or none; the graft's own motion is added on top. A graft that plays another
+take cannot be carried, since its frames do not determine the host's pose. It moves about its current
+position.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
 _NEAR = 0.08
-"""Share of the puppet's size within which surface counts as around a place: about a limb's girth."""
+"""Radius of the surface region around a point, as a fraction of the puppet's size: about a limb's girth."""
 _FEWEST = 12
-"""Vertices around a place at least, on a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
+"""Minimum number of vertices in a region, for a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
 _MOST = 16
-"""New control points at most: each is one more for the user to see and to drag."""
+"""Maximum number of new control points. The user sees each of them and may have to drag it."""
 _TOLERANCE = 0.01
-"""Share of the size that a key pose may be off before it gets one more control point."""
+"""Error of a key pose, as a fraction of the puppet's size, above which one more control point is added."""
 
 
 @dataclass(frozen=True)
 class _Rigid:
-    """x becomes turn x + move."""
+    """The rigid motion x -> turn x + move."""
 
     turn: Float
     move: Float
@@ -54,7 +55,7 @@ class _Rigid:
         return np.asarray(points @ self.turn.T + self.move)
 
     def after(self, other: _Rigid) -> _Rigid:
-        """First the other, then this."""
+        """Returns the composition: first the other motion, then this one."""
         return _Rigid(self.turn @ other.turn, self.turn @ other.move + self.move)
 
     @property
@@ -64,13 +65,14 @@ class _Rigid:
 
 
 def merge_puppets(project: Project, merge: Merge) -> Project:
-    """One puppet put onto another where the two are at a time; the host keeps its name and its way.
+    """Attaches one puppet to another in their poses at a time. The host keeps its name and its path.
 
-    The meshes are united at rest, the graft laid to the host's as they are seen where they meet. Layers of
-    both stay, each for its own control points; the graft's no longer travel, and its hard constraints go.
+    The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
+    The layers of both stay, each for its own control points. The graft's layers no longer travel, and its
+    hard constraints are dropped.
 
     Raises:
-        InputError: for meshes without a union.
+        InputError: if the union of the meshes fails.
     """
     time, told, before = merge.time, merge.notes, project.puppet(merge.host)
     host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
@@ -87,12 +89,12 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
 
 
 class _Side:
-    """One of the two: where it is at the time, and in every key pose of both.
+    """One of the two puppets: its pose at the time of the merge, and in every key pose of both.
 
     Attributes:
-        puppet: without a plane of symmetry, with the moment as a key pose where it can be one.
-        state: at the time.
-        seen: (V, 3) metres in the world, at the time.
+        puppet: without a symmetry plane, and with its pose at that time as a key pose if possible.
+        state: its state at that time.
+        seen: (V, 3) metres in the world, its vertices at that time.
         keys: takes and frames of its key poses.
         was: (n, V, 3) its surface in its mesh's frame in each key pose.
     """
@@ -109,27 +111,30 @@ class _Side:
 
     @property
     def world(self) -> _Rigid:
-        """World from the mesh's frame, at the time."""
+        """World from the mesh's frame, at the time of the merge."""
         corners = in_world(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
     def show(self, keys: Sequence[tuple[str, int]]) -> None:
-        """Find the surface for key poses of both."""
+        """Computes the surface for the key poses of both puppets."""
         count = len(self.puppet.points)
         places = np.array([self._places(key) for key in keys]).reshape(len(keys), count, 3)
         self.was = shown(self._surface, places)
 
     def around(self, middle: Float) -> _Rigid:
-        """World from rest of the surface around a place of the world (3,), at the time."""
+        """Returns world from rest of the surface around a point of the world (3,), at the time of the
+        merge."""
         self._near = _around(self.seen, middle, self.puppet)
         return _rigid(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
     def carried(self, key: int) -> _Rigid:
-        """The rigid motion of the surface around the meeting place, from the time to a key pose."""
+        """Returns the rigid motion of the surface around the meeting place, from the time of the merge to a
+        key pose."""
         return _rigid(self.local[self._near], self.was[key][self._near])
 
     def _places(self, key: tuple[str, int]) -> Float:
-        """(P, 3) metres, its control points in its mesh's frame: as shown, or as it moves by itself."""
+        """Returns (P, 3) metres, its control points in its mesh's frame: from its key pose, or from its own
+        motion."""
         if key in self.keys:
             return self.puppet.poses[self.keys.index(key)].places
         if missing(self._project, self.puppet):
@@ -142,7 +147,7 @@ class _Side:
 
 
 class _Merge:
-    """The two as one puppet, step by step."""
+    """The construction of the merged puppet, step by step."""
 
     def __init__(
         self, host: _Side, graft: _Side, union: Union, keys: Sequence[tuple[str, int]], middle: Float
@@ -160,7 +165,7 @@ class _Merge:
         self._mine = (ours, theirs)
 
     def made(self, notes: list[str]) -> Puppet:
-        """The puppet; its layers are those of both."""
+        """Returns the merged puppet, with the layers of both."""
         host, graft = self._host.puppet, self._graft.puppet
         ours = self._moved(host, self._union.first, set(), notes)
         theirs = self._moved(graft, np.where(self._mine[1], self._union.second, -1), set(ours), notes)
@@ -191,9 +196,9 @@ class _Merge:
         return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
 
     def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
-        """The control points on the united mesh, by their old names; new ones come last.
+        """Returns the control points on the united mesh by their old names. New points come last.
 
-        A point moves to the nearest vertex that is left where the union removed its own.
+        If the union removed a point's vertex, the point moves to the nearest remaining vertex.
         """
         left = np.flatnonzero(of >= 0)
         number = np.full(len(puppet.mesh.vertices), -1)
@@ -214,7 +219,7 @@ class _Merge:
         return out if not taken else self._renamed(out, taken)
 
     def _renamed(self, points: dict[str, ControlPoint], taken: set[str]) -> dict[str, ControlPoint]:
-        """The same by their old names, each with a name of its own."""
+        """Renames control points with taken names. Returns them by their old names."""
         names = dict.fromkeys(taken)
         for old, point in points.items():
             points[old] = replace(point, name=unused(old, names))
@@ -236,7 +241,7 @@ class _Merge:
         )
 
     def _known(self) -> Bool:
-        """(V,) vertices of either that are not near the seam."""
+        """Returns (V,) true for vertices of either puppet that are not near the seam."""
         mesh, seam = self._union.mesh, self._union.seam
         either = self._mine[0] | self._mine[1]
         if not seam.any():
@@ -248,7 +253,8 @@ class _Merge:
     def _layers(
         self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
     ) -> tuple[PuppetLayer, ...]:
-        """The layers of both, each for its own control points; one for both where they play the same."""
+        """Returns the layers of both, each for its own control points. Layers that play the same are
+        combined."""
         host, graft = (
             [self._moving(layer, puppet, side) for layer in puppet.layers]
             for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
@@ -263,14 +269,15 @@ class _Merge:
         return (*host, *bare)
 
     def _moving(self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]) -> PuppetLayer:
-        """A layer of one of the two, its control points by their new names, with those that are new."""
+        """Returns a layer of one puppet, with its control points renamed and the new ones added."""
         old = [point.name for point in puppet.points]
         new = [point.name for name, point in side.items() if name not in old]
         return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
 
 
 def _in_step(host: Puppet, graft: Puppet) -> bool:
-    """Whether graft and host play the same frames of the same takes, so that the graft can ride."""
+    """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
+    graft."""
     played = [
         {(one.take, one.offset, one.speed, one.loop) for one in puppet.layers if not one.muted}
         for puppet in (host, graft)
@@ -279,7 +286,7 @@ def _in_step(host: Puppet, graft: Puppet) -> bool:
 
 
 def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
-    """The union of both at rest, the graft moved, its seam smoothed."""
+    """Returns the union of both at rest, with the graft moved and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
     whole = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
     if whole.failed and not merge.loose:
@@ -290,7 +297,7 @@ def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
 
 
 def _none(puppet: Puppet) -> SkinWeights:
-    """A skin without any weights."""
+    """Returns a skin with full weight on bone 0, as a placeholder."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
     weights[:, 0] = 1.0
@@ -298,7 +305,7 @@ def _none(puppet: Puppet) -> SkinWeights:
 
 
 def _meeting(ours: Float, theirs: Float) -> Float:
-    """(3,) metres in the world, the middle of where two surfaces are nearest."""
+    """Returns (3,) metres in the world, the centre of the region in which two surfaces are nearest."""
     away, which = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
     near = away <= away.min() + scale
@@ -306,7 +313,7 @@ def _meeting(ours: Float, theirs: Float) -> Float:
 
 
 def _around(seen: Float, middle: Float, puppet: Puppet) -> Int:
-    """The vertices around a place, in space."""
+    """Returns the vertices around a point, by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     away = np.linalg.norm(seen - middle, axis=1)
     order = np.argsort(away, kind="stable")
@@ -315,7 +322,7 @@ def _around(seen: Float, middle: Float, puppet: Puppet) -> Int:
 
 
 def _rigid(before: Float, after: Float) -> _Rigid:
-    """The rigid motion that takes (N, 3) nearest to (N, 3)."""
+    """Fits the rigid motion from points (N, 3) to points (N, 3)."""
     one, other = before.mean(0), after.mean(0)
     turn = nearest_rotation((after - other).T @ (before - one))
     return _Rigid(turn, other - turn @ one)

@@ -1,4 +1,5 @@
-"""Helpers of puppet surgery: the surface in key poses and at a moment, and missing key poses."""
+"""Helpers for cutting and merging puppets: the surface in key poses and at a moment, and missing key
+poses."""
 
 from __future__ import annotations
 
@@ -28,16 +29,16 @@ from enliven.rotation import conjugate, from_rotation_vector, multiply, normaliz
 
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
-    """The solver of the puppet's surface."""
+    """Returns the solver of the puppet's surface."""
     held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
     return PuppetSurface(puppet.mesh, held, weights, puppet.surface)
 
 
 def state_at(project: Project, puppet: Puppet, time: float) -> State:
-    """As :func:`enliven.examples.puppet_motion.state_of`; at rest while it lacks something to move.
+    """Returns :func:`enliven.examples.puppet_motion.state_of`, or the rest state while data is missing.
 
     Raises:
-        InputError: for a time that is not finite.
+        InputError: if the time is not finite.
     """
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", mend="Give seconds.")
@@ -50,28 +51,30 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
-    """(3,) metres in the mesh's frame of a place in the world: the inverse of ``in_world``."""
+    """Returns (3,) metres in the mesh's frame of a point in the world: the inverse of ``in_world``."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_about_y(-state.yaw), local)
 
 
 def shown(surface: PuppetSurface, places: Float) -> Float:
-    """(n, V, 3) metres in the mesh's frame, the settled surface for each of (n, P, 3)."""
+    """Returns (n, V, 3) metres in the mesh's frame, the solved surface for each of (n, P, 3) control point
+    positions."""
     count = len(surface.mesh.vertices)
     return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
 
 
 def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """The puppet put such that in state ``now`` its mesh's frame is where that of another was."""
+    """Places the puppet so that its mesh's frame in state ``now`` coincides with that of another in state
+    ``then``."""
     turn = normalized(multiply(_turn(before, then), _about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)
 
 
 def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
-    """The puppet with its pose at a time as one more key pose, so that its parts take that pose again.
+    """Adds the puppet's pose at a time as a key pose, so that its parts take that pose again.
 
-    It is unchanged where several takes make the pose, or where it has that key pose.
+    The puppet stays unchanged if several takes make the pose, or if it has that key pose.
     """
     layer = _leading(puppet)
     if layer is None or missing(project, puppet):
@@ -82,7 +85,7 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """The puppet with a layer's pose at a frame of its take as one more key pose, where it can be one."""
+    """Adds a layer's pose at a frame of its take as a key pose, if the examples still differ then."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     known = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -93,15 +96,15 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
 
 
 def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
-    """The puppet with one more key pose, unless its examples no longer differ then."""
+    """Adds a key pose, unless its examples would no longer differ."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
     return more if _examples_differ(project, more) else puppet
 
 
 def unfolded(project: Project, puppet: Puppet) -> Puppet:
-    """The puppet without its plane of symmetry.
+    """Removes the puppet's symmetry plane.
 
-    For each mirror image of a key pose, what it does in its take nearest to it becomes a key pose.
+    For each mirrored key pose, the most similar frame of its take becomes a key pose.
     """
     plain = puppet.with_changes(symmetry=None)
     layer = _leading(puppet)
@@ -124,18 +127,18 @@ def points_needed(
     most: int,
     tolerance: float,
 ) -> tuple[list[int], float]:
-    """Vertices of a puppet that need a control point, for its surface to be in its key poses where it was.
+    """Finds vertices that need a control point to keep the surface of the key poses.
 
     Args:
-        puppet: on its new mesh; the places of its key poses are those of ``was``.
-        was: (n, V, 3) metres, where the vertices were.
-        known: (V,) the vertices for which that is known and wanted.
-        among: vertices that get one in any case.
-        most: how many there may be.
+        puppet: on its new mesh; the control points of its key poses are positioned as in ``was``.
+        was: (n, V, 3) metres, the old positions of the vertices.
+        known: (V,) true for vertices with a known old position that should be kept.
+        among: vertices that get a control point in any case.
+        most: maximum number of them.
         tolerance: metres.
 
     Returns:
-        The vertices, and how far the surface is off with them, metres.
+        The vertices, and the remaining error of the surface in metres.
     """
     held, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
     weights = [point.weight for point in puppet.points]
@@ -151,7 +154,7 @@ def points_needed(
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
             if len(asked) == len(was):
                 return added, worst
-            # Those that were near enough before are looked at again at the end.
+            # Finally check the key poses again that were within the tolerance before.
             asked, most = np.arange(len(was)), 0 if worst > tolerance else most
             continue
         asked = asked[each.max(1) > tolerance]
@@ -159,7 +162,8 @@ def points_needed(
 
 
 def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
-    """Up to ``count`` vertices that are off by more than the tolerance, the worst first, not side by side."""
+    """Returns up to ``count`` vertices with errors above the tolerance, the worst first, at a distance from
+    one another."""
     left, chosen = off.copy(), list[int]()
     apart = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     while len(chosen) < count and (not chosen or left.max() > tolerance):
@@ -169,7 +173,8 @@ def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[in
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """The paired control points with joints in different places in two key poses or more; all, where none is.
+    """Returns the paired control points with joints in different places in two key poses or more, or all if
+    there are none.
 
     The performer's root is always at one place in the body frame, so its control point is left out.
     """
@@ -184,7 +189,7 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """The puppet without key poses with the same joints as an earlier one, and the number removed."""
+    """Removes key poses with the same joints as an earlier one. Returns the puppet and their number."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
@@ -206,7 +211,7 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 
 
 def _sources(project: Project, puppet: Puppet) -> Float | None:
-    """(n, P, 3) metres, the joints in the body's frame at the key poses; None where there are no examples."""
+    """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
     try:
         return examples_of(project, puppet.with_changes(symmetry=None)).sources
     except InputError:
@@ -216,7 +221,8 @@ def _sources(project: Project, puppet: Puppet) -> Float | None:
 def nearest_paired(
     mesh: Mesh, points: Sequence[ControlPoint], vertices: Sequence[int]
 ) -> list[ControlPoint | None]:
-    """For each vertex the paired control point that is nearest along the surface; None where none is."""
+    """Returns for each vertex the nearest paired control point along the surface, or None if no point is
+    paired."""
     paired = [point for point in points if point.joint]
     if not paired or not vertices:
         return [None] * len(vertices)
@@ -226,7 +232,7 @@ def nearest_paired(
 
 
 def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count: int) -> list[int]:
-    """Up to ``count`` of the vertices ``among``, each time the one farthest from all that are chosen."""
+    """Returns up to ``count`` of the vertices ``among`` by farthest point sampling."""
     if not len(among):
         return []
     spots, chosen = vertices[among], list[int]()
@@ -240,7 +246,7 @@ def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count
 
 
 def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
-    """A layer that names only these control points."""
+    """Removes all other control points from a layer."""
     return replace(
         layer,
         points=tuple(name for name in layer.points if name in names),
@@ -251,13 +257,14 @@ def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
 
 
 _AT_ONCE = 4
-"""Control points that are added before the surface is looked at again."""
+"""Number of control points that are added before the surface is checked again."""
 _STILL = 0.02
-"""A joint tells nothing that moves less than this share of what another does."""
+"""A joint that moves less than this fraction of the largest joint motion does not help to distinguish key
+poses."""
 
 
 def _leading(puppet: Puppet) -> PuppetLayer | None:
-    """The layer that alone places all control points, or None."""
+    """Returns the layer that alone positions all control points, or None."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

@@ -1,4 +1,4 @@
-"""Control points of a puppet: put on the mesh, paired, and taken off."""
+"""Edits of a puppet's control points: adding to the mesh, pairing with joints, and removing."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ def add_point(
     foot: bool = False,
     places: AnyArray | None = None,
 ) -> Project:
-    """A project with a control point more, the last. In each key pose it is where the surface is there.
+    """Adds a control point at the end of the list. In each key pose it lies on the surface.
 
     Args:
         vertex: of the mesh.
-        name: unique on the puppet; empty to be given one.
-        joint: of the performer, that it follows; empty for none yet.
+        name: unique on the puppet; if empty, one is generated.
+        joint: the performer's joint that it follows; empty for none yet.
         foot: whether the puppet can stand on it.
-        places: (n, 3) metres, its solved place in each key pose; None solves them here.
+        places: (n, 3) metres, its solved position in each key pose; None solves them here.
 
     Raises:
-        InputError: for a vertex that is not there, is held already or is in no face, or a name that is taken.
+        InputError: if the vertex does not exist, has a control point or belongs to no face, or if the name is
+            taken.
     """
     puppet = project.puppet(puppet_id)
     taken = {point.name: point for point in puppet.points}
@@ -52,10 +53,10 @@ def add_point(
 
 
 def remove_point(project: Project, puppet_id: str, name: str) -> Project:
-    """A project without a control point, nor the constraints on it, nor layers that moved nothing else.
+    """Removes a control point, its constraints, and layers that moved only this point.
 
     Raises:
-        InputError: where there is none of that name.
+        InputError: if there is none with that name.
     """
     puppet = project.puppet(puppet_id)
     gone = puppet.index(name)
@@ -66,14 +67,13 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
 
 
 def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -> Project:
-    """A project with a control point renamed (``name``), put on another ``vertex``, paired with another
-    ``joint``, made a ``foot`` or none, or given another ``weight`` as a handle.
+    """Changes a control point: its ``name``, ``vertex``, ``joint``, ``foot`` flag, or ``weight`` as a handle.
 
-    On another vertex it is, in each key pose, where the surface is there. What it is called in layers and
-    constraints follows its name.
+    On another vertex it lies on the surface in each key pose. Layers and constraints follow a change of its
+    name.
 
     Raises:
-        InputError: where there is none of that name, and for what a control point cannot be.
+        InputError: if there is none with that name, or a value is invalid.
     """
     puppet = project.puppet(puppet_id)
     number = puppet.index(point)
@@ -100,10 +100,10 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
 
 
 def checked_vertex(puppet: Puppet, vertex: int) -> int:
-    """A vertex that a control point can be on.
+    """Returns a vertex after checking that a control point can be on it.
 
     Raises:
-        InputError: where it is not there, no face uses it, or another control point is on it.
+        InputError: if it does not exist, no face uses it, or another control point is on it.
     """
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
@@ -120,7 +120,8 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
 
 
 def surface_places(puppet: Puppet, vertex: int) -> Float:
-    """(n, 3) metres, where a vertex is on the surface of each key pose, in the mesh's frame."""
+    """Returns (n, 3) metres, the position of a vertex on the surface of each key pose, in the mesh's
+    frame."""
     rest = puppet.mesh.vertices[vertex]
     if not puppet.points or not puppet.poses:
         return np.tile(rest, (len(puppet.poses), 1))
@@ -140,7 +141,7 @@ def _with_row(places: AnyArray, number: int, place: Float) -> Float:
 
 
 def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
-    """A layer that no longer names a control point."""
+    """Removes a control point from a layer."""
     return replace(
         layer,
         points=tuple(other for other in layer.points if other != name),
@@ -151,7 +152,7 @@ def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
 
 
 def _renamed(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
-    """A layer that calls a control point by its new name."""
+    """Renames a control point in a layer."""
 
     def name(one: str) -> str:
         return new if one == old else one

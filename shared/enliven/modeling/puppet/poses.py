@@ -1,4 +1,4 @@
-"""Key poses of a puppet: a pose of the performer, and the control points' places on the mesh for it."""
+"""Edits of a puppet's key poses: a pose of the performer, with the positions of the control points for it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from enliven.modeling.rig import check_names
 
 
 def add_key_pose(project: Project, puppet_id: str, take: str, time: float, places: AnyArray) -> Project:
-    """A project with an example more, the last: where the control points are at a time of a take.
+    """Adds an example at the end of the list: positions of the control points at a time of a take.
 
     Args:
         take: its id.
-        time: seconds since its begin; the nearest frame counts.
-        places: (P, 3) metres in the mesh's own frame, a row a control point.
+        time: seconds since its start; the nearest frame counts.
+        places: (P, 3) metres in the mesh's own frame, one row per control point.
 
     Raises:
-        InputError: for a take that is not there, a time outside of it or with a key pose already, for places
-            that are not finite or not one a control point, and where the performer's pose is another's.
+        InputError: if the take does not exist, or the time is outside of it or already has a key pose. Also
+            if the positions are not finite or not one per control point, or if the performer's pose equals
+            that of another example.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
@@ -33,10 +34,10 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
 
 
 def change_key_pose(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
-    """A project with other ``places`` of a key pose, or another ``time`` or ``take`` of the performer's.
+    """Changes the ``places`` of a key pose, or the ``time`` or ``take`` of the performer's pose.
 
     Raises:
-        InputError: where there is no key pose of that number, and as :func:`add_key_pose` does.
+        InputError: if there is no key pose with that number, and as :func:`add_key_pose`.
     """
     puppet = project.puppet(puppet_id)
     old = _pose(puppet, number)
@@ -46,10 +47,10 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """A project without an example; the take stays.
+    """Removes an example; the take stays.
 
     Raises:
-        InputError: where there is none of that number.
+        InputError: if there is none with that number.
     """
     puppet = project.puppet(puppet_id)
     _pose(puppet, number)
@@ -59,12 +60,12 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """A project with a key pose's places mirrored in the plane of symmetry, left and right exchanged.
+    """Mirrors the positions of a key pose in the symmetry plane, with left and right swapped.
 
-    The plane is the puppet's; where it has none, the mesh's.
+    The plane is the puppet's own. If the puppet has none, the plane is that of the mesh.
 
     Raises:
-        InputError: where there is no such pose, the mesh is not symmetric, or a control point has no mirror
+        InputError: if the pose does not exist, the mesh is not symmetric, or a control point has no mirror
             image.
     """
     puppet = project.puppet(puppet_id)
@@ -80,12 +81,12 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Project:
-    """A project in which key poses of one side count for the other side too, or no longer.
+    """Sets the plane across which key poses also count mirrored. None removes it.
 
-    Control points that have no mirror image are named by :func:`enliven.examples.puppet_motion.missing`.
+    :func:`enliven.examples.puppet_motion.missing` names control points without a mirror image.
 
     Raises:
-        InputError: for a plane that is none.
+        InputError: if the plane is invalid.
     """
     puppet = project.puppet(puppet_id)
     if plane is not None:
@@ -97,7 +98,8 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
 
 
 def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
-    """The project with the puppet; its examples must differ as soon as they can be compared."""
+    """Returns the project with the puppet. Raises an error if its examples can be compared and do not
+    differ."""
     made = project.with_characters(puppet)
     if not missing(made, puppet):
         examples_of(made, puppet)
@@ -117,7 +119,7 @@ def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
 
 
 def _checked(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
-    """A key pose that can be in the place of ``number``, or be the last."""
+    """Returns a key pose after checking that it can replace number ``number``, or be the last."""
     where = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."

@@ -1,4 +1,4 @@
-"""The part of the edits of whole characters that puppets do their own way."""
+"""Edits of whole characters for puppets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class PuppetRig(RigEdits):
-    """Control points that example poses move; each frame of a bake solves its surface."""
+    """Edits of a puppet, with control points driven by example poses. Baking solves its surface for each
+    frame."""
 
     frames = 30.0
     drawn = staticmethod(character_of_puppet)
@@ -38,17 +39,18 @@ class PuppetRig(RigEdits):
     merged = staticmethod(merge_puppets)
 
     def centre(self, puppet: Puppet) -> Float:
-        """On the floor under the middle of the mesh at rest."""
+        """Returns the point on the floor under the centre of the mesh at rest."""
         low, high = puppet.mesh.bounds
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
-        """The vertices at a time."""
+        """Returns the vertices at a time."""
         return self.surface(project, puppet)(time)
 
     def player(self, project: Project, puppet: Puppet) -> Player:
-        """Its frame and its control points; the surface between them is solved by what draws it."""
+        """Returns a function that gives its frame and control points. The renderer solves the surface between
+        them."""
 
         def at(time: float) -> Posed:
             state = state_at(project, puppet, time)
@@ -58,7 +60,7 @@ class PuppetRig(RigEdits):
         return at
 
     def surface(self, project: Project, puppet: Puppet) -> Callable[[float], Float]:
-        """Its surface, prepared once and settled at each time."""
+        """Returns a function that gives its surface: the solver is prepared once, and solves at each time."""
         solver = surface_of_puppet(puppet)
 
         def at(time: float) -> Float:
@@ -68,26 +70,26 @@ class PuppetRig(RigEdits):
         return at
 
     def lacking(self, project: Project, puppet: Puppet) -> tuple[str, ...]:
-        """Points, pairs and key poses that are missing, and a take."""
+        """Returns missing control points, pairs and key poses, and a missing take."""
         plays = any(not layer.muted for layer in puppet.layers)
         return (*missing(project, puppet), *([] if plays else [f"Choose a take for {puppet.id}."]))
 
     def check_layers(self, project: Project, puppet: Puppet, numbers: set[int]) -> None:
-        """Constraints must not contradict one another."""
+        """Raises an error if constraints contradict one another."""
         for number in numbers:
             checked_layer(project, puppet, puppet.layers[number])
 
     def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
-        """The pose of that moment becomes a key pose in which the control point is there."""
+        """Makes the pose of that moment a key pose, with the control point at ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
-        """Its own frame stays."""
+        """Moves the puppet. Its own frame stays."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 
     def scaled(self, puppet: Puppet, factor: float) -> Puppet:
-        """Examples and strides grow along; what flies falls as gravity has it, whatever its size."""
+        """Scales the mesh, its examples and strides. Flight still follows gravity, independent of size."""
 
         def scaled(vectors: AnyArray) -> Float:
             return np.asarray(vectors, np.float64) * factor
@@ -97,7 +99,7 @@ class PuppetRig(RigEdits):
         return made.with_changes(place=puppet.place + self.centre(puppet) - self.centre(made))
 
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
-        """Its own frame is mirrored left to right, and then turned to where the mirror shows it."""
+        """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
         flip = Axes(IDENTITY, True)
         # M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root), S the reflection in the plane x = 0.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
@@ -112,7 +114,7 @@ class PuppetRig(RigEdits):
     def as_graph(
         self, project: Project, puppet: Puppet, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """Baked: nodes that follow the solved surface."""
+        """Bakes the puppet to nodes that follow the solved surface."""
         rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
         graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
         return graph, stream, f", {error}"
@@ -121,7 +123,7 @@ class PuppetRig(RigEdits):
 def _mapped(
     puppet: Puppet, vectors: Callable[[AnyArray], Float], normals: Callable[[AnyArray], AnyArray]
 ) -> Puppet:
-    """The puppet with examples, constraints and plane of symmetry in other axes or sizes."""
+    """Returns the puppet with its examples, constraints and symmetry plane in other axes or sizes."""
     plane = puppet.symmetry
     if plane is not None:
         plane = Plane(_three(vectors(np.array(plane.point))), _three(normals(np.array(plane.normal))))
@@ -133,7 +135,7 @@ def _mapped(
 
 
 def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
-    """A layer with its constraints in other axes or sizes; these keep each axis by itself."""
+    """Returns a layer with its constraints in other axes or sizes. Each axis is mapped by itself."""
     return replace(
         layer,
         positions=tuple(replace(one, place=_three(map_of(np.array(one.place)))) for one in layer.positions),

@@ -1,8 +1,8 @@
-"""Suggests a puppet to begin with: control points, joints, feet, symmetry and key frames.
+"""Suggests an initial puppet: control points, joints, feet, symmetry and key frames.
 
-suggested_puppet(project, mesh, "walk", "cow")     # complete but for its poses: what the command makes
-suggested_vertices(mesh, 6)                        # control points alone, as the studio's panel asks for them
-suggested_pairs(project, "cow", "walk")            # and a joint for each of those that have none
+suggested_puppet(project, mesh, "walk", "cow")     # complete except for its poses: the result of the command
+suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
+suggested_pairs(project, "cow", "walk")            # and a joint for each control point without one
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from enliven.modeling.puppet.points import add_point, change_point, remove_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 
 _LOW = 0.08
-"""Share of the mesh's height below which a control point can be a foot."""
+"""Maximum height of a foot's control point above the lowest vertex, as a fraction of the mesh's height."""
 _ACROSS = 0.7
-"""Cosine to the left-right axis from which on a plane's normal goes across."""
+"""Minimum cosine between a symmetry plane's normal and the left-right axis."""
 _KEPT = 16
-"""Meshes in the cache of planes of symmetry; the least lately used goes."""
+"""Number of meshes in the least-recently-used cache of symmetry planes."""
 _OFF = 0.1
-"""Share of the control points' extent by which a mirror image may be off."""
+"""Maximum error of a mirror image, as a fraction of the control points' extent."""
 
 
 @dataclass(frozen=True)
 class SuggestedPair:
-    """A suggested joint for a control point that has none.
+    """A suggested joint for a control point without one.
 
     Attributes:
-        point: its name.
+        point: name of the control point.
         joint: the performer's joint.
         foot: whether the puppet can stand on it.
     """
@@ -63,14 +63,14 @@ class SuggestedPair:
 def suggested_puppet(
     project: Project, mesh: Mesh, take: str, puppet_id: str, points: int = 6, poses: int | None = None
 ) -> Project:
-    """A project with a puppet that is complete but for its key poses, which are all at rest.
+    """Adds a puppet that is complete except for its key poses, which are all at rest.
 
-    Key poses are those of the take that are farthest from one another.
+    The key poses are the frames of the take that differ most from one another.
 
     Args:
         take: id of the take that shows the key poses, which the puppet plays.
-        points: how many extremities at most; their mirror images come on top.
-        poses: how many key poses; None for as many as are enough.
+        points: maximum number of extremities; their mirror images are added.
+        poses: number of key poses; None chooses a sufficient number.
 
     Raises:
         InputError: for fewer than one point or two key poses, and for a take without any motion.
@@ -97,15 +97,15 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
     """Returns vertices at the extremities of a mesh, and their mirror images if it is symmetric.
 
     Args:
-        count: how many extremities at most; their mirror images come on top.
+        count: maximum number of extremities; their mirror images are added.
     """
     return _suggested_vertices(mesh, count, _left_right(mesh))
 
 
 def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
-    """Returns a joint for each control point that has none: one that acts in the take, by side and height.
+    """Returns a joint for each control point without one: a joint that moves in the take, by side and height.
 
-    Mirror images follow the same joint of both sides. Feet are low on the mesh and follow feet.
+    Mirror images follow the corresponding joints of both sides. Feet are low on the mesh and follow feet.
     """
     puppet, clip = project.puppet(puppet_id), project.takes[take]
     plane = puppet.symmetry or _left_right(puppet.mesh)
@@ -137,7 +137,7 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
 
 
 def _paired(project: Project, puppet_id: str, take: str) -> Project:
-    """Returns the project with all points paired and named after their joints, one at each hand or foot."""
+    """Pairs all points and names them after their joints. Keeps one point at each hand or foot."""
     for pair in suggested_pairs(project, puppet_id, take):
         taken = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, taken), "joint": pair.joint, "foot": pair.foot}
@@ -152,7 +152,7 @@ def _paired(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def _with_mirrored(clip: Clip, joints: list[str], partners: Sequence[int] | None) -> list[str]:
-    """Returns the joints (P,). A point without a joint gets the other side's joint of its mirror image."""
+    """Returns the joints (P,). A point without a joint gets the mirrored joint of its mirror image."""
     if partners is None:
         return joints
     return [
@@ -162,7 +162,7 @@ def _with_mirrored(clip: Clip, joints: list[str], partners: Sequence[int] | None
 
 
 def _left_right(mesh: Mesh) -> Plane | None:
-    """The plane of symmetry between left and right, from a cache where it is known: a mesh looks to +Z."""
+    """Returns the cached symmetry plane between left and right. A mesh faces +Z."""
     return _plane(Weak(mesh))
 
 
@@ -173,7 +173,7 @@ def _plane(mesh: Weak[Mesh]) -> Plane | None:
 
 
 def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
-    """The vertices, and the mirror images of those without a partner that are not on the plane."""
+    """Returns the vertices, with the mirror images of those that have no partner and are not on the plane."""
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
     images = reflected(rest, np.array(plane.point), np.array(plane.normal))
@@ -191,7 +191,7 @@ def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
 
 
 def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
-    """For each control point its mirror image; None where one has none, or all are on the plane."""
+    """Returns the mirror image of each control point. None if one has none, or if all are on the plane."""
     try:
         partners = partners_of(rest, np.array(plane.point), np.array(plane.normal), _OFF)
     except InputError:
@@ -200,9 +200,9 @@ def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 
 
 def _feet(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
-    """Which control points can stand: low on the mesh, and paired with a foot.
+    """Returns which control points can stand: those low on the mesh that are paired with a foot.
 
-    One alone is none: a mesh that stands on one pot would hop whenever the performer lifts that foot.
+    A single foot does not count, since such a mesh would hop whenever the performer lifts that foot.
     """
     feet_of = foot_joints(clip.skeleton)
     low, high = puppet.mesh.bounds[:, 1]

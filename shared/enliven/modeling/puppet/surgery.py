@@ -1,8 +1,8 @@
-"""Surgery on puppets: cut in two and merged, and both go on moving by their examples.
+"""Cuts puppets in two. Both halves keep moving by their examples.
 
-Nothing is baked. Each half of a cut keeps the control points on it and gets new ones, along the cut and
-wherever else the surface would not be where it was: in every key pose they are where the surface was there.
-So a half is in its examples what it was as a part of the whole.
+Nothing is baked. Each half of a cut keeps its control points. It gets new ones along the cut, and wherever
+else its surface would deviate; in every key pose they lie on the old surface. So in its examples a half has
+the same shape as it had as a part of the whole.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class PuppetCutSettings:
-    """How closely the halves of a puppet keep the shape and motion of the whole."""
+    """Settings for how closely the halves of a puppet keep the shape and motion of the whole."""
 
     tolerance: float = setting(
         0.02,
@@ -56,23 +56,24 @@ def cut_puppet(
     settings: PuppetCutSettings | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
-    """A puppet cut in two along a stroke, as it is seen at ``time``; both halves go on moving by examples.
+    """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
-    What the whole does at ``time`` becomes a key pose, so that the halves do it again. A half that keeps all
-    feet goes on through the world; another stays where it was at ``time``, and moves there.
+    The pose of the whole at ``time`` becomes a key pose, so that the halves take it again. A half that keeps
+    all feet keeps travelling through the world. A half without all feet stays where it was at ``time``, and
+    moves there.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
         time: seconds of the project's time.
-        settings: how closely.
-        notes: takes how the mesh was closed, and how far the halves are from what they were.
+        settings: accuracy of the halves.
+        notes: receives sentences about how the mesh was closed, and about the errors of the halves.
 
     Returns:
-        The project and the ids: the side with more feet keeps ``puppet_id``, where both have as many the
-        larger (of two halves the near one); the other gets a new one.
+        The project and the ids. The side with more feet keeps ``puppet_id``; the other gets a new one. With
+        equal numbers it is the larger side (of two equal halves the near one).
 
     Raises:
-        InputError: where there is no such puppet, the time is not finite, or the stroke cuts nothing off.
+        InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
     puppet, told = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
@@ -94,7 +95,7 @@ def cut_puppet(
 
 
 def _standing_first(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
-    """Both sides, the one with more feet first; where both have as many, the larger."""
+    """Returns both sides, the one with more feet first. With equal numbers the larger comes first."""
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
     ours, theirs = (int(np.isin(feet, one.kept).sum()) for one in (first, second))
@@ -102,7 +103,7 @@ def _standing_first(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
 
 
 class _Half:
-    """One side of a cut, as it gets its control points."""
+    """One side of a cut while its control points are being chosen."""
 
     def __init__(
         self,
@@ -124,7 +125,7 @@ class _Half:
         self._was = np.where(self._old[None, :, None], was[:, np.maximum(piece.kept, 0)], 0.0)
 
     def made(self, name: str, notes: list[str]) -> Puppet:
-        """The half as a puppet."""
+        """Returns the half as a puppet."""
         whole, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
         own = [
             replace(point, vertex=int(self._number[point.vertex]))
@@ -157,7 +158,8 @@ class _Half:
         return made.with_changes(layers=self._layers(follow, {point.name for point in points}))
 
     def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
-        """A puppet on this side's mesh with these control points, each in the key poses where it was."""
+        """Returns a puppet on this side's mesh with these control points, at their old positions in each key
+        pose."""
         held = [point.vertex for point in points]
         poses = zip(self._whole.poses, self._was[:, held], strict=True)
         return puppet.with_changes(
@@ -175,13 +177,14 @@ class _Half:
         )
 
     def _border(self) -> Int32:
-        """The kept vertices that the cut is next to."""
+        """Returns the kept vertices next to the cut."""
         faces = self._piece.mesh.faces
         near = faces[~self._old[faces].all(1)]
         return np.unique(near[self._old[near]])
 
     def _layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
-        """The layers with the control points that are there; a new one is moved where its leader is."""
+        """Returns the layers with the existing control points. A new point moves in the layers of its
+        leader."""
         feet = {point.name for point in self._whole.points if point.foot}
         out = []
         for layer in self._whole.layers:

@@ -1,6 +1,5 @@
-"""Edits of rigged shapes: bones and nodes, cut, merged, copied, mirrored and posed with their motion kept
-(AniMesh).
-"""
+"""Edits of rigged shapes (AniMesh): bones and nodes, cutting, merging, mirroring and posing, with motion
+kept."""
 
 import lazy_loader
 

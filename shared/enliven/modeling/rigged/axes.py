@@ -1,4 +1,4 @@
-"""Turned and mirrored axes of rest, and the change of rest poses, rotations, spans and layers to them."""
+"""Rotated or mirrored rest axes, and the conversion of rest poses, rotations, spans and layers to them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from enliven.modeling.rigged.spans import Spans, as_before
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
 _MIRRORED = np.array([1.0, 1.0, -1.0, -1.0])
-"""What the reflection in the plane x = 0 does to a quaternion: S q S, S = diag(-1, 1, 1)."""
+"""Factors of a quaternion under reflection in the plane x = 0: S q S, S = diag(-1, 1, 1)."""
 
 
 _AS_THEY_ARE: Mapping[str, str] = {}
-"""No layer has a new id."""
+"""The empty mapping: all layers keep their ids."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """New axes of rest: a vector v becomes L v, with L = turn S where ``mirrored``, else L = turn.
+    """New rest axes: a vector v becomes L v, with L = turn S if ``mirrored``, else L = turn.
 
-    A rotation q becomes L q L^-1; a mirrored one turns about the mirrored axis, the other way round.
+    A rotation q becomes L q L^-1. A mirrored rotation turns about the mirrored axis, in the opposite
+    direction.
 
     Attributes:
         turn: (4,) unit quaternion.
@@ -38,7 +39,7 @@ class Axes:
 
     @staticmethod
     def mirror(normal: AnyArray) -> Axes:
-        """The reflection in the plane through the origin at right angles to ``normal`` (3,).
+        """Returns the reflection in the plane through the origin perpendicular to ``normal`` (3,).
 
         A reflection is minus the half turn about its normal, so M = (half turn about n)(half turn about x) S.
         """
@@ -50,27 +51,28 @@ class Axes:
 
     @property
     def same(self) -> bool:
-        """Whether nothing changes."""
+        """Whether the axes stay unchanged."""
         return not self.mirrored and bool(np.array_equal(self.turn, IDENTITY))
 
     def vectors(self, v: AnyArray) -> Float:
-        """(..., 3) L v."""
+        """Returns (..., 3) L v."""
         v = np.asarray(v, np.float64)
         return rotate(self.turn, v * np.array([-1.0, 1.0, 1.0]) if self.mirrored else v)
 
     def rotations(self, q: AnyArray) -> Float:
-        """(..., 4) L q L^-1."""
+        """Returns (..., 4) L q L^-1."""
         q = np.asarray(q, np.float64) * _MIRRORED if self.mirrored else np.asarray(q, np.float64)
         return multiply(multiply(self.turn, q), conjugate(self.turn))
 
     def layer(self, layer: Layer) -> Layer:
-        """The layer with the turns L q L^-1, for ``layer``'s turns q, and the displacements L d."""
+        """Converts a layer: its rotations q become L q L^-1, and its displacements d become L d."""
         basis = layer.basis * _MIRRORED if self.mirrored else layer.basis
         basis = normalized(multiply(self.turn, basis))
         return replace(layer, basis=basis, mirrored=layer.mirrored != self.mirrored)
 
     def spans(self, spans: Spans, layers: Mapping[str, str] = _AS_THEY_ARE) -> Spans:
-        """The spans with what is fixed in them in the new axes; ``layers``: the new id of each layer."""
+        """Converts the fixed rotations of the spans to the new axes. ``layers`` maps each layer to its new
+        id."""
         return tuple(
             replace(
                 span,
@@ -82,7 +84,7 @@ class Axes:
 
 
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
-    """The mesh in other axes about ``root`` (3,), which comes to ``to`` (3,)."""
+    """Converts a mesh to other axes about ``root`` (3,), which moves to ``to`` (3,)."""
     vertices = to + axes.vectors(mesh.vertices - root)
     moved = replace(mesh, vertices=vertices)
     return moved.turned() if axes.mirrored else moved

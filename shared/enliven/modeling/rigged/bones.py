@@ -1,4 +1,4 @@
-"""A shape taken apart into bones by name, and put together again."""
+"""Takes a shape apart into bones by name, and puts it together again."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from enliven.modeling.rigged.spans import Spans
 
 
 class Bone(NamedTuple):
-    """A joint with the bone that ends there; an edit changes names and tuples, never numbers.
+    """A joint with the bone that ends there. Edits refer to bones by name, so that numbers may change.
 
     Attributes:
-        name: of the joint.
-        parent: the name of the joint that it hangs on; "" for the root.
-        rest: (3,) metres at rest.
+        name: name of the joint.
+        parent: name of the parent joint; "" for the root.
+        rest: (3,) metres, the rest position.
         modeling: (4,) the modeling rotation.
-        spans: what takes move it.
+        spans: the parts of takes that move the bone.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Bone(NamedTuple):
 
 
 def bones_of(shape: Shape) -> list[Bone]:
-    """The bones of a shape, in the order of its joints."""
+    """Returns the bones of a shape, in the order of its joints."""
     skeleton = shape.skeleton
     parents = ["" if parent < 0 else skeleton.names[parent] for parent in skeleton.parents]
     return [
@@ -42,14 +42,15 @@ def bones_of(shape: Shape) -> list[Bone]:
 
 
 def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
-    """The joints of the bones; the root first, every other after its parent."""
+    """Builds a skeleton from bones: the root first, every other bone after its parent."""
     number = {bone.name: j for j, bone in enumerate(bones)}
     parents = np.array([number[bone.parent] if bone.parent else -1 for bone in bones], np.int32)
     return Skeleton(tuple(bone.name for bone in bones), parents, np.array([bone.rest for bone in bones]))
 
 
 def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
-    """The shape with other bones and other changed attributes; a pin goes with its joints."""
+    """Returns the shape with other bones and other changed attributes. Keeps pins if their joints still
+    exist."""
     modeling = np.array([bone.modeling for bone in bones])
     spans = tuple(bone.spans for bone in bones)
     names = {bone.name for bone in bones}
@@ -59,17 +60,18 @@ def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
 
 
 def numbers_of(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
-    """(N,) the number in ``bones`` of each bone of the shape, or of that which stands ``instead`` of it."""
+    """Returns (N,) the number in ``bones`` of each bone of the shape, or of the bone that replaces it
+    (``instead``)."""
     number = {bone.name: j for j, bone in enumerate(bones)}
     instead = instead or {}
     return np.array([number[instead.get(name, name)] for name in shape.skeleton.names], np.int64)
 
 
 def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
-    """The number of a bone given by number or by the name of its joint.
+    """Returns the number of a bone given by number or by the name of its joint.
 
     Raises:
-        InputError: where there is none, or it is the root and ``root`` is false.
+        InputError: if the bone does not exist, or it is the root and ``root`` is false.
     """
     where = f"shape {shape.id!r}"
     count = len(shape.skeleton)
@@ -83,7 +85,7 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
 
 
 def inside(value: float, where: str) -> float:
-    """A parameter along a bone, checked to be in [0, 1]."""
+    """Returns a position along a bone after checking that it lies in [0, 1]."""
     if not 0.0 <= float(value) <= 1.0:
         raise InputError(
             f"{value} is no place on a bone", where=where, mend="Give a number from 0 (its begin) to 1."

@@ -1,4 +1,5 @@
-"""Cuts a shape in two at a moment: nothing moves then, and both keep moving (AniMesh, section 6)."""
+"""Cuts a shape in two at a moment. No bone moves at that moment, and both parts keep moving (AniMesh, section
+6)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_
 from enliven.rotation import conjugate, multiply, normalized
 
 _END = 1e-9
-"""Nearer than this share of a bone to its end, a cut is at the joint."""
+"""A cut within this fraction of a bone's length from its end is made at the joint."""
 
 
 def cut_bone(
@@ -26,35 +27,35 @@ def cut_bone(
     name: str | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
-    """A shape becomes two: one with its root, and one with the joints below the cut.
+    """Cuts a shape in two: one with the root, and one with the joints below the cut.
 
-    The bone is split as by a node, so each part of it gets its part of the motion. The difference to what the
-    whole bone had turned at ``time`` goes into the modeling rotations (AniMesh, section 6, Figure 7): m_new =
-    m a_old a_new^-1. So at ``time`` every bone keeps its world turn and every joint its place; at other
-    times all bones but the two halves turn against the bone before them as they did. The lower shape's root
-    takes over the world turn of the bone at the cut, and stays where it was at ``time``: it no longer rides
-    on the upper shape, nor travels.
+    The bone is split as if a node were inserted, so each half gets its part of the motion. The difference to
+    the rotation of the whole bone at ``time`` goes into the modeling rotations (AniMesh, section 6, Figure
+    7): m_new = m a_old a_new^-1. So at ``time`` every bone keeps its world rotation and every joint its
+    position. At other times all bones except the two halves rotate relative to their parent as before. The
+    lower shape's root takes over the world rotation of the bone at the cut, and stays where it was at
+    ``time``. It no longer follows the upper shape, and has no travel.
 
-    The mesh is cut square to the bone, both sides are closed, and a vertex that followed a bone of the other
-    side follows the one at the cut; weights are otherwise those of before, to the bit.
+    The mesh is cut perpendicular to the bone, and both sides are closed. A vertex that followed a bone of the
+    other side follows the bone at the cut. Other weights stay bit-exact.
 
     Args:
         bone: the number or the joint of the bone.
-        at: where on it: 0 at its begin, where the whole bone comes off the joint before it; 1 at its end,
-            where what hangs on its joint comes off.
-        time: seconds of the project's time; None cuts in the rest pose, as modeled: a node is put in, and
-            the shape cut there, so that a merge in the rest pose makes it whole.
-        name: of the joint at the cut, the same in both shapes; None makes one up. At an end it is the
-            joint's own.
-        notes: takes sentences about how the mesh was closed.
+        at: position on the bone: 0 at its start, which detaches the whole bone from its parent joint; 1 at
+            its end, which detaches the children of its joint.
+        time: seconds of the project's time; None cuts in the rest pose, as modeled. In that case a node is
+            inserted and the shape cut there, so that a merge in the rest pose restores it.
+        name: name of the joint at the cut, the same in both shapes; None makes one up. At an end of the bone
+            the joint keeps its own name.
+        notes: receives sentences about how the mesh was closed.
 
     Returns:
-        The project and the ids of the two: the upper keeps ``shape_id``, the lower gets a new one. Takes and
-        layers are those of before, and both shapes refer to them.
+        The project and the ids of the two shapes: the upper keeps ``shape_id``, the lower gets a new one.
+        Takes and layers stay the same, and both shapes refer to them.
 
     Raises:
-        InputError: for a bone or place that is not there, a cut that leaves one side without a bone, or a
-            mesh that cannot be cut there.
+        InputError: if the bone or position does not exist, the cut leaves one side without a bone, or the
+            mesh cannot be cut there.
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
@@ -71,12 +72,12 @@ def cut_bone(
 def parted_at(
     project: Project, shape: Shape, j: int, at: float, time: float | None, name: str | None
 ) -> tuple[Shape, Shape]:
-    """The two shapes of a cut, without meshes; the lower one's id is new. See :func:`cut_bone`."""
+    """Returns the two shapes of a cut, without meshes. The lower shape has a new id. See :func:`cut_bone`."""
     shape = shape.with_changes(mesh=None, skin=None)
     project = project.with_characters(shape)
     lower_id = unused(shape.id, project.characters)
     if time is None and _END < at < 1.0 - _END:
-        # In the rest pose there is no motion to put back: a node, and the cut there.
+        # In the rest pose there is no motion to compensate: insert a node and cut there.
         project, _ = insert_node(project, shape.id, j, at, name=name)
         shape, at = project.shape(shape.id), 1.0
     turns, joints = posed(project, shape, time)
@@ -103,9 +104,9 @@ def parted_at(
 
 
 def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
-    """The two shapes with the two sides of a mesh cut along a bone, the near one the upper's."""
+    """Gives the two sides of a mesh cut along a bone to the two shapes: the near side to the upper one."""
     node = lower.skeleton.names[0]
-    # Inside a bone, what followed the bones above goes with the lower half; at a joint, with the root.
+    # For a cut inside a bone, skin of the bones above goes to the lower half; at a joint, to the root.
     first = lower.skeleton.names[0 if node in before.skeleton.names else 1]
     return (
         with_piece(upper, cut.near, numbers_in(before, upper, node)),
@@ -114,11 +115,12 @@ def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape
 
 
 Halves = tuple[list[Bone], list[Bone]]
-"""The bones of the two shapes; the first of the lower one is the joint at the cut, which becomes its root."""
+"""The bones of the two shapes. The first of the lower ones is the joint at the cut, which becomes its
+root."""
 
 
 def _at_begin(shape: Shape, j: int) -> Halves:
-    """The bones without bone j and its descendants, and these."""
+    """Separates bone j and its descendants from the other bones."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j))
     lower = [bone for i, bone in enumerate(bones) if i in off]
@@ -126,7 +128,7 @@ def _at_begin(shape: Shape, j: int) -> Halves:
 
 
 def _at_end(shape: Shape, j: int) -> Halves:
-    """The bones down to joint j, and its descendants."""
+    """Separates the descendants of joint j from the other bones."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j)) - {j}
     lower = [bone for i, bone in enumerate(bones) if i in off]
@@ -134,15 +136,16 @@ def _at_end(shape: Shape, j: int) -> Halves:
 
 
 def _between(project: Project, shape: Shape, j: int, at: float, time: float, name: str) -> Halves:
-    """The bones above and below a cut inside bone j, with what the cut takes from their motion put back."""
+    """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
+    motion."""
     bones = bones_of(shape)
     bones[j : j + 1] = divided(bones[j], bones, at, name)
     node = rebuilt(shape, bones)
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)
     first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)
-    # The upper half turns as the whole did: m a_old a_new^-1. The root below it brings that turn to the
-    # lower half, whose own motion is taken back.
+    # The upper half turns as the whole bone did: m a_old a_new^-1. The root below it passes that rotation to
+    # the lower half, so the lower half's own motion is inverted.
     kept = multiply(multiply(shape.modeling[j], old), conjugate(first))
     bones[j] = bones[j]._replace(modeling=normalized(kept))
     bones[j + 1] = bones[j + 1]._replace(modeling=normalized(conjugate(second)))
@@ -151,7 +154,7 @@ def _between(project: Project, shape: Shape, j: int, at: float, time: float, nam
 
 
 def _refuse_bare(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
-    """Refuses a cut that leaves a joint alone."""
+    """Raises an error if a cut leaves a joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:
             what = f"no bone would be left {side} the cut at {bones[0].name!r}"

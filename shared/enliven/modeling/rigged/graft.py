@@ -1,4 +1,4 @@
-"""The bones of a grafted shape in its host: their rest axes, names and turns."""
+"""The bones of a grafted shape in its host: their rest axes, names and rotations."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from enliven.rotation import conjugate, multiply, normalized
 def grafted(
     host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
 ) -> tuple[list[Bone], dict[str, str]]:
-    """The graft's bones in the host's rest axes on its joint j, and the new names of all the graft's joints.
+    """Returns the graft's bones in the host's rest axes on its joint j, and the new names of the graft's
+    joints.
 
-    The root is called like the node, or has a name of its own where it stays as a bone without length.
+    The graft's root takes the name of the node. It gets a name of its own if it stays as a bone without
+    length.
     """
     bones = bones_of(graft)
     names = _names(host, [bone.name for bone in bones])
     root = bones[0]
-    # W^-1 m_0 R^-1: the bone before turns by W at the time of the merge, and R belongs to the new axes.
+    # W^-1 m_0 R^-1: the parent bone turns by W at the time of the merge, and R converts to the new axes.
     first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
     turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
     node = host.skeleton.names[j]
@@ -44,7 +46,7 @@ def grafted(
 
 
 def _after(root: Bone, bone: Bone) -> Bone:
-    """A bone of a root's child that includes the root's turn: D_b = m_0 a_0 m_b a_b in one bone."""
+    """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
     if not moves(root.spans):
         fixed = multiply(root.modeling, before(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
@@ -54,7 +56,7 @@ def _after(root: Bone, bone: Bone) -> Bone:
 
 
 def _names(host: Shape, names: list[str]) -> dict[str, str]:
-    """A name that the host does not have for each joint of the graft but the root, which is the node."""
+    """Returns an unused name for each joint of the graft except the root, which becomes the node."""
     taken: dict[str, object] = dict.fromkeys(host.skeleton.names)
     made = {}
     for name in names[1:]:
@@ -64,5 +66,5 @@ def _names(host: Shape, names: list[str]) -> dict[str, str]:
 
 
 def root_has_skin(shape: Shape) -> bool:
-    """Whether a vertex follows the root's own turn."""
+    """Returns True if a vertex follows the root's own rotation."""
     return shape.skin is not None and bool(follows(shape.skin, 0).any())

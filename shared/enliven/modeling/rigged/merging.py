@@ -1,4 +1,4 @@
-"""One shape grafted onto another at a moment, with the motion of both kept (AniMesh, section 6)."""
+"""Grafts one shape onto another at a moment, with the motion of both kept (AniMesh, section 6)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _SEAM = SeamSettings()
 _END = 1e-9
-"""Nearer than this share of a bone to its end, the node is the joint."""
+"""A node within this fraction of a bone's length from its end is placed at the joint."""
 
 
 def merge(
@@ -45,41 +45,43 @@ def merge(
     seam: SeamSettings = _SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
-    """A project with a shape's root joined to a node of another; the two are one shape.
+    """Joins a shape's root to a node of another shape; the two become one shape.
 
-    The shape comes to the node without turning: at ``time`` every bone of both keeps its world turn, and the
-    joints of the graft keep their places where its root was at the node (elsewhere it is moved there). From
-    then on it rides on the bone that ends at the node: with W the world turn of that bone at ``time``, the
-    modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left (AniMesh,
-    section 6, Figure 8). The host moves as before at every time.
+    The graft moves to the node without rotating. At ``time`` every bone of both keeps its world rotation. The
+    joints of the graft keep their positions if its root was at the node; else the graft is moved there. From
+    then on it follows the bone that ends at the node. Let W be the world rotation of that bone at ``time``.
+    The modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left
+    (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
-    The graft's own axes of rest become the host's: its rest is turned by R = W^-1 D_b(time), b its first bone
-    (its root's entry in the rest pose, where several bones leave the root, or where skin follows it), so that
-    skeleton and mesh lie in the host's rest pose as they are seen at ``time``. A modeling rotation m becomes
-    R m R^-1, the basis of a layer R basis. The turn of the graft's root goes into the bones that leave it,
-    as a turn at the joint (a span with no share of the length); where skin follows a root that moves, the
-    root stays as a bone without length. How the graft travelled is dropped: the host takes it along.
+    The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
+    and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
+    the root's own entry in three cases: for a merge in the rest pose, if several bones leave the root, or if
+    skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
+    The rotation of the graft's root goes into the bones that leave it, as a rotation at the joint (a span
+    without length). If skin follows a root that moves, the root stays as a bone without length. The graft's
+    travel is dropped, since the host carries it.
 
-    The meshes are united as they are seen at ``time``; near the seam the surface is smoothed and the skin
-    weights computed anew, and elsewhere rest and weights stay to the bit. Two that do not meet become one
-    mesh of two shells. Skin of the graft's root follows the bone of the node.
+    The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
+    weights are recomputed; elsewhere rest positions and weights stay bit-exact. Two meshes that do not meet
+    become one mesh of two shells. Skin of the graft's root follows the bone of the node.
 
     Args:
-        joint: a joint of the host, by number or name; or a bone of it, with ``at`` below one.
+        joint: a joint of the host, by number or name; or one of its bones, with ``at`` below one.
         time: seconds of the project's time; None merges in the rest pose, as modeled.
-        at: where on the host's bone to put a node first; 1 is its end, the joint, and 0 its begin. The new
-            node leaves the bone in line at every time, so that the host moves as before.
-        loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
-        seam: how the seam is healed.
-        notes: takes sentences about how the meshes were united.
+        at: position on the host's bone at which a node is inserted first. 1 is its end (the joint), and 0 its
+            start. The new node keeps the bone straight at every time, so that the host moves as before.
+        loose: if the union fails (a mesh is not a solid), put both shells into one mesh.
+        seam: how the seam is smoothed.
+        notes: receives sentences about how the meshes were united.
 
     Returns:
-        The project, without the grafted shape, and the new name of each of its joints but the root, which
-        becomes the node. A layer of the graft keeps its id where the host has none of it, or the same one.
+        The project without the grafted shape, and the new name of each of its joints except the root, which
+        becomes the node. A layer of the graft keeps its id unless the host has a different layer with that
+        id.
 
     Raises:
-        InputError: for a shape merged with itself, or a joint that is not there, or where no
-            union can be made and ``loose`` is false.
+        InputError: if a shape is merged with itself, the joint does not exist, or the union fails and
+            ``loose`` is false.
     """
     if host_id == graft_id:
         mend = "Copy it first."
@@ -112,9 +114,9 @@ def merge(
 
 
 def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
-    """The graft's layers in the host's axes of rest, by the ids that they had.
+    """Converts the graft's layers to the host's rest axes. Returns them by their old ids.
 
-    One that is the host's own, as after a cut, stays one with it.
+    A layer equal to one of the host's, as after a cut, is shared with it.
     """
     known, made = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
     taken = dict.fromkeys([*known, *(layer.id for layer in graft.layers)])
@@ -128,7 +130,7 @@ def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
 
 
 def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
-    """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
+    """Returns the skinned mesh: posed at ``time``, or at rest if ``time`` is None."""
     if shape.mesh is None or shape.skin is None:
         return None
     seen = shape.mesh.vertices if time is None else posed_vertices(shape, pose.linear, pose.joints)
@@ -138,7 +140,7 @@ def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurfac
 def _put(
     surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
 ) -> SkinnedSurface | None:
-    """The graft's surface with its rest at the node in the host's axes, and its bones' new numbers."""
+    """Moves the graft's rest surface to the node in the host's axes, and renumbers its bones."""
     if surface is None:
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
@@ -155,7 +157,8 @@ def _one_surface(
     seam: SeamSettings,
     notes: list[str],
 ) -> tuple[Mesh | None, SkinWeights | None]:
-    """The mesh and the skin of the merged shape; ``then``: its pose at the merge, None for the rest pose."""
+    """Returns the mesh and skin of the merged shape. ``then`` is its pose at the merge, with None for the
+    rest pose."""
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)
@@ -169,17 +172,18 @@ def _one_surface(
 
 
 def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
-    """The graft's pins, under the names that its joints have now."""
+    """Returns the graft's pins with the new names of its joints."""
     return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
 
 
 def _exact(turn: Float) -> Float:
-    """The rotation; exactly the identity where it differs by rounding only: layers then stay unchanged."""
+    """Replaces a rotation by the exact identity if it differs only by rounding, so that layers stay
+    unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 
 
 def _first_bone(graft: Shape, time: float | None) -> int:
-    """The bone that the mesh at the root is rigid with; in the rest pose the root, which turns the whole."""
+    """Returns the bone that moves rigidly with the mesh at the root. In the rest pose it is the root."""
     only = graft.skeleton.children[0]
     return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0

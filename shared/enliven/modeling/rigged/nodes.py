@@ -1,4 +1,4 @@
-"""Nodes put into bones and taken out again, with the motion kept (AniMesh, section 6)."""
+"""Inserts nodes into bones and removes them, with the motion kept (AniMesh, section 6)."""
 
 from __future__ import annotations
 
@@ -28,22 +28,23 @@ def insert_node(
     rigid: bool = False,
     settings: InsertSettings = _DEFAULTS,
 ) -> tuple[Project, str]:
-    """A bone becomes two, and each turns by its part of the motion.
+    """Splits a bone in two; each half turns by its part of the motion.
 
-    The total turn along the chain is the same at every time, so all that hangs on the bone is turned as
+    The total rotation along the chain stays the same at every time, so all descendants of the bone turn as
     before. The upper bone keeps the modeling rotation.
 
     Args:
         bone: the number or the joint of the bone.
-        at: where on it, in (0, 1) from its begin to its end.
-        name: of the new joint; None makes one up.
-        rigid: leave the two bones in line at every time: the upper one takes the whole motion.
+        at: position on the bone, in (0, 1) from its start to its end.
+        name: name of the new joint; None makes one up.
+        rigid: keep the two bones in line at every time. The upper one then takes the whole motion.
 
     Returns:
-        The project and the name of the new joint, which has the bone's number; later joints move up by one.
+        The project and the name of the new joint. It takes over the bone's number; later joints move up by
+        one.
 
     Raises:
-        InputError: for a bone or place that is not there, or a name that is taken.
+        InputError: if the bone or position does not exist, or the name is taken.
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
@@ -63,10 +64,10 @@ def insert_node(
 
 
 def new_name(shape: Shape, j: int, name: str | None) -> str:
-    """A name for a joint on bone j: the one given, or one that is made up.
+    """Returns a name for a joint on bone j: the given one, or a generated one.
 
     Raises:
-        InputError: where the given one is taken or empty.
+        InputError: if the given name is taken or empty.
     """
     taken = dict.fromkeys(shape.skeleton.names)
     if name is not None and (name in taken or not name):
@@ -77,10 +78,11 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
 def divided(
     bone: Bone, bones: list[Bone], at: float, name: str, ridden: frozenset[str] | None = None
 ) -> list[Bone]:
-    """The two bones that a node called ``name`` makes of one of ``bones``; their product turns as it did.
+    """Splits one of ``bones`` at a node called ``name``. The product of the two rotations equals the old
+    rotation.
 
-    Where ``ridden`` is given, the upper one takes the whole turn; the lower one is stretched as it is, by the
-    layers of these names.
+    If ``ridden`` is given, the upper bone takes the whole rotation. The lower bone is then only stretched, by
+    the layers with these ids.
     """
     begin = next(other.rest for other in bones if other.name == bone.parent)
     parted = split_spans(bone.spans, at) if ridden is None else (bone.spans, riding(bone.spans, ridden))
@@ -91,22 +93,23 @@ def divided(
 
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
-    """The same turn with what is fixed at the begin of the spans moved into the modeling rotation."""
+    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total stays the
+    same."""
     first = np.array(spans[0].before)
     return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 
 
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
-    """A project without a joint; what hung on it hangs on the joint before, and turns as it did.
+    """Removes a joint. Its children attach to its parent joint, and turn as before.
 
-    Of an inner node and each bone below it one bone is made, which keeps the motions of both, one after the
-    other (see ``joined_spans``): every bone below has its world turn at every
-    time, also where two takes meet, which AniMesh drops (section 8, Figure 13). A node put in by
-    :func:`insert_node` and taken out restores the bone. A leaf is dropped with its bone; its skin follows
-    the bone before. At a branch each bone below starts from the joint before.
+    An inner node and each bone below it become one bone that keeps the motions of both, one after the other
+    (see ``joined_spans``). Every bone below keeps its world rotation at every time, even where two takes
+    meet; AniMesh drops the motion there (section 8, Figure 13). Removing a node inserted by
+    :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows the parent
+    bone. At a branch each bone below starts from the parent joint.
 
     Raises:
-        InputError: for the root, which carries the whole.
+        InputError: for the root, which carries the whole shape.
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, joint)
@@ -126,7 +129,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
 
 
 def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:
-    """The bone that two make when the joint between them goes."""
+    """Joins two bones when the joint between them is removed."""
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]
     whole = first + lengths[shape.skeleton.index(lower.name)]
@@ -137,7 +140,7 @@ def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:
 
 
 def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None:
-    """The skin without bone j: it goes to the nearest bone below, or from a leaf to the one before."""
+    """Gives the skin of bone j to the nearest bone below, or for a leaf to the parent bone."""
     if shape.mesh is None or shape.skin is None:
         return None
     skeleton = shape.skeleton

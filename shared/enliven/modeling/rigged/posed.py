@@ -1,4 +1,4 @@
-"""The pose of a shape at one moment, for the edits."""
+"""The pose of a shape at one moment, for use by the edits."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
 def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
-    """(N, 4) the world turns D_j and (N, 3) the positions of the joints.
+    """Returns (N, 4) the world rotations D_j and (N, 3) the positions of the joints.
 
     Args:
-        time: seconds of the project's time; None is the rest pose: as modeled, with no take moving anything.
+        time: seconds of the project's time; None is the rest pose: as modeled, without any take.
 
     Raises:
-        InputError: for a time that is not finite.
+        InputError: if the time is not finite.
     """
     pose = moment(project, shape, time)
     return pose.turns, pose.joints
 
 
 def moment(project: Project, shape: Shape, time: float | None) -> ShapePose:
-    """The pose with the stretches of the bones; otherwise as :func:`posed`."""
+    """Returns the pose including the stretch of the bones. The arguments are those of :func:`posed`."""
     if time is None:
         return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
@@ -35,7 +35,7 @@ def moment(project: Project, shape: Shape, time: float | None) -> ShapePose:
 
 
 def as_modeled(shape: Shape) -> tuple[Float, Float]:
-    """(N, 4) D_j and (N, 3) positions where no take moves anything: D_j = D_parent m_j before."""
+    """Returns (N, 4) D_j and (N, 3) positions of the pose without takes: D_j = D_parent m_j before."""
     skeleton = shape.skeleton
     turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
     for j, parent in enumerate(skeleton.parents):
@@ -47,7 +47,8 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
 
 
 def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
-    """The edited shape with the travel scale of before: its strides stay, though its height has changed."""
+    """Restores the travel scale from before an edit, so that stride lengths stay although the height has
+    changed."""
     if new.travel is None:
         return new
     clip = project.takes[new.layer(new.travel).take]
@@ -56,12 +57,12 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
-    """A part of a shape that lost a pin, with the world turns of the whole at ``time``.
+    """Restores the world rotations of the whole at ``time`` in a part of a shape that lost a pin.
 
-    The turns that the pin made go into the modeling rotations.
+    The rotations caused by the pin go into the modeling rotations.
 
     Args:
-        turns: (N, 4) the world turns of the whole.
+        turns: (N, 4) the world rotations of the whole.
     """
     wanted = dict(zip(whole.skeleton.names, turns, strict=True))
     now, _ = posed(project, part, time)
@@ -77,7 +78,8 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
 
 
 def own_turn(turns: Float, shape: Shape, j: int) -> Float:
-    """(4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world turns ``turns``."""
+    """Computes (4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world rotations
+    ``turns``."""
     parent = int(shape.skeleton.parents[j])
     modeled = shape.modeling[j] if parent < 0 else multiply(turns[parent], shape.modeling[j])
     return multiply(conjugate(modeled), turns[j])

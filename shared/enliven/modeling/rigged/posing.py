@@ -1,4 +1,4 @@
-"""Shapes posed by hand, at any moment of their motion: only modeling rotations and the place change."""
+"""Poses shapes by hand at any moment of their motion. Only modeling rotations and the position change."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized, swing
 def set_bone(
     project: Project, shape_id: str, bone: int | str, world: AnyArray, time: float | None = None
 ) -> Project:
-    """A project in which a bone's world turn D_j at ``time`` is ``world`` (4,): m = D_parent^-1 world a^-1.
+    """Sets a bone's world rotation D_j at ``time`` to ``world`` (4,): m = D_parent^-1 world a^-1.
 
-    What hangs on the bone turns along; its motion goes on from there. Bone 0, the root's, turns the whole.
+    The descendants of the bone turn with it, and its motion continues from there. Bone 0, the root, turns the
+    whole.
 
     Raises:
-        InputError: where there is no such bone, or no rotation.
+        InputError: if the bone does not exist, or ``world`` is not a rotation.
     """
     shape, j, turns, _ = _seen(project, shape_id, bone, time)
     world = _rotation(world, shape_id)
@@ -33,10 +34,10 @@ def set_bone(
 def turn_bone(
     project: Project, shape_id: str, bone: int | str, turn: AnyArray, time: float | None = None
 ) -> Project:
-    """A project in which a bone is turned on by ``turn`` (4,), in world axes, at ``time``.
+    """Rotates a bone at ``time`` by ``turn`` (4,), in world axes.
 
     Raises:
-        InputError: where there is no such bone, or no rotation.
+        InputError: if the bone does not exist, or ``turn`` is not a rotation.
     """
     shape, j, turns, _ = _seen(project, shape_id, bone, time)
     above = _above(turns, shape, j)
@@ -49,12 +50,12 @@ def turn_bone(
 def drag_joint(
     project: Project, shape_id: str, joint: int | str, point: AnyArray, time: float | None = None
 ) -> Project:
-    """A project in which the bone of a joint points at ``point`` (3,) at ``time``, by the shortest turn.
+    """Points the bone of a joint at ``point`` (3,) at ``time``, by the shortest rotation.
 
     The root is moved to the point instead.
 
     Raises:
-        InputError: where there is no such joint, or the point is not finite.
+        InputError: if the joint does not exist, or the point is not finite.
     """
     shape, j, _, joints = _seen(project, shape_id, joint, time)
     point = _point(point, shape_id)
@@ -77,7 +78,7 @@ def _seen(
 
 
 def _above(turns: Float, shape: Shape, j: int) -> Float:
-    """(4,) the world turn of what bone j hangs on."""
+    """Returns (4,) the world rotation of bone j's parent."""
     return turns[int(shape.skeleton.parents[j])] if j else IDENTITY
 
 

@@ -1,4 +1,4 @@
-"""The part of the edits of whole characters that skeletons do their own way."""
+"""Edits of whole characters for skeletons with skin."""
 
 from __future__ import annotations
 
@@ -35,33 +35,33 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class ShapeRig(RigEdits):
-    """A skeleton with skin."""
+    """Edits of a skeleton with skin."""
 
     drawn = staticmethod(character_of)
     cut = staticmethod(cut_stroke)
 
     def centre(self, shape: Shape) -> Float:
-        """Where its root is, as modeled."""
+        """Returns the position of the root, as modeled."""
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
     def rest(self, shape: Shape) -> Float:
-        """The vertices at rest; of a skeleton without a mesh, the joints."""
+        """Returns the vertices at rest. A skeleton without a mesh returns its joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
-        """The vertices; of a shape without a mesh, the joints."""
+        """Returns the vertices at a time. A shape without a mesh returns its joints."""
         pose = moment(project, shape, time)
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
-        """The vertices; of a shape without a mesh, the joints."""
+        """Returns a function from a time to the vertices. A shape without a mesh gives its joints."""
         if shape.mesh is not None:
             return super().surface(project, shape)
         prepared = ShapePlayer(project, shape.id)
         return lambda time: prepared.at(time).joints
 
     def player(self, project: Project, shape: Shape) -> Player:
-        """The compiled evaluation of its layers; its handles are the joints."""
+        """Prepares the compiled evaluation of the layers. The handles are the joints."""
         prepared = ShapePlayer(project, shape.id)
 
         def at(time: float) -> Posed:
@@ -71,17 +71,17 @@ class ShapeRig(RigEdits):
         return at
 
     def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
-        """The bone of the joint points there; the root goes there."""
+        """Points the bone of the joint at ``place``. The root is moved there."""
         return drag_joint(project, shape.id, handle, place, time)
 
     def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
-        """The first layer of keys that is laid on the bone."""
+        """Returns the first layer of keys that moves the bone."""
         laid = {ref.layer for span in shape.spans[handle] for ref in span.refs}
         found = (k for k, one in enumerate(shape.layers) if one.id in laid and project.takes[one.take].keys)
         return next(found, None)
 
     def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
-        """A layer of turns, the innermost on the last span of the bone."""
+        """Adds a layer of rotations, the innermost on the last span of the bone."""
         bone = shape.skeleton.names[handle]
         clip = keyed_clip(unused(f"{bone} keys", project.takes), bone, [key])
         name = unused(f"{bone} keys", project.layer_names)
@@ -93,7 +93,7 @@ class ShapeRig(RigEdits):
         return project.with_takes(clip).with_characters(shape)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
-        """The root's modeling rotation and place change, and the basis of its travel."""
+        """Changes the root's modeling rotation and position, and the basis of its travel."""
         place = rotate(turn, self.centre(shape) - about) + about + offset - shape.skeleton.positions[0]
         if np.array_equal(turn, IDENTITY):
             return shape.with_changes(place=shape.place + offset)
@@ -103,7 +103,7 @@ class ShapeRig(RigEdits):
         return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
 
     def scaled(self, shape: Shape, factor: float) -> Shape:
-        """Turns stay; strides grow along."""
+        """Scales the rest pose and the strides. Rotations stay."""
         centre = shape.skeleton.positions[0]
         bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in bones_of(shape)]
         mesh = shape.mesh
@@ -113,7 +113,8 @@ class ShapeRig(RigEdits):
         return rebuilt(shape, bones, mesh=mesh, travel_scale=stride)
 
     def mirrored(self, project: Project, shape: Shape, axes: Axes) -> Shape:
-        """Rest pose and mesh are reflected; modeling rotations and layers are conjugated by it (M D M)."""
+        """Reflects the rest pose and the mesh. Modeling rotations and layers are conjugated by the reflection
+        (M D M)."""
         centre = shape.skeleton.positions[0]
         bones = [
             bone._replace(
@@ -130,7 +131,8 @@ class ShapeRig(RigEdits):
     def as_graph(
         self, project: Project, shape: Shape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """Each bone becomes a node where it begins; skin and pose stay, and at the times nothing is off."""
+        """Turns each bone into a node at its start. Skin and pose stay, and the result is exact at the given
+        times."""
         drawn, mesh = character_of(shape), shape.mesh
         assert mesh is not None
         prepared = ShapePlayer(project, shape.id)
@@ -142,7 +144,7 @@ class ShapeRig(RigEdits):
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """The graft's root comes to the node; by default to the joint that is nearest to it."""
+        """Attaches the graft's root to the node, by default to the joint nearest to it."""
         node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
             joints, root = posed(project, host, merge.time)[1], posed(project, graft, merge.time)[1][0]
@@ -152,7 +154,8 @@ class ShapeRig(RigEdits):
 
 
 def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
-    """The layers with the way of the root turned, and the one that travels: one more where it turns bones."""
+    """Returns the layers with the root's path rotated, and the id of the travel layer. Adds a layer if the
+    old one also turns bones."""
     if shape.travel is None:
         return shape.layers, None
     way = shape.layer(shape.travel)

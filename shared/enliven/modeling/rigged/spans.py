@@ -1,4 +1,4 @@
-"""Spans of bones, split, joined and turned by the edits so that every take is kept."""
+"""Splits, joins and turns the spans of bones during edits so that every take is kept."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from enliven.rotation import IDENTITY, canonical, multiply, normalized
 
 Spans = tuple[Span, ...]
 AT_ONCE = (1.0, 0.0, 0.0, 0.0)
-"""``before`` of a span that begins with no turn."""
+"""``before`` of a span that starts without rotation."""
 _SLIVER = 1e-12
-"""Shares below this are no part of a bone."""
+"""Fractions of a bone below this count as empty."""
 
 
 def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
-    """The spans of the two bones that a node at ``at`` in (0, 1) makes of one.
+    """Returns the spans of the two bones that a node at ``at`` in (0, 1) makes of one.
 
-    The product of the turns of the two is the turn of the one, at every time: where the node falls inside a
-    span, C(0)^-1 C(1) = C(0)^-1 C(v) C(v)^-1 C(1). What turns before the span stays with the upper bone.
+    The product of the two rotations equals the old rotation at every time. If the node falls inside a span,
+    C(0)^-1 C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
     """
     upper, lower, done = [], [], 0.0
     whole = sum(span.share for span in spans)
@@ -40,24 +40,24 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
 
 
 def riding(spans: Spans, layers: frozenset[str]) -> Spans:
-    """The spans of a bone that goes on rigidly from one with ``spans``: it is stretched by these layers.
+    """Returns the spans of a bone that rigidly continues one with ``spans``, stretched by these layers.
 
-    A part of a layer that begins where it ends turns nothing.
+    The references to the layers have equal start and end, so that they cause no rotation.
     """
     refs = tuple(replace(ref, start=ref.end) for ref in spans[-1].refs if ref.layer in layers)
     return (Span(refs=refs),)
 
 
 def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDENTITY) -> Spans:
-    """The spans of one bone that turns as two did, one after the other.
+    """Returns the spans of one bone that replaces two consecutive ones.
 
     Args:
-        share: of the new bone's length that the upper bone had, in [0, 1].
-        between: (4,) the modeling rotation of the lower bone: it turns after the upper bone's spans.
+        share: fraction of the new bone's length that the upper bone had, in [0, 1].
+        between: (4,) the modeling rotation of the lower bone, applied after the upper bone's spans.
 
     Returns:
         Spans with the product (product of ``upper``) ``between`` (product of ``lower``) at every time. Two
-        spans that were parts of one are one again.
+        adjacent parts of one span are merged.
     """
     first = lower[0]
     turned = multiply(between, np.array(first.before))
@@ -66,7 +66,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
 
 
 def before(spans: Spans) -> Float:
-    """(4,) the turn of a bone that no take moves: the product of what is fixed in its spans."""
+    """Returns (4,) the rotation of a bone without takes: the product of the fixed rotations of its spans."""
     turn = IDENTITY
     for span in spans:
         turn = multiply(turn, np.array(span.before))
@@ -74,12 +74,12 @@ def before(spans: Spans) -> Float:
 
 
 def moves(spans: Spans) -> bool:
-    """Whether any layer turns the bone."""
+    """Returns True if any layer turns the bone."""
     return any(span.refs for span in spans)
 
 
 def as_before(turn: Float) -> tuple[float, float, float, float]:
-    """A rotation in a span's form; exactly the identity where it differs by rounding only."""
+    """Converts a rotation to a span's format. It is exactly the identity if it differs only by rounding."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _SLIVER:
         return AT_ONCE
@@ -87,7 +87,7 @@ def as_before(turn: Float) -> tuple[float, float, float, float]:
 
 
 def _cut(span: Span, at: float) -> tuple[Span, Span]:
-    """The part of a span up to ``at`` in (0, 1) of it, and the rest."""
+    """Splits a span at the fraction ``at`` in (0, 1)."""
     middles = [ref.start + at * (ref.end - ref.start) for ref in span.refs]
     first = tuple(replace(ref, end=middle) for ref, middle in zip(span.refs, middles, strict=True))
     second = tuple(replace(ref, start=middle) for ref, middle in zip(span.refs, middles, strict=True))
@@ -96,16 +96,16 @@ def _cut(span: Span, at: float) -> tuple[Span, Span]:
 
 
 def _scaled(spans: Sequence[Span], whole: float) -> Spans:
-    """The spans with shares that sum to ``whole``; a bone without spans is still."""
+    """Scales the shares of the spans to sum to ``whole``. A bone without spans gets one without motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
-        # Only turns at the joint itself: the rest of the bone is still.
+        # There are only rotations at the joint itself: the rest of the bone does not move.
         return (*spans, Span(whole))
     return tuple(replace(span, share=span.share * whole / total) for span in spans)
 
 
 def _merged(spans: Spans) -> Spans:
-    """The spans with neighbours that go on where the one before ends made one; shares sum to one."""
+    """Merges neighbouring spans if the second continues the first. The shares sum to one."""
     kept = [spans[0]]
     for span in spans[1:]:
         if _goes_on(kept[-1], span):
@@ -119,7 +119,7 @@ def _merged(spans: Spans) -> Spans:
 
 
 def _goes_on(first: Span, second: Span) -> bool:
-    """Whether two spans are one: the same layers, on without a gap, as fast along the bone."""
+    """Returns True if two spans form one: the same layers, without a gap, at the same rate along the bone."""
     if second.before != AT_ONCE or len(first.refs) != len(second.refs):
         return False
     if not first.refs:

@@ -1,10 +1,10 @@
-"""The motion of one limb on all limbs that are equal to it. Edits: Project -> Project.
+"""Copies the motion of one limb to all equal limbs. Edits: Project -> Project.
 
     groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
 
-A copy is the motion turned with the limb, or mirrored with it; limb number k is k delays later. It refers to
-the same takes by layers of its own, so each copy can be shifted, muted and weighted apart.
+A copy is the motion rotated to the other limb, or mirrored. Limb number k is k delays later. Each copy refers
+to the same takes through its own layers, so it can be shifted, muted and weighted separately.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from enliven.matching import EqualLimbs
 from enliven.rotation import canonical, from_matrix, multiply
 
 _MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-"""(w, x, y, z) times this is the turn as seen in the plane x = 0."""
+"""Factors of (w, x, y, z) that reflect a rotation in the plane x = 0."""
 
 
 def spread_motion(
     project: Project, shape_id: str, group: EqualLimbs, joint: int, *, delay: float = 0.0
 ) -> Project:
-    """A project in which all limbs of a group move as the limb of ``joint``; their own motion is removed.
+    """Makes all limbs of a group move like the limb of ``joint``, and removes their own motion.
 
     Modeling rotations stay.
 
     Args:
-        group: of :func:`enliven.matching.symmetry.equal_limbs`, of the shape's skeleton.
-        joint: any of the limb that has the motion.
+        group: result of :func:`enliven.matching.symmetry.equal_limbs` for the shape's skeleton.
+        joint: any joint of the limb that has the motion.
         delay: seconds from each limb of the group to the next.
 
     Raises:
-        InputError: where the joint is of no limb of the group, or the limb has no motion.
+        InputError: if the joint belongs to no limb of the group, or the limb has no motion.
     """
     shape = project.shape(shape_id)
     own = group.limb_of(joint)
@@ -68,10 +68,11 @@ def spread_motion(
 
 
 def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
-    """The layer with the turns linear Q linear^-1, for a rotation or a reflection.
+    """Returns the layer with its rotations Q changed to linear Q linear^-1, for a rotation or a reflection.
 
-    A reflection is the one in the plane x = 0, S, with a rotation after it: L = R S. What the layer turned,
-    Q = B q B^-1, becomes R (S B S) (S q S) (S B S)^-1 R^-1, and S q S is what ``mirrored`` says.
+    A reflection is decomposed as L = R S, with S the reflection in the plane x = 0 and R a rotation. The
+    layer's rotation Q = B q B^-1 becomes R (S B S) (S q S) (S B S)^-1 R^-1. The flag ``mirrored`` stands for
+    S q S.
     """
     mirrored, basis = layer.mirrored, layer.basis
     if np.linalg.det(linear) < 0.0:
@@ -81,7 +82,7 @@ def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Lay
 
 
 def _copied(span: Span, names: dict[str, str], linear: Float) -> Span:
-    """The span with other layers, and its fixed turn turned with the limb."""
+    """Returns the span with other layers, and its fixed rotation turned with the limb."""
     x, y, z = (linear @ np.array(span.before[1:]) * np.linalg.det(linear)).tolist()
     refs = tuple(replace(ref, layer=names[ref.layer]) for ref in span.refs)
     return replace(span, refs=refs, before=(span.before[0], x, y, z))

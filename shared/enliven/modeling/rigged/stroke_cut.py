@@ -1,4 +1,4 @@
-"""A shape cut along a stroke or a plane, as it is seen at a moment: the bones and the mesh that it passes."""
+"""Cuts a shape along a stroke or a plane, in its pose at a moment: both its bones and its mesh."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from enliven.modeling.rigged.posed import moment
 
 
 class Crossing(NamedTuple):
-    """Where a stroke crosses a bone.
+    """A crossing of a stroke with a bone.
 
     Attributes:
-        bone: its number.
-        at: where along it, in (0, 1).
-        near: whether the bone's begin, and so the root, lies on the stroke's near side.
+        bone: number of the bone.
+        at: position along the bone, in (0, 1).
+        near: true if the bone's start, and so the root, lies on the stroke's near side.
     """
 
     bone: int
@@ -37,21 +37,22 @@ def cut_stroke(
     *,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, ...]]:
-    """A shape cut wherever a stroke crosses its bones at ``time``; each part below a crossing is a shape.
+    """Cuts a shape wherever a stroke crosses its bones at ``time``. Each part below a crossing becomes a
+    shape.
 
-    Every bone is cut as ``cut_bone`` cuts it: at ``time`` nothing turns or moves.
-    The mesh is cut along the stroke as it was seen; a part of it goes with the bones that it follows most.
+    Every bone is cut as by ``cut_bone``: at ``time`` nothing turns or moves. The mesh is cut along the stroke
+    in its pose at ``time``. Each part of it goes with the bones that it follows most.
 
     Args:
-        stroke: a ``StrokeCut`` (drawn on a picture) or a ``PlaneCut``, in world metres.
-        time: seconds of the project's time, of the picture that was drawn on; None for the rest pose.
-        notes: takes sentences about how the mesh was closed.
+        stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
+        time: seconds of the project's time at which the image was shown; None for the rest pose.
+        notes: receives sentences about how the mesh was closed.
 
     Returns:
         The project and the ids: first that of the shape with the root, which stays, then one for each part.
 
     Raises:
-        InputError: where the stroke crosses no bone, a limb twice, or a mesh that cannot be cut.
+        InputError: if the stroke crosses no bone or crosses a limb twice, or if the mesh cannot be cut.
     """
     shape = project.shape(shape_id)
     pose = moment(project, shape, time)
@@ -80,10 +81,10 @@ def cut_stroke(
 
 
 def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
-    """Where a stroke crosses the bones of a shape, by bisection.
+    """Finds the crossings of a stroke with the bones of a shape, by bisection.
 
     Args:
-        joints: (N, 3) metres, where the joints were when it was drawn.
+        joints: (N, 3) metres, positions of the joints when the stroke was drawn.
     """
     found = []
     sides = stroke.field(joints)
@@ -104,7 +105,7 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
 
 
 def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
-    """Refuse a stroke that leaves open which part comes off."""
+    """Raises an error if the stroke does not determine which parts are cut off."""
     where, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
         mend = "Draw it right across what is to be cut, over a bone."
@@ -120,7 +121,8 @@ def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
-    """(N,) the bone of the upper shape that each old bone is: one that came off, the half that is left."""
+    """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
+    remaining half."""
     numbers = numbers_in(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)

@@ -1,4 +1,4 @@
-"""Shapes from strokes: an outline is inflated to a mesh with a skeleton along its middle."""
+"""Sketch-based modeling: an outline is inflated to a mesh with a skeleton along its medial axis."""
 
 import lazy_loader
 

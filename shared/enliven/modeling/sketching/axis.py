@@ -1,4 +1,4 @@
-"""The axis of an outline as a tree of chains, and what is trimmed from it: zigzag, spurs, double forks."""
+"""The axis of an outline as a tree of chains, and its clean-up: zigzags, spurs and double junctions."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import numpy as np
 from enliven.arrays import Float, Int
 
 TIP = 0.4
-"""Radii before the tip at which an axis ends."""
+"""Distance from the tip at which an axis ends, in radii."""
 _SPUR = 2.4
-"""Radii below which a branch into the outer corner of a bend is no limb: the corner alone makes one so
-long."""
+"""Minimum length in radii of a limb in the outer corner of a bend. The corner alone creates a shorter
+branch."""
 _STUB = 1.3
-"""Radii below which a branch elsewhere is no limb: it hardly leaves the shape that it branches from."""
+"""Minimum length in radii of a limb elsewhere. A shorter branch hardly leaves the shape that it branches
+from."""
 _SHARP = 0.9
-"""A bend is sharp where the two directions from it add up to more than this: 127 degrees or less."""
+"""Length of the sum of two unit directions above which a bend is sharp: 127 degrees or less."""
 _CLOSE = 0.9
-"""Junctions nearer to each other than so many of their radii are one."""
+"""Junctions nearer to each other than this number of their radii are merged."""
 
 
 @dataclass
@@ -28,7 +29,7 @@ class Axis:
 
     Attributes:
         points: (A, 2) metres.
-        radii: (A,) metres, half the width there.
+        radii: (A,) metres, half the local width.
         chains: paths of points between ends and junctions, each with both of its ends.
     """
 
@@ -38,7 +39,8 @@ class Axis:
 
 
 def smooth(points: Float, times: int = 3) -> Float:
-    """The middles of chords zigzag between the two sides of the outline; their mean does not."""
+    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline, but their means do
+    not."""
     for _ in range(times):
         inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
         points = np.concatenate([points[:1], inner, points[-1:]])
@@ -46,7 +48,7 @@ def smooth(points: Float, times: int = 3) -> Float:
 
 
 def without_spurs(axis: Axis) -> Axis:
-    """Without branches that are no limbs; one into the outer corner of a bend draws its joint there."""
+    """Removes branches that are not limbs. A branch into the outer corner of a bend moves the joint there."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))
@@ -77,7 +79,8 @@ def _width(axis: Axis, chain: list[int]) -> float:
 
 
 def _in_corner(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
-    """Whether a branch leaves a fork away from two others that bend sharply there; all begin at the fork."""
+    """Returns True if a branch leaves a fork away from two others that bend sharply there. All start at the
+    fork."""
     ways = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
@@ -90,11 +93,11 @@ def _in_corner(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> b
 
 
 def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
-    """The fork moved to where its two limbs meet, and the limbs without what is near to it."""
+    """Moves the fork to the point where its two limbs meet, and removes nearby points from the limbs."""
     fork, width = spur[0], _width(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)
-    # The end lies 0.4 radii before the tip; the two limbs meet a radius before it.
+    # The end lies 0.4 radii before the tip; the two limbs meet one radius before it.
     corner = axis.points[spur[-1]] - (1.0 - TIP) * width * back
     near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
     out = []
@@ -106,7 +109,8 @@ def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[lis
 
 
 def _outward(degree: Int) -> Callable[[list[int]], list[int]]:
-    """Of a chain from a fork to an end, the chain in that direction; of another, nothing."""
+    """Returns a function that directs a chain from its fork to its free end, and gives an empty list for
+    other chains."""
 
     def turned(chain: list[int]) -> list[int]:
         if degree[chain[0]] >= 3 and degree[chain[-1]] == 1:
@@ -117,7 +121,7 @@ def _outward(degree: Int) -> Callable[[list[int]], list[int]]:
 
 
 def merged(axis: Axis) -> Axis:
-    """Chains between two junctions that lie in each other's circles are contracted."""
+    """Contracts chains between two junctions that lie in each other's circles."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))

@@ -1,4 +1,4 @@
-"""Bones from an axis: Douglas and Peucker's simplification with the error of a cylinder (RigMesh)."""
+"""Bones from an axis: Douglas-Peucker simplification with a cylinder fit as the error (RigMesh)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import Axis
 
 _APART = 1.6
-"""Radii between two joints of a chain at least."""
+"""Minimum distance between two joints of a chain, in radii."""
 
 
 def simplified(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
-    """The points to keep of a chain: a bone from one to the next is a cylinder that fits what it replaces.
+    """Returns the points of a chain to keep. A bone between two of them is a cylinder that fits the points
+    between.
 
-    The error at a point is how far the point lies from the bone plus how much its radius differs from the
-    mean, and may be ``tolerance`` of the mean radius.
+    The error at a point is its distance from the bone plus half the difference between its radius and the
+    mean. The limit is ``tolerance`` times the mean radius.
 
     Args:
         points: (P, 2) metres, from one end to the other.
         radii: (P,) metres.
-        longest: a bone's length at most, in mean diameters; longer ones are parted evenly.
+        longest: maximum length of a bone, in mean diameters; longer ones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     kept = _split(points, radii, along, 0, len(points) - 1, tolerance)
@@ -58,9 +59,9 @@ def _split(points: Float, radii: Float, along: Float, a: int, b: int, tolerance:
 
 
 def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, Float, list[tuple[int, int]]]:
-    """(J, 2) joints, (J,) radii there, and the links between them.
+    """Returns (J, 2) joints, (J,) radii there, and the links between them.
 
-    Short bones that end in a joint's own circle are left out.
+    Short bones that end inside a joint's own circle are left out.
     """
     number: dict[int, int] = {}
     places: list[Float] = []
@@ -80,7 +81,7 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
 
 
 def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
-    """Without joints nearer to the one before than a knee is thick."""
+    """Removes joints that are too close to the previous one: nearer than the thickness of a knee."""
     out = [kept[0]]
     for k in kept[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
@@ -91,9 +92,9 @@ def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
 
 
 def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
-    """The joint that the others hang on: the thickest where branches meet, else the thicker end."""
+    """Returns the root joint: the thickest junction, or without junctions the thicker end."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
     most = degree == degree.max() if degree.max() > 2 else degree == 1
-    # Of two alike, the lower.
+    # Of two equal ones, take the lower.
     order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~most))
     return int(order[0])

@@ -1,10 +1,9 @@
-"""The chordal axis of an outline: where the middles of the chords of its triangulation run, and how wide it
-is.
+"""The chordal axis of an outline, with its width: it connects the midpoints of chords of the triangulation.
 
 L. Prasad, "Morphological analysis of shapes", 1997: triangles with two sides on the outline are terminal,
-with one sleeves, with none junctions. A terminal branch is left out where all of it lies in the circle over
-the chord that cuts it off (T. Igarashi et al., "Teddy", 1999): round ends and bumps get no branch of their
-own.
+those with one are sleeves, and those with none are junctions. A terminal branch is removed if all of it lies
+in the circle over the chord that cuts it off (T. Igarashi et al., "Teddy", 1999). So round ends and bumps do
+not get a branch.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import TIP, Axis, merged, smooth, without_spurs
 
 _ROUND = 1.2
-"""A branch is a bump where it keeps within so many radii of the middle of its chord."""
+"""A branch is a bump if it stays within this number of radii from the middle of its chord."""
 _AS_LONG = 0.8
-"""Of the second moments of an outline without limbs; above, no direction is its length."""
+"""Ratio of the second moments above which an outline without limbs has no long direction."""
 
 
 def axis_of(outline: Float, triangles: Int) -> Axis:
-    """The axis of (N, 2) points counter-clockwise and their (T, 3) constrained Delaunay triangles."""
+    """Returns the axis of (N, 2) counter-clockwise points with (T, 3) constrained Delaunay triangles."""
     return _Tracer(outline, triangles).axis()
 
 
@@ -51,7 +50,7 @@ class _Tracer:
         self.tips: dict[int, Int] = {}
 
     def axis(self) -> Axis:
-        """Grow in from every terminal triangle, then join what is left."""
+        """Prunes bumps inward from every terminal triangle, then connects the rest."""
         gone, tips = self._pruned()
         left = [t for t in range(len(self.triangles)) if not gone[t]]
         if not left:
@@ -71,7 +70,8 @@ class _Tracer:
         return self._chained()
 
     def _pruned(self) -> tuple[list[bool], dict[int, list[int]]]:
-        """Triangles in bumps, and for each triangle beside one the outline points of the bump."""
+        """Returns the triangles in bumps, and for each triangle next to one the outline points of the
+        bump."""
         gone = [False] * len(self.triangles)
         bumps: dict[int, list[int]] = {}
         sides = (self.beside >= 0).sum(1)
@@ -99,7 +99,7 @@ class _Tracer:
         return len(self.points) - 1
 
     def _chord(self, t: int, k: int) -> int:
-        """The node in the middle of a side."""
+        """Returns the node in the middle of a side."""
         key = int(self.key[t, k])
         if key not in self.chord:
             a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
@@ -113,7 +113,7 @@ class _Tracer:
         self.links += [(node, centre) for node in nodes]
 
     def _end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
-        """An end: the last chord, and the outline beyond it."""
+        """Adds an end: the last chord, and the outline beyond it."""
         region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
         at = self._chord(t, closed[0]) if len(closed) == 1 else node
         if at != node:
@@ -121,11 +121,11 @@ class _Tracer:
         self.tips[at] = region
 
     def _blob(self) -> Axis:
-        """An outline without a limb: one bone along its longest extent."""
+        """Returns the axis of an outline without limbs: one bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
         sizes, axes = np.linalg.eigh(spread)
-        # What is as long as wide stands upright.
+        # If it is about as long as wide, use the vertical.
         along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])
@@ -133,7 +133,7 @@ class _Tracer:
         return Axis(points, inscribed, [[0, 1, 2]])
 
     def _chained(self) -> Axis:
-        """The links as chains between ends and junctions; junctions that are close become one."""
+        """Converts the links to chains between ends and junctions. Nearby junctions are merged."""
         beside: dict[int, list[int]] = {i: [] for i in range(len(self.points))}
         for a, b in self.links:
             beside[a].append(b)
@@ -158,7 +158,7 @@ class _Tracer:
         return merged(without_spurs(axis))
 
     def _to_tip(self, chain: list[int]) -> list[int]:
-        """The chain with its last points, which lie askew in a round or flat end, straightened to the tip."""
+        """Straightens the last points of a chain to the tip, since they lie askew in a round or flat end."""
         region = self.tips.get(chain[-1])
         if region is None:
             return chain

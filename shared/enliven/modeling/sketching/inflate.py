@@ -1,10 +1,10 @@
-"""A flat outline blown up into a closed surface: round across its axis, smooth everywhere.
+"""Inflates a flat outline to a closed surface that is round across its axis and smooth everywhere.
 
-The half height z over the plane is z = rho sqrt(u), where u solves the Poisson equation laplace(u) = -2
-with u = 0 on the outline: over a strip sqrt(u) is a half circle. Where the outline is rounder than a strip
-that would be flatter than a circle, so rho lifts the surface to the circle of the axis there (RigMesh
-inflates circles across the axis), and runs smoothly in between. The two halves meet in the outline, so the
-surface is closed and a sphere in its topology whatever the outline is.
+The half height over the plane is z = rho sqrt(u). Here u solves the Poisson equation laplace(u) = -2 with u =
+0 on the outline; over a strip, sqrt(u) is a half circle. Where the outline is rounder than a strip, that
+would be flatter than a circle. The factor rho lifts the surface to the circle of the axis there (RigMesh
+inflates circles across the axis), and varies smoothly in between. The two halves meet in the outline, so for
+any outline the surface is closed and has the topology of a sphere.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, taubi
 from enliven.modeling.skinning import cotangents
 
 _LONG = 1.5
-"""Edges longer than so many steps of the outline are halved."""
+"""Edges longer than this number of outline steps are split in half."""
 
 
 def inflated(
     outline: Float, triangles: Int, axis: Float, radii: Float, depth: float, smooth: int
 ) -> tuple[Float, Int32]:
-    """(V, 3) vertices and (F, 3) outward faces; x and y in the plane, z towards the viewer.
+    """Returns (V, 3) vertices and (F, 3) outward faces; x and y in the plane, z towards the viewer.
 
     Args:
         outline: (N, 2) metres, counter-clockwise, evenly spaced.
         triangles: (T, 3) its constrained Delaunay triangulation.
         axis: (A, 2) metres, points of the axis.
-        radii: (A,) metres, the circles there.
-        depth: 1 for circles, less for something flatter.
-        smooth: how often vertices are smoothed (Taubin).
+        radii: (A,) metres, radii of the circles there.
+        depth: 1 for circles, less for a flatter shape.
+        smooth: number of smoothing passes over the vertices (Taubin).
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
     flat, cells = refined(outline, triangles, np.full(len(outline), step))
@@ -44,7 +44,7 @@ def inflated(
         vertices, faces, parents, _ = split_long_edges(vertices, faces, _LONG * step)
         if len(parents) == 0 or count > 100_000:
             break
-        # Halved in u, the height of a point between follows the circle.
+        # Interpolating the squared height keeps the midpoint of an edge on the circle.
         between = (squared[parents[:, 0]] + squared[parents[:, 1]]) / 2
         squared = np.concatenate([squared, between])
         side = np.sign(vertices[parents[:, 0], 2] + vertices[parents[:, 1], 2])
@@ -56,14 +56,14 @@ def inflated(
 
 
 def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
-    """(V,) square metres: z squared at depth 1; zero on the first ``rim`` points, the outline."""
+    """Returns (V,) square metres: z squared at depth 1, zero on the first ``rim`` points, the outline."""
     points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
     inner = np.arange(rim, len(flat))
     if len(inner) == 0:
         return np.zeros(len(flat))
     out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
     laplacian, _ = cotangents(points, cells.astype(np.int32))
-    # The lift: the axis asks for its circles, what is between is as smooth as can be.
+    # The factor rho: the axis pulls it to its circles, and it is as smooth as possible in between.
     far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
     nearest = inner[np.argmin(far, axis=1)]
     wanted = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
@@ -80,13 +80,13 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
 def _both_halves(
     flat: Float, cells: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
-    """The upper half, the lower half, one outline."""
+    """Joins the upper and the lower half at the outline."""
     height = np.sqrt(np.maximum(squared, 0.0))
     upper = np.concatenate([flat, height[:, None]], 1)
     lower = np.concatenate([flat[rim:], -height[rim:, None]], 1)
     under = np.concatenate([np.arange(rim), len(flat) + np.arange(len(flat) - rim)])
     faces = np.concatenate([cells, under[cells][:, ::-1]])
-    # A triangle with all corners on the outline would lie on its own double: both get a point inside.
+    # A triangle with all corners on the outline would coincide in both halves: each copy gets an inner point.
     whole = np.concatenate([upper, lower])
     return _opened(whole, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
 
@@ -94,7 +94,7 @@ def _both_halves(
 def _opened(
     vertices: Float, faces: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
-    """Edges within the outline from rim to rim are halved apart in the two halves."""
+    """Splits inner edges between two outline points, with separate midpoints in the two halves."""
     ends = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1), -1).reshape(-1, 2)
     step = ends[:, 1] - ends[:, 0]
     across = (ends[:, 1] < rim) & (step != 1) & (step != rim - 1)
@@ -126,7 +126,7 @@ def _opened(
 
 
 def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
-    """A polygon of three to six corners as triangles, cut at the made ones."""
+    """Triangulates a polygon of three to six corners from the new points."""
     made = [k for k, v in enumerate(corners) if v >= first_made]
     if not made:
         return [corners]
@@ -137,7 +137,7 @@ def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
     out: list[list[int]] = []
     rest = list(corners)
     while len(rest) > 3:
-        # Cut off a given corner between two made ones, where there is one.
+        # Cut off an old corner between two new ones, if there is one.
         size = len(rest)
         ear = next(
             (

@@ -1,4 +1,4 @@
-"""A stroke becomes an outline: closed, evenly spaced, counter-clockwise, without a crossing."""
+"""Converts a stroke to an outline: closed, evenly spaced, counter-clockwise, without self-intersections."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from enliven.kernels import njit
 from enliven.modeling.mesh import area
 
 _ENDS = 0.15
-"""How much of a stroke at each end may run past where it closes, of its length."""
+"""Maximum overshoot at each end of a stroke beyond the closing point, as a fraction of its length."""
 _WHERE = "stroke"
 
 
 def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
-    """(count, 2) points of the closed outline, evenly spaced along it.
+    """Returns (count, 2) points of the closed outline, evenly spaced along it.
 
-    Where the two ends of the stroke cross each other, what runs past the crossing is left out.
+    If the two ends of the stroke cross each other, the parts beyond the crossing are removed.
 
     Args:
         stroke: (N, 2) metres, open or closed.
-        count: of points.
-        smooth: how often each point is drawn towards its neighbours, against a trembling hand.
+        count: number of points.
+        smooth: number of smoothing passes, against a trembling hand.
 
     Raises:
-        InputError: for too few points, a stroke that crosses itself, or one that encloses nothing.
+        InputError: if the stroke has too few points, crosses itself, or encloses no area.
     """
     points = np.array(stroke, np.float64).reshape(-1, 2)
     if not np.isfinite(points).all():
@@ -39,7 +39,7 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
     if len(crossings):
         dense = _without_ends(dense, crossings)
     even = _resampled(_apart(dense, 1e-6 * extent), count, closed=True)
-    # Smoothing can pull a thin tip across itself: then less of it.
+    # Smoothing can make a thin tip cross itself; in that case smooth less.
     points = even
     for times in range(smooth, -1, -1):
         points = _smoothed(even, times)
@@ -63,7 +63,7 @@ def _smoothed(points: Float, times: int) -> Float:
 
 
 def _apart(points: Float, least: float) -> Float:
-    """The points without those that repeat the one before, or at the end the first."""
+    """Removes points that repeat the previous one, or at the end the first."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([[True], step > least])] if len(points) else points
     while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= least:
@@ -72,7 +72,7 @@ def _apart(points: Float, least: float) -> Float:
 
 
 def _resampled(points: Float, count: int, closed: bool) -> Float:
-    """(count, 2) points at equal steps along a polyline."""
+    """Returns (count, 2) points at equal steps along a polyline."""
     path = np.concatenate([points, points[:1]]) if closed else points
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], count, endpoint=not closed)
@@ -80,7 +80,8 @@ def _resampled(points: Float, count: int, closed: bool) -> Float:
 
 
 def _crossings(points: Float, closed: bool) -> Float:
-    """(K, 2) pairs of segments that cross, as ``segment + where along it``, the earlier first."""
+    """Returns (K, 2) pairs of crossing segments as ``segment + position along it``, the earlier segment
+    first."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
     starts = points if closed else points[:-1]
     return np.array(_crossed(np.ascontiguousarray(starts), np.ascontiguousarray(ends), closed)).reshape(-1, 2)
@@ -88,7 +89,7 @@ def _crossings(points: Float, closed: bool) -> Float:
 
 @njit(cache=True, nogil=True)
 def _crossed(starts, ends, closed):
-    """See :func:`_crossings`; segments that share an end do not cross."""
+    """Kernel of :func:`_crossings`. Segments that share an end do not cross."""
     found = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
@@ -98,7 +99,7 @@ def _crossed(starts, ends, closed):
                 continue
             bx, by = ends[j, 0] - starts[j, 0], ends[j, 1] - starts[j, 1]
             cross = ax * by - ay * bx
-            # Parallel ones do not cross; of those in one line rounding would say anything.
+            # Parallel segments do not cross; for collinear ones, rounding would give arbitrary results.
             if abs(cross) <= 1e-9 * np.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
                 continue
             x, y = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
@@ -109,14 +110,14 @@ def _crossed(starts, ends, closed):
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
-    """The stroke from its first to its second passage through the place where its ends cross."""
+    """Returns the stroke between its two passages through the point where its ends cross."""
     count = len(points) - 1
     near_ends = (crossings[:, 0] < _ENDS * count) & (crossings[:, 1] > (1 - _ENDS) * count)
     if not near_ends.any():
         where = points[int(crossings[0, 0])]
         what = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
         raise InputError(what, where=_WHERE, mend="Draw an outline that does not cross itself.")
-    # The innermost passage leaves no other crossing of the ends.
+    # The innermost passage removes all other crossings of the ends.
     pick = crossings[near_ends]
     start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]
     first = points[int(start)] + (start - int(start)) * (points[int(start) + 1] - points[int(start)])

@@ -1,8 +1,8 @@
-"""RigMesh's sketch: a closed stroke becomes a rigged, weighted part at once.
+"""RigMesh sketching: a closed stroke becomes a rigged part with skin weights in one step.
 
     shape_from_stroke(stroke, origin, right, up, settings, id) -> Shape
 
-P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012: the
+P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012. The
 outline is triangulated, the chordal axis of the triangles becomes bones, the outline is inflated around it,
 and skin weights are computed.
 """
@@ -29,7 +29,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class SketchSettings:
-    """How strokes become parts."""
+    """Settings for converting strokes to parts."""
 
     points: int = setting(200, "points along the outline at most", low=24, high=2000)
     vertices: int = setting(4000, "about how many vertices the mesh has at most", low=100, high=100_000)
@@ -43,14 +43,15 @@ class SketchSettings:
 
 @dataclass(frozen=True)
 class SketchPlane:
-    """Where a stroke is drawn: ``origin + x right + y up``, in metres, the viewer before it."""
+    """The plane in which a stroke is drawn: ``origin + x right + y up``, in metres, with the viewer in
+    front."""
 
     origin: Float
     right: Float
     up: Float
 
     def axes(self) -> Float:
-        """(3, 3) rows right, up and towards the viewer, unit and square."""
+        """Returns (3, 3) rows right, up and towards the viewer, orthonormal."""
         right, up = np.array(self.right, np.float64), np.array(self.up, np.float64)
         right = right / max(float(np.linalg.norm(right)), 1e-300)
         up = up - (up @ right) * right
@@ -67,13 +68,13 @@ FRONT = SketchPlane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 
 def shape_from_stroke(
     stroke: Float, plane: SketchPlane = FRONT, settings: SketchSettings | None = None, id: str = "part"
 ) -> Shape:
-    """A shape at rest from a closed stroke.
+    """Builds a shape at rest from a closed stroke.
 
     Args:
         stroke: (N, 2) metres in the plane.
 
     Raises:
-        InputError: for a stroke that crosses itself or encloses nothing.
+        InputError: if the stroke crosses itself or encloses no area.
     """
     settings = settings or SketchSettings()
     axes = plane.axes()
@@ -91,20 +92,21 @@ def shape_from_stroke(
 
 
 def _points_for(outline: Float, vertices: int) -> int:
-    """How many points along an outline make a surface of so many vertices: triangles as long as its steps."""
+    """Returns the number of outline points that gives about ``vertices``: triangle edges are as long as its
+    steps."""
     step = np.sqrt(7.5 * area(outline) / vertices)
     length = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).sum())
     return max(48, int(length / step))
 
 
 def flat_axis(outline: Float) -> tuple[Int, Axis]:
-    """(T, 3) triangles of an outline, and its chordal axis."""
+    """Returns (T, 3) triangles of an outline, and its chordal axis."""
     triangles = triangulated(outline, [np.arange(len(outline))])
     return triangles, axis_of(outline, triangles)
 
 
 def _along(axis: Axis) -> tuple[Float, Float]:
-    """The axis' points that lie between others, and their radii: the circles to inflate."""
+    """Returns the inner points of the axis' chains and their radii: the circles to inflate."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
     if len(inner) == 0:
         inner = np.arange(len(axis.points))
@@ -114,7 +116,8 @@ def _along(axis: Axis) -> tuple[Float, Float]:
 def _skeleton(
     places: Float, radii: Float, links: list[tuple[int, int]], plane: SketchPlane, axes: Float
 ) -> Skeleton:
-    """The bones in space, hung on the thickest joint; joints are named by branch and number."""
+    """Builds the skeleton in space, with the thickest joint as the root. Joints are named by branch and
+    number."""
     positions = np.asarray(plane.origin) + places @ axes[:2]
     numbers = [str(i) for i in range(len(places))]
     tree, _ = skeleton_of(numbers, links, positions, root_of(places, radii, links))
@@ -131,7 +134,7 @@ def _skeleton(
 
 
 def _letters(number: int) -> str:
-    """1 is a, 26 z, 27 aa."""
+    """Converts a number to letters: 1 is a, 26 z, 27 aa."""
     text = ""
     while number:
         number, rest = divmod(number - 1, 26)

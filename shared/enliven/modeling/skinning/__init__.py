@@ -1,4 +1,4 @@
-"""Skin weights: by heat diffusion from the bones (Pinocchio, 2007), and mended after an edit."""
+"""Skin weights: computed by heat diffusion from the bones (Pinocchio, 2007), and updated after an edit."""
 
 import lazy_loader
 

@@ -1,14 +1,14 @@
-"""Skin weights by bone heat: bounded, smooth, at most four a vertex, sum one.
+"""Skin weights by bone heat: bounded, smooth, at most four per vertex, with sum one.
 
-    bone_heat(mesh, skeleton) -> SkinWeights                       bones numbered as the skeleton's
-    heat_weights(mesh, segments, owners, bones, ...) -> (V, B)     dense, of any segments
+    bone_heat(mesh, skeleton) -> SkinWeights                       bones numbered as in the skeleton
+    heat_weights(mesh, segments, owners, bones, ...) -> (V, B)     dense, for any segments
 
-I. Baran and J. Popovic, "Automatic rigging and animation of 3D characters", 2007, section 4: for each bone
-i the equilibrium of heat on the surface, -laplace(w_i) + H w_i = H p_i, with p_i one where i is the nearest
-bone that a vertex sees, and H = c / d^2, d the distance to it. The Laplacian is the cotangent one with
-negative weights left out, so that the matrix is an M-matrix: weights lie within 0..1, and as the rows of
-both sides agree, the weights of all bones sum to one. A bone hidden behind other parts of the surface gives
-a vertex no heat; a part that sees no bone takes the nearest.
+Method: I. Baran and J. Popovic, "Automatic rigging and animation of 3D characters", 2007, section 4. The
+weights of bone i are the heat equilibrium on the surface, -laplace(w_i) + H w_i = H p_i. Here p_i is one
+where i is the nearest visible bone of a vertex, and H = c / d^2 with the distance d to that bone. The
+cotangent Laplacian omits negative weights, so that the matrix is an M-matrix and weights lie within 0..1. The
+rows of both sides agree, so the weights of all bones sum to one. A bone occluded by other parts of the
+surface gives a vertex no heat. A part that sees no bone takes the nearest.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class HeatSettings:
-    """How skin weights are computed."""
+    """Settings for computing skin weights."""
 
     heat: float = setting(2.0, "more makes weights sharper, less softer around joints", low=1e-3, high=1e3)
     tie: float = setting(
@@ -40,20 +40,21 @@ class HeatSettings:
 
 
 def bone_heat(mesh: Mesh, skeleton: Skeleton, settings: HeatSettings | None = None) -> SkinWeights:
-    """The four bones that each vertex follows, and how much.
+    """Computes the four bones that each vertex follows, and their weights.
 
     Args:
-        mesh: at rest, in the skeleton's frame; any number of shells, duplicated vertices allowed.
+        mesh: at rest, in the skeleton's frame. Any number of shells and duplicate vertices are allowed.
 
     Raises:
-        InputError: for a mesh without faces.
+        InputError: if the mesh has no faces.
     """
     segments, owners = segments_of(skeleton)
     return sparse(heat_weights(mesh, segments, owners, len(skeleton), settings), smooth=True)
 
 
 def segments_of(skeleton: Skeleton) -> tuple[Float, Int]:
-    """(S, 2, 3) the bones' two ends, and (S,) their numbers; a lone root is a point."""
+    """Returns (S, 2, 3) the two ends of each bone, and (S,) their numbers. A root without bones gives a
+    point."""
     bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
     starts = skeleton.positions[np.maximum(skeleton.parents[bones], 0)]
     return np.stack([starts, skeleton.positions[bones]], 1), bones
@@ -68,12 +69,13 @@ def heat_weights(
     known: Float | None = None,
     free: Bool | None = None,
 ) -> Float:
-    """(V, bones) the weights of all bones.
+    """Computes the weights (V, bones) of all bones.
 
     Args:
         segments: (S, 2, 3) metres; a bone may own several.
-        owners: (S,) the bone of each.
-        known: (V, bones) weights where ``free`` (V,) is false; they stay, and the others join them smoothly.
+        owners: (S,) the bone of each segment.
+        known: (V, bones) weights where ``free`` (V,) is false. They stay, and the others continue them
+            smoothly.
     """
     settings = settings or HeatSettings()
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
@@ -83,7 +85,7 @@ def heat_weights(
     laplacian, mass = cotangents(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
-    # A vertex on a bone would be infinitely hot.
+    # A vertex on a bone would get infinite heat.
     near = np.maximum(distance, 1e-4 * extent)
     heat = np.where(np.isfinite(near), settings.heat / near**2, 0.0) * mass
     source = np.zeros((len(welded.vertices), bones))
@@ -99,10 +101,14 @@ def heat_weights(
 
 
 def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
-    """(V, V) the cotangent Laplacian without negative weights, rows that sum to zero; (V,) areas in m^2."""
+    """Computes the cotangent Laplacian and the vertex areas.
+
+    Returns:
+        (V, V) the Laplacian without negative weights, with rows that sum to zero; (V,) areas in m^2.
+    """
     count = len(vertices)
     area = face_areas(vertices, faces)
-    # Needles and faces without area would have weights without bound: no angle counts below half a degree.
+    # Degenerate faces would have unbounded weights: clamp angles to at least half a degree.
     longest = np.zeros(len(faces))
     halves = []
     for k in range(3):
@@ -123,7 +129,7 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
 
 
 def outward(welded: Mesh) -> Float:
-    """(V, 3) unit normals that point out of the volume, also where the mesh is inside out."""
+    """Returns (V, 3) unit normals that point out of the volume, even if the mesh is inside out."""
     a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
     inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0
     normals = welded.vertex_normals()
@@ -133,7 +139,7 @@ def outward(welded: Mesh) -> Float:
 def _take_nearest_where_hidden(
     welded: Mesh, laplacian: csc_matrix, segments: Float, chosen: Int32, distance: Float
 ) -> None:
-    """Vertices of parts that see no bone take the nearest, hidden or not."""
+    """Assigns the nearest bone, occluded or not, to vertices of parts that see no bone."""
     part = connected_components(laplacian, directed=False)[1]
     lit = np.zeros(part.max() + 1, bool)
     lit[part[np.isfinite(distance)]] = True
@@ -146,7 +152,7 @@ def _take_nearest_where_hidden(
 
 
 def _solved(matrix: csc_matrix, right: Float) -> Float:
-    """(N, B) the solution; columns of zeros are left out."""
+    """Solves for (N, B) weights. Skips columns of zeros."""
     out = np.zeros_like(right)
     warm = np.flatnonzero(right.any(0))
     if len(warm):
@@ -158,7 +164,8 @@ def _solved(matrix: csc_matrix, right: Float) -> Float:
 
 
 def _joined_to(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bool) -> Float:
-    """(W, B) known weights where they are not free, and the solution that joins them."""
+    """Returns (W, B) weights: the known ones where not free, and elsewhere the solution that continues
+    them."""
     loose = np.ones(len(right), bool)
     loose[of[~free]] = False
     weights = np.zeros_like(right)

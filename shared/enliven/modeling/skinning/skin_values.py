@@ -1,4 +1,5 @@
-"""Skin weights as values: dense and back, mixed at new vertices, given other bone numbers, joined."""
+"""Conversions of skin weights: to and from dense matrices, subsets, concatenation, and the number of
+bones."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from enliven.document import SkinWeights
 
 
 def dense(skin: SkinWeights, bones: int) -> Float:
-    """(V, bones) the weight of every bone at every vertex."""
+    """Returns (V, bones) the weight of every bone at every vertex."""
     out = np.zeros((len(skin.indices), bones))
     rows = np.repeat(np.arange(len(out)), 4)
     np.add.at(out, (rows, skin.indices.ravel().astype(np.int64)), skin.weights.ravel().astype(np.float64))
@@ -19,10 +20,11 @@ def dense(skin: SkinWeights, bones: int) -> Float:
 
 
 def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
-    """The four largest of each row of (V, B) weights, largest first, scaled to sum one.
+    """Keeps the four largest weights in each row of (V, B), largest first, scaled to sum one.
 
     Args:
-        smooth: take the fifth largest from each, so that weights stay continuous where the four change.
+        smooth: subtract the fifth largest weight from each, so that weights stay continuous where the set of
+            four changes.
     """
     count, bones = weights.shape
     some = min(4, bones)
@@ -34,7 +36,7 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
         chosen = np.where(less.sum(1, keepdims=True) > 0, less, chosen)
     chosen = np.maximum(chosen, 0.0)
     total = chosen.sum(1, keepdims=True)
-    # A row of zeros follows its first bone.
+    # A vertex without weights follows its first bone.
     chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
     indices, kept = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
     indices[:, :some], kept[:, :some] = np.where(chosen > 0, order, 0), chosen
@@ -42,17 +44,17 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
 
 
 def taken(skin: SkinWeights, vertices: AnyArray) -> SkinWeights:
-    """The skin of some of the vertices, to the bit."""
+    """Returns the skin of a subset of the vertices, bit-exactly."""
     return SkinWeights(skin.indices[vertices], skin.weights[vertices])
 
 
 def stacked(skins: Sequence[SkinWeights]) -> SkinWeights:
-    """Skins of vertices that follow one another."""
+    """Concatenates the skins of consecutive groups of vertices."""
     return SkinWeights(
         np.concatenate([skin.indices for skin in skins]), np.concatenate([skin.weights for skin in skins])
     )
 
 
 def bone_count(skin: SkinWeights) -> int:
-    """One more than the largest bone that a vertex names."""
+    """Returns one more than the largest bone number in the skin."""
     return int(skin.indices.max(initial=0)) + 1

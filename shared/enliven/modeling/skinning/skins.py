@@ -1,4 +1,4 @@
-"""Skin weights that follow the bones through an edit; what an edit does not touch stays to the bit."""
+"""Updates skin weights when an edit changes the bones. Weights that an edit does not touch stay bit-exact."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class InsertSettings:
-    """How a new node shares the skin of its bone."""
+    """Settings for sharing the skin of a bone with a new node."""
 
     blend: float = setting(
         0.5, "how far from the new node the two bones blend, of the shorter of the two", low=0.0, high=1.0
@@ -21,7 +21,8 @@ class InsertSettings:
 
 
 def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
-    """The skin with bone j called ``numbers[j]``; two that become one are added up."""
+    """Returns the skin with bone j renumbered to ``numbers[j]``. Weights of bones that become one are
+    added."""
     indices = numbers[skin.indices].astype(np.uint16)
     weights = skin.weights.copy()
     for slot in range(1, 4):
@@ -34,11 +35,11 @@ def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
 
 
 def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
-    """The skin of bone ``lower`` given in part to bone ``upper``: ``part`` (V,) in [0, 1] of it.
+    """Gives the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
-    A vertex that already follows four bones goes with the one that has the larger part. The two weights add
-    up to the old one exactly (one is rounded, the other is the difference), so a node taken out again leaves
-    the weights as they were.
+    A vertex that already follows four bones keeps the one with the larger part. The two weights add up to the
+    old one exactly, since one is rounded and the other is the difference. Removing an inserted node therefore
+    restores the old weights.
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
@@ -57,18 +58,21 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
 
 
 def _halves(whole: Float32, part: Float) -> tuple[Float32, Float32]:
-    """Two float32 weights that sum to ``whole`` without rounding; the first is about ``part`` of it."""
+    """Splits ``whole`` into two float32 weights that sum to it without rounding. The first is about ``part``
+    of it."""
     larger = np.maximum(part, 1.0 - part).astype(np.float32) * whole
-    # The larger is at least half of the whole, so the difference is exact (Sterbenz).
+    # The larger weight is at least half of the whole, so that the difference is exact (Sterbenz).
     rest = whole - larger
     first = part >= 0.5
     return np.where(first, larger, rest), np.where(first, rest, larger)
 
 
 def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: float) -> Float:
-    """(V,) how much of a vertex on the bone from ``start`` to ``end`` belongs above the node at ``at``.
+    """Returns (V,) the fraction of each vertex on the bone from ``start`` to ``end`` that belongs above the
+    node at ``at``.
 
-    1 before the node, 0 after it, smooth (cubic) over ``blend`` of the shorter of the two bones.
+    The value is 1 before the node and 0 after it, with a cubic transition over ``blend`` of the shorter of
+    the two bones.
     """
     axis = end - start
     along = (vertices - start) @ axis / max(float(axis @ axis), 1e-300)
@@ -78,7 +82,7 @@ def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: floa
 
 
 def nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
-    """(V,) which of the segments from ``starts`` (B, 3) to ``ends`` (B, 3) is nearest to each vertex."""
+    """Returns (V,) the nearest segment from ``starts`` (B, 3) to ``ends`` (B, 3) for each vertex."""
     axis = ends - starts
     length = np.maximum((axis * axis).sum(1), 1e-300)
     along = np.clip(((vertices[:, None] - starts) * axis).sum(2) / length, 0.0, 1.0)
@@ -87,5 +91,5 @@ def nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
 
 
 def follows(skin: SkinWeights, bone: int) -> Bool:
-    """(V,) the vertices that follow a bone."""
+    """Returns (V,) true for vertices that follow a bone."""
     return np.asarray(((skin.indices == bone) & (skin.weights > 0)).any(1))

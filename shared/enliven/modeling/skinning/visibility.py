@@ -1,4 +1,4 @@
-"""Which bone each vertex sees: the nearest one that no face hides, by a walk through a grid of faces."""
+"""Finds the nearest visible bone of each vertex. Occlusion is tested by ray traversal of a grid of faces."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from enliven.arrays import Float, Int, Int32
 from enliven.kernels import njit
 
 _OUTWARD = 0.2
-"""A bone is outside where the way to it leaves the surface, by the cosine to the normal."""
+"""A bone counts as outside the surface if the direction to it has a cosine to the normal above this value."""
 _FADE = 4
-"""How strongly a bone that stands in for a hidden one fades: of the powers tried, this came nearest to what
-artists painted on ten rigs."""
+"""Exponent by which the heat of a bone that replaces an occluded one fades. Of the tested values, this one
+came nearest to weights that artists painted on ten rigs."""
 MOST = 6
-"""Bones that a vertex tries at most, from the nearest on."""
+"""Maximum number of bones tested per vertex, the nearest first."""
 
 
 @njit(cache=True, nogil=True)
 def grid_of(vertices, faces, low, cell, size):
-    """CSR of the faces with bounding boxes that touch each cell: offsets (X Y Z + 1,) and faces."""
+    """Builds a grid in CSR form: offsets (X Y Z + 1,) and the faces with bounding boxes that touch each
+    cell."""
     total = size[0] * size[1] * size[2]
     offsets = np.zeros(total + 1, np.int64)
     spans = np.empty((faces.shape[0], 6), np.int64)
@@ -47,7 +48,8 @@ def grid_of(vertices, faces, low, cell, size):
 
 @njit(cache=True, nogil=True)
 def _hit(p, d, a, b, c):
-    """Where the line p + t d meets the triangle a, b, c, or -1 (T. Moeller and B. Trumbore, 1997)."""
+    """Returns t where the line p + t d hits the triangle a, b, c, or -1 (T. Moeller and B. Trumbore,
+    1997)."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     px, py, pz = d[1] * vz - d[2] * vy, d[2] * vx - d[0] * vz, d[0] * vy - d[1] * vx
@@ -67,11 +69,13 @@ def _hit(p, d, a, b, c):
 
 @njit(cache=True, nogil=True)
 def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
-    """Whether a point lies outside of vertex v's own surface, or a face that does not touch v hides it."""
+    """Returns True if a point lies outside vertex v's own surface, or if a face that does not touch v
+    occludes it."""
     p = vertices[v]
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _OUTWARD * np.sqrt((d * d).sum()):
         return True
+    # Set up the grid traversal (Amanatides and Woo): cell, direction, and next crossing per axis.
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
     ahead, each = np.empty(3), np.empty(3)
     for a in range(3):
@@ -82,6 +86,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
         else:
             border = low[a] + (at[a] + (1 if d[a] > 0 else 0)) * cell
             ahead[a], each[a] = (border - p[a]) / d[a], cell / abs(d[a])
+    # Test the faces of each cell on the segment, then step to the next cell.
     while True:
         c = (at[0] * size[1] + at[1]) * size[2] + at[2]
         for m in range(offsets[c], offsets[c + 1]):
@@ -104,12 +109,13 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
 
 @njit(cache=True, nogil=True)
 def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
-    """See :func:`nearest_seen`."""
+    """Kernel of :func:`nearest_seen`."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)
     distance = np.full(count, np.inf)
     near, who, points = np.empty(some), np.empty(some, np.int64), np.empty((some, 3))
     for v in range(count):
+        # Find the nearest segments by insertion into a sorted list.
         found = 0
         for s in range(segments.shape[0]):
             a, b = segments[s, 0], segments[s, 1]
@@ -133,6 +139,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             for k in range(3):
                 points[i, k] = a[k] + u * (b[k] - a[k])
             found = min(found + 1, some)
+        # Take the nearest visible segment, and visible ones at nearly the same distance.
         taken = 0
         for i in range(found):
             far = np.sqrt(near[i])
@@ -144,6 +151,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
                 distance[v] = far
             chosen[v, taken] = who[i]
             taken += 1
+        # Increase the distance if nearer segments are occluded.
         if taken:
             distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
     return chosen, distance
@@ -152,20 +160,21 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
 def nearest_seen(
     vertices: Float, normals: Float, faces: Int32, segments: Float, tie: float
 ) -> tuple[Int32, Float]:
-    """The nearest bones that each vertex sees.
+    """Finds the nearest visible bones of each vertex.
 
-    Where the nearest is hidden, one farther off stands in for it, and counts as farther still.
+    If the nearest bone is occluded, a farther one replaces it, with an increased distance.
 
     Args:
         vertices: (V, 3) metres, welded.
-        normals: (V, 3) outward; zero where either side will do.
+        normals: (V, 3) outward; zero if either side is acceptable.
         faces: (F, 3).
         segments: (S, 2, 3) metres, the ends of the bones.
-        tie: bones that are farther by no more than this share count as equally near.
+        tie: relative difference in distance up to which bones count as equally near.
 
     Returns:
-        (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, d (d / d_0)^4
-        with d_0 the distance to the nearest, hidden or not; infinite where none is seen.
+        (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, increased to
+        d (d / d_0)^4 with d_0 the distance to the nearest bone, occluded or not. Infinite if no bone is
+        visible.
     """
     low, high = vertices.min(0), vertices.max(0)
     extent = float((high - low).max()) or 1.0
