@@ -15,7 +15,7 @@ def checks() -> list[Check]:
 
 
 def has_display() -> bool:
-    """Whether a window can be opened here."""
+    """Returns True if a window can be opened here."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -37,7 +37,7 @@ def _offscreen() -> Check:
 
 
 def _window() -> Check:
-    """A display, and whether glfw can open it; a machine without one still makes films."""
+    """Returns a display, and whether glfw can open it; a machine without one still makes films."""
     name = "window"
     if not has_display():
         return Check(name, True, "there is no display, so 'enliven view' needs --film")

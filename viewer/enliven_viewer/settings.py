@@ -138,7 +138,7 @@ class WindowStart:
 
 
 def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
-    """The settings with a size such as "1280x720".
+    """Returns the settings with a size such as "1280x720".
 
     Raises:
         InputError: where it is none.

@@ -407,6 +407,6 @@ def performer_colour(number: int) -> Colour:
 
 
 def point_colour(number: int) -> Paint:
-    """The sRGB of a control point, by its number on the puppet."""
+    """Returns the sRGB of a control point, by its number on the puppet."""
     point: Paint = POINTS[number % len(POINTS)]
     return point

@@ -11,17 +11,17 @@ Place = tuple[int, int, int, int]
 
 
 def error_text(text: str | bytes) -> str:
-    """The text of a message of glfw, which is bytes in some versions."""
+    """Returns the text of a message of glfw, which is bytes in some versions."""
     return text.decode(errors="replace") if isinstance(text, bytes) else text
 
 
 def is_minimised(window: Any) -> bool:
-    """Whether nothing of a window is seen."""
+    """Returns True if nothing of a window is seen."""
     return bool(glfw.get_window_attrib(window, glfw.ICONIFIED))
 
 
 def toggle_full_screen(window: Any, before: Place | None) -> Place | None:
-    """Fill the monitor, or go back to ``before``; returns what to go back to, or None."""
+    """Fills the monitor, or goes back to ``before``; returns what to go back to, or None."""
     if before is not None:
         glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)
         return None

@@ -35,7 +35,7 @@ class FilmSource(Protocol):
     """Brings what a film shows into a document: every feed, and performances that were sampled."""
 
     def poll(self, document: Document) -> int:
-        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies what has arrived since the last call, without waiting; 0 where nothing had."""
         ...
 
 
@@ -62,7 +62,7 @@ def make_film(
     console: Console | None = None,
     sound: tuple[Int16, int] | None = None,
 ) -> FilmReport:
-    """Draw what the feed brings until it ends, or ``seconds`` of sensor time.
+    """Draws what the feed brings until it ends, or ``seconds`` of sensor time.
 
     Args:
         document: its timeline must be unbounded; what was filmed is dropped from it.
@@ -112,12 +112,12 @@ class _Studio:
         self.count, self.draw_seconds = 0, 0.0
 
     def writer(self, path: Path, sound: tuple[Int16, int] | None) -> FilmWriter:
-        """The film file."""
+        """Returns the film file."""
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
-        """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
+        """Returns (H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
         scene = scene_of(self.document, moment, style, self._surfaces)
@@ -136,7 +136,7 @@ class _Studio:
         return picture
 
     def _caption(self, moment: TimelineMoment, second: float) -> None:
-        """Write the time, and whether the mesh is possessed, in the lower right corner."""
+        """Writes the time, and whether the mesh is possessed, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"
@@ -177,7 +177,7 @@ def _moments(
 
 
 def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
-    """Wait for the first moment and for the characters in it."""
+    """Waits for the first moment and for the characters in it."""
     deadline = time.monotonic() + patience
     while True:
         arrived = feed.poll(document)

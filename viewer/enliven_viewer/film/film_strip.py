@@ -30,7 +30,7 @@ class FilmStrip:
         self._waiting: deque[Future[None]] = deque()
 
     def add(self, second: float, raw: UInt8) -> None:
-        """Append a picture, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
+        """Appends a picture, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
         while len(self._waiting) >= WAITING:
             self._waiting.popleft().result()
         self._waiting.append(self._thread.submit(self._finish, second, raw))

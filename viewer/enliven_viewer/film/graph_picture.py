@@ -62,7 +62,7 @@ class Counts(NamedTuple):
 
 
 def counts_of(graph: DeformationGraph) -> Counts:
-    """The numbers of a graph."""
+    """Returns the numbers of a graph."""
     return Counts(
         len(graph.positions),
         len(graph.edges),
@@ -74,7 +74,9 @@ def counts_of(graph: DeformationGraph) -> Counts:
 
 
 def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, int]) -> list[UInt8]:
-    """The mesh with its graph from three sides, each (H, W, 3) sRGB of the size ``panel`` (width, height)."""
+    """Returns the mesh with its graph from three sides, each (H, W, 3) sRGB of the size ``panel`` (width,
+    height).
+    """
     shown, nodes, scale = fitted(character, graph)
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
@@ -105,7 +107,7 @@ def _view(
 
 
 def view_of(box: Box, aspect: float, turn: float) -> CameraView:
-    """The camera that has the box in its picture, turned by ``turn`` radians from the front right."""
+    """Returns the camera that has the box in its picture, turned by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))
     camera.frame(box, aspect, at_once=True, room=1.08)
@@ -135,7 +137,7 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
 
 
 def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
-    """The character and the nodes at the size that they are drawn at, on the floor, and the scale."""
+    """Returns the character and the nodes at the size that they are drawn at, on the floor, and the scale."""
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _SIZE / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
@@ -157,7 +159,7 @@ def _area(character: Character) -> float:
 def write_graph_picture(
     path: Path, character: Character, graph: DeformationGraph, title: str, panel: tuple[int, int]
 ) -> Counts:
-    """Draw the graph and write the picture, in the format that the path's ending names.
+    """Draws the graph and write the picture, in the format that the path's ending names.
 
     Raises:
         ResourceError: where OpenGL is missing, or the file cannot be written.
@@ -169,7 +171,7 @@ def write_graph_picture(
 
 
 def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
-    """The panels side by side under a title, over a legend."""
+    """Returns the panels side by side under a title, over a legend."""
     height, width = panels[0].shape[:2]
     sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER), PAPER)
     for number, panel in enumerate(panels):

@@ -50,7 +50,7 @@ class MotionRow:
 def write_motion_sheet(
     path: Path, made: Retargeted, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
 ) -> None:
-    """Draw the sheet as PNG.
+    """Draws the sheet as PNG.
 
     Args:
         frames: how many times, evenly over the take.
@@ -67,7 +67,7 @@ def write_motion_sheet(
 def write_rows(
     path: Path, rows: Sequence[MotionRow], times: Float, title: str, said: str, size: tuple[int, int]
 ) -> None:
-    """Draw rows of pictures of ``size`` pixels, one below the other, each at the same times."""
+    """Draws rows of pictures of ``size`` pixels, one below the other, each at the same times."""
     renderer = Renderer(offscreen_context(), size)
     tiles = [
         Tile(second, picture)
@@ -78,7 +78,7 @@ def write_rows(
 
 
 def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
-    """The row of a take's own skeleton at seconds of it; ``facing`` radians is where it looks."""
+    """Returns the row of a take's own skeleton at seconds of it; ``facing`` radians is where it looks."""
     project, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))
@@ -97,7 +97,7 @@ def _take(made: Retargeted, times: Float) -> MotionRow:
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
-    """A shape that shows a skeleton: a slender double pyramid for every bone."""
+    """Returns a shape that shows a skeleton: a slender double pyramid for every bone."""
     mesh, skin = sticks(skeleton)
     if mesh is not None:
         mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
@@ -105,7 +105,7 @@ def stick_shape(name: str, skeleton: Skeleton) -> Shape:
 
 
 def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
-    """All poses from one place, with everything that they reach in the picture."""
+    """Returns all poses from one place, with everything that they reach in the picture."""
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
     reached = np.stack(surfaces)
     low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)

@@ -34,7 +34,7 @@ def write_project_sheet(
     bodies: Sequence[Body] = (),
     size: tuple[int, int] = (420, 420),
 ) -> None:
-    """Draw the characters of a project at some times as one PNG.
+    """Draws the characters of a project at some times as one PNG.
 
     Args:
         times: seconds of the project.

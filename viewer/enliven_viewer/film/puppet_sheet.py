@@ -23,7 +23,7 @@ def write_puppet_sheet(
     frames: int = 6,
     size: tuple[int, int] = (420, 420),
 ) -> None:
-    """Draw the sheet as PNG.
+    """Draws the sheet as PNG.
 
     Args:
         span: seconds of the project from when to when.
@@ -41,7 +41,7 @@ def write_puppet_sheet(
 
 
 def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """The row of the performer of the lowest unmuted layer, at the frames that it plays."""
+    """Returns the row of the performer of the lowest unmuted layer, at the frames that it plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]

@@ -50,7 +50,7 @@ class Tiles:
         self._stride, self._seen = 1, 0
 
     def add(self, seconds: float, picture: UInt8) -> None:
-        """Offer the next picture of the film, (H, W, 3) or with a fourth channel that does not count."""
+        """Offers the next picture of the film, (H, W, 3) or with a fourth channel that does not count."""
         if self._seen % self._stride == 0:
             # Most of what is kept is dropped later, so it is only made smaller by a whole number here.
             factor = max(picture.shape[1] // self._width, 1)
@@ -62,7 +62,9 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """The tiles of the sheet: at most the wanted number, the first and the last picture among them."""
+        """Returns the tiles of the sheet: at most the wanted number, the first and the last picture among
+        them.
+        """
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
@@ -77,7 +79,7 @@ class Tiles:
 
 
 def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitle: str) -> None:
-    """Write the sheet as PNG.
+    """Writes the sheet as PNG.
 
     Raises:
         ResourceError: where the file cannot be written.

@@ -36,7 +36,7 @@ class ClockEstimate:
 
     @property
     def known(self) -> bool:
-        """Whether both bounds have been seen."""
+        """Returns True if both bounds have been seen."""
         return bool(self._upper)
 
     @property

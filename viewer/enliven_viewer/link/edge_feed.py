@@ -44,7 +44,7 @@ class EdgeFeed:
         self._instance: int | None = None
 
     def poll(self, document: Document) -> int:
-        """Apply everything that has arrived since the last call, without waiting; how many messages."""
+        """Applies everything that has arrived since the last call, without waiting; how many messages."""
         self.link.poll()
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
@@ -72,11 +72,11 @@ class EdgeFeed:
         self.link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Lets the sockets go."""
         self.link.close()
 
     def _watch_instance(self) -> bool:
-        """Tell that the edge was started again; returns whether it was."""
+        """Tells that the edge was started again; returns whether it was."""
         before, self._instance = self._instance, self.link.edges[0].instance
         began_again = before not in (None, self._instance)
         if began_again:
@@ -91,7 +91,7 @@ class EdgeFeed:
         self._shown_cues = set(current)
 
     def _look_again(self) -> None:
-        """Tell the direction of view again to an edge that has restarted."""
+        """Tells the direction of view again to an edge that has restarted."""
         instance = self.link.edges[0].instance
         if instance != self._told_instance and self.link.status is not None:
             self._told_instance = instance
@@ -99,7 +99,9 @@ class EdgeFeed:
                 self.link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""
+        """Returns True if the edge is heard but has sent no characters for a while, often because of a wrong
+        port.
+        """
         if not connected or self.link.characters:
             self._bare_since = None
             return False
@@ -113,7 +115,7 @@ class EdgeFeed:
         self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
 
     def _state(self) -> EdgeState:
-        """The state of the link and of the edge, as the window shows it."""
+        """Returns the state of the link and of the edge, as the window shows it."""
         endpoint, health = next(iter(self.link.health.items()))
         now = time.monotonic()
         for notice in self.link.take_notices():

@@ -88,47 +88,47 @@ class EdgeClient:
         self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
 
     def poll(self) -> None:
-        """Take in everything that has arrived and ask for what is missing; returns at once."""
+        """Takes in everything that has arrived and ask for what is missing; returns at once."""
         for edge in self.edges:
             edge.poll()
         self._find_clashes()
 
     @property
     def characters(self) -> dict[str, Character]:
-        """The characters by id; an object is replaced when its edge publishes a new revision."""
+        """Returns the characters by id; an object is replaced when its edge publishes a new revision."""
         return {name: held.character for edge in self.edges for name, held in edge.held.items()}
 
     def latest(self, topic: Topic) -> dict[str, Any]:
-        """The newest value of each key of a topic, such as the cues by character."""
+        """Returns the newest value of each key of a topic, such as the cues by character."""
         return {key: value for edge in self.edges for key, value in edge.latest.get(topic.name, {}).items()}
 
     @property
     def status(self) -> StatusMessage | None:
-        """The last heartbeat of the first edge that was heard, or None."""
+        """Returns the last heartbeat of the first edge that was heard, or None."""
         return next((e.status for e in self.edges if e.status is not None), None)
 
     @property
     def health(self) -> dict[Endpoint, Health]:
-        """The health of each edge, by endpoint."""
+        """Returns the health of each edge, by endpoint."""
         return {edge.endpoint: edge.health() for edge in self.edges}
 
     @property
     def clock_offset_ns(self) -> int:
-        """The first edge's wall clock less this machine's, as ``ClockEstimate`` has it."""
+        """Returns the first edge's wall clock less this machine's, as ``ClockEstimate`` has it."""
         return self.edges[0].clock.offset_ns
 
     @property
     def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
-        """The health of each topic of each edge: alive, on rate, valid."""
+        """Returns the health of each topic of each edge: alive, on rate, valid."""
         return {edge.endpoint: edge.topics() for edge in self.edges}
 
     @property
     def stage(self) -> StageLink:
-        """The stage of the first edge."""
+        """Returns the stage of the first edge."""
         return self.edges[0].stage
 
     def take(self, topic: Topic) -> list[Any]:
-        """Every value of a topic since the last call, each edge's in its order."""
+        """Returns every value of a topic since the last call, each edge's in its order."""
         inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
         return [value for inbox in inboxes for value in inbox.take()]
 
@@ -161,12 +161,12 @@ class EdgeClient:
             on_reply(refused)
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Lets the sockets go."""
         for edge in self.edges:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Mark edges of one name that are alive at once; after a restart the old one is silent."""
+        """Marks edges of one name that are alive at once; after a restart the old one is silent."""
         now = time.monotonic()
         for edge in self.edges:
             if edge.status is not None and now - edge.last_heard < _ALIVE:
@@ -182,7 +182,9 @@ class EdgeClient:
             edge.clash = clash
 
     def _has_rival(self, name: str, instance: int) -> bool:
-        """Whether another instance of this name was heard between the first and last word of this one."""
+        """Returns True if another instance of this name was heard between the first and last word of this
+        one.
+        """
         span = self._heard.get((name, instance))
         return span is not None and any(
             other[0] == name and other[1] != instance and max(first, span[0]) < min(last, span[1])

@@ -18,7 +18,7 @@ class Feed(Protocol):
     """
 
     def poll(self, document: Document) -> int:
-        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies what has arrived since the last call, without waiting; 0 where nothing had."""
         ...
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
@@ -30,5 +30,5 @@ class Feed(Protocol):
         ...
 
     def close(self) -> None:
-        """Let sockets, threads and files go."""
+        """Lets sockets, threads and files go."""
         ...

@@ -142,7 +142,7 @@ class EdgeConnection:
         self._begin(None)
 
     def poll(self) -> None:
-        """Take in what has arrived, and ask for what is missing; returns at once."""
+        """Takes in what has arrived, and asks for what is missing; returns at once."""
         self._requests.poll(self._reject)
         until = time.monotonic() + _POLL_WITHIN
         while time.monotonic() < until:
@@ -156,11 +156,11 @@ class EdgeConnection:
 
     @property
     def name(self) -> str:
-        """The edge's name, or its address before it was heard."""
+        """Returns the edge's name, or its address before it was heard."""
         return self.status.edge if self.status else str(self.endpoint)
 
     def health(self) -> Health:
-        """The health of the edge."""
+        """Returns the health of the edge."""
         now = time.monotonic()
         poses = self._watch(POSE).health(self.status.fps if self.status else 0.0)
         state, text = self._state(now, poses)
@@ -168,12 +168,12 @@ class EdgeConnection:
         return Health(state, text, hz, self._rejects.total, self._lost)
 
     def topics(self) -> dict[str, TopicHealth]:
-        """The health of each topic of the table, by name."""
+        """Returns the health of each topic of the table, by name."""
         fps = self.status.fps if self.status else 0.0
         return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
+        """Sends a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} {NO_ANSWER}")
@@ -195,23 +195,23 @@ class EdgeConnection:
         return self._requests.send(body, "stage", seconds, on_reply)
 
     def revision(self, character: str) -> int:
-        """The revision of a character that the edge says it has, by the edge's own id; 0 for none."""
+        """Returns the revision of a character that the edge says it has, by the edge's own id; 0 for none."""
         return self._wanted.get(character, 0)
 
     @property
     def complete(self) -> bool:
-        """Whether it is known what stands on the stage, and all of it is here."""
+        """Returns True if it is known what stands on the stage, and all of it is here."""
         known = self.status is not None and self._known_revision == self.status.revision
         return known and self._revisions == self._wanted
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Lets the sockets go."""
         self.stage.close()
         self._requests.close()
         self._stream.close(linger=0)
 
     def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
-        """The state and the text of :class:`Health`."""
+        """Returns the state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
                 f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
@@ -231,7 +231,7 @@ class EdgeConnection:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """Reset counters and requests for an edge that was started, or started again.
+        """Resets counters and requests for an edge that was started, or started again.
 
         Its characters stay on the screen until the new one says what it has.
         """
@@ -248,7 +248,7 @@ class EdgeConnection:
         self.stage.restart()
 
     def _reject(self, error: Malformed) -> None:
-        """Count a message that cannot be read; tell the user where it is of another version."""
+        """Counts a message that cannot be read; tells the user where it is of another version."""
         if isinstance(error, OtherVersion) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
@@ -257,7 +257,7 @@ class EdgeConnection:
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
-        """Take one stream message; drop it where it contradicts itself."""
+        """Takes one stream message; drops it where it contradicts itself."""
         try:
             topic, message = unpack_stream(data)
             if not latched:
@@ -284,13 +284,13 @@ class EdgeConnection:
             self._rejects.add(error)
 
     def _hear(self, topic: Topic) -> None:
-        """Note that the edge is heard; after a silence only its status or a pose tells if it restarted."""
+        """Notes that the edge is heard; after a silence only its status or a pose tells if it restarted."""
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENT_AFTER
         self.last_heard, self._other_version = now, None
 
     def _known_again(self) -> None:
-        """Take what came after a silence, before it was known which process of the edge says it."""
+        """Takes what came after a silence, before it was known which process of the edge says it."""
         self._after_silence = False
         while self._unsure:
             self._receive(self._unsure.popleft(), latched=False)
@@ -356,7 +356,7 @@ class EdgeConnection:
         self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of), size)
 
     def _ask(self) -> None:
-        """Say hello until welcomed, ask for characters that are missing, and for the time."""
+        """Says hello until welcomed, ask for characters that are missing, and for the time."""
         now = time.monotonic()
         listening = now - self.last_heard < SILENT_AFTER
         # Until the streams arrive, every question makes the edge's heart beat once.
@@ -388,7 +388,7 @@ class EdgeConnection:
             self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
 
     def _welcomed(self, answer: Answer | None) -> None:
-        """Take the edge's list of characters; those that it does not have any more are removed."""
+        """Takes the edge's list of characters; those that it does not have any more are removed."""
         if not isinstance(answer, Welcome):
             return
         self._take_status(answer.status)
@@ -414,7 +414,7 @@ class EdgeConnection:
                     newest.forget(gone)
 
     def _take_character(self, answer: Answer | None) -> None:
-        """Take a character and the poses that waited for it; an unusable one leaves the old character."""
+        """Takes a character and the poses that waited for it; an unusable one leaves the old character."""
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return
         shown = self._label(self.name, answer.id)

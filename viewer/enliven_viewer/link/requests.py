@@ -79,7 +79,7 @@ class Requests:
         return True
 
     def poll(self, malformed: Callable[[Malformed], None]) -> None:
-        """Call back each request that was answered, with its reply, and each that timed out, with None."""
+        """Calls back each request that was answered, with its reply, and each that timed out, with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
         until = time.monotonic() + _POLL_WITHIN
@@ -98,14 +98,14 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Give up every unanswered request, since the edge is gone."""
+        """Gives up every unanswered request, since the edge is gone."""
         pending, self._pending = self._pending, {}
         self._late.extend(pending)
         for each in pending.values():
             each.on_reply(None)
 
     def close(self) -> None:
-        """Let the socket go."""
+        """Lets the socket go."""
         if self._socket is not None:
             with contextlib.suppress(zmq.ZMQError):
                 self._socket.close(linger=0)

@@ -42,7 +42,7 @@ Then = Callable[[Answer], None]
 
 
 def _packed(project: Project, character: str) -> bytes:
-    """The bytes of a character, with its textures where the wire carries them back from the edge."""
+    """Returns the bytes of a character, with its textures where the wire carries them back from the edge."""
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
     return data if len(data) <= MAX_SENT_BYTES else character_bytes(project, character)
 
@@ -54,7 +54,7 @@ class StagedEdge(Protocol):
         """Sends a request; calls back with the answer, or None when the time is up; False without an edge."""
 
     def revision(self, character: str) -> int:
-        """The revision that the edge says it has; 0 for none."""
+        """Returns the revision that the edge says it has; 0 for none."""
 
 
 @dataclass
@@ -98,7 +98,7 @@ class StageLink:
 
     @property
     def busy(self) -> bool:
-        """Whether a character is on its way."""
+        """Returns True if a character is on its way."""
         return bool(self._sending)
 
     def put(

@@ -63,7 +63,7 @@ class TakeFeed:
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
     def poll(self, document: Document) -> int:
-        """Apply the next messages in the order of time; 0 at the end of the take."""
+        """Applies the next messages in the order of time; 0 at the end of the take."""
         count = 0
         for _, topic, data in self._next():
             count += 1
@@ -105,7 +105,7 @@ class TakeFeed:
             track.put(document, track.read(message, self.name))
 
     def _introduce(self, document: Document, data: bytes) -> None:
-        """Put the character of a message into the document, unless it is there already."""
+        """Puts the character of a message into the document, unless it is there already."""
         made = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(made.id) != made.revision:
             character = message_to_character(made)
@@ -114,7 +114,7 @@ class TakeFeed:
             document.add_character(character)
 
     def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
-        """Search a later copy of a character, where its first copy is damaged."""
+        """Searches a later copy of a character, where its first copy is damaged."""
         if (character_id, revision) in self._searched:
             return
         self._searched.add((character_id, revision))

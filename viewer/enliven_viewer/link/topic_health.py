@@ -39,7 +39,7 @@ class TopicHealth:
 
     @property
     def signal(self) -> Literal["live", "slow", "damaged", "silent"]:
-        """The health in a word."""
+        """Returns the health in a word."""
         if not self.alive:
             return "silent"
         return "damaged" if not self.valid else "live" if self.on_rate else "slow"

@@ -76,7 +76,7 @@ def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, fl
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """The place of a pixel on the timeline, 0..1; None where it is not near the track."""
+    """Returns the place of a pixel on the timeline, 0..1; None where it is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):
@@ -96,7 +96,7 @@ class Hud:
         self._small, self._normal, self._large = (round(s * scale) for s in (16, 18, 30))
 
     def draw(self, size: tuple[int, int], state: HudState) -> None:
-        """Draw everything onto an area of a width and height in pixels."""
+        """Draws everything onto an area of a width and height in pixels."""
         below = self._state_panel(state)
         if state.edge is not None and state.edge.connected and state.edge.health:
             self._health_panel(size, below, state.edge.health)
@@ -107,7 +107,7 @@ class Hud:
     def draw_choice(
         self, size: tuple[int, int], cards: tuple[Card, ...], notice: str, among: bool = False
     ) -> None:
-        """Draw the matches that are to choose from, and one line, above characters where some are seen."""
+        """Draws the matches that are to choose from, and one line, above characters where some are seen."""
         if cards:
             draw_cards(self._canvas, size, self.scale, self._small, cards)
         if notice:
@@ -126,7 +126,7 @@ class Hud:
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Draw below the state the problems and what to do, the gravest first; count those without room."""
+        """Draws below the state the problems and what to do, the gravest first; count those without room."""
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
         bottom, y, wrap = size[1] - 62 * s, top + gap, width - 42 * s
@@ -185,7 +185,7 @@ def _headline(state: HudState) -> str:
 
 
 def _signal_word(edge: EdgeState | None) -> str:
-    """How the frames arrive, in a word beside the timeline."""
+    """Returns how the frames arrive, in a word beside the timeline."""
     if edge is None or edge.phase == "ended":
         return "live" if edge is None else "ended"
     return edge.signal if edge.connected else "no edge"
@@ -216,6 +216,6 @@ def _state_lines(state: HudState) -> list[str]:
 
 
 def time_text(seconds: float) -> str:
-    """Seconds as m:ss.t."""
+    """Returns seconds as m:ss.t."""
     tenths = max(round(seconds * 10), 0)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

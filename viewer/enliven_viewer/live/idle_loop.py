@@ -52,11 +52,11 @@ class IdleLoop:
 
     @property
     def words(self) -> str:
-        """The sentence for the audience; empty while the stage is live."""
+        """Returns the sentence for the audience; empty while the stage is live."""
         return WORDS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:
-        """Let time pass: begin or end the loop, and turn the camera.
+        """Lets time pass: begin or end the loop, and turn the camera.
 
         Args:
             orbits: whether the camera goes round; not for those who want less motion.

@@ -56,7 +56,7 @@ class Card:
 
 
 def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
-    """The cards of each character that has matches to choose from, as the camera sees it."""
+    """Returns the cards of each character that has matches to choose from, as the camera sees it."""
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
     several = len(choosing) > 1

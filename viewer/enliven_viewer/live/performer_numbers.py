@@ -22,7 +22,7 @@ class PerformerNumbers:
             self.number_of(body)
 
     def number_of(self, body: int) -> int:
-        """Return the number of a performer, from 1 on."""
+        """Returns the number of a performer, from 1 on."""
         if body not in self._numbers:
             taken = set(self._numbers.values())
             self._numbers[body] = next(n for n in range(1, len(taken) + 2) if n not in taken)

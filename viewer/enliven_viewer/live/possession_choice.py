@@ -46,13 +46,13 @@ class PossessionChoice:
         self.parts = PARTS[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """Choose the next performer in view; after the last of them, the next one that comes."""
+        """Chooses the next performer in view; after the last of them, the next one that comes."""
         order: list[int | None] = [None, *sorted(set(present))]
         at = order.index(self.body) if self.body in order else 0
         self.body = order[(at + 1) % len(order)]
 
     def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
-        """Choose the next amount of smoothing for the chosen performer, or for all in view; by id."""
+        """Chooses the next amount of smoothing for the chosen performer, or for all in view; by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
             at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)

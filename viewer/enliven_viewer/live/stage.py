@@ -60,7 +60,7 @@ class LiveStage:
         self.near = False
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived, and let ``seconds`` of the viewer's clock pass."""
+        """Takes in what has arrived, and lets ``seconds`` of the viewer's clock pass."""
         arrived = self.feed.poll(self.document)
         playing = not (self.playhead.live or self.playhead.paused)
         self._since = 0.0 if arrived or playing else self._since + seconds
@@ -72,7 +72,7 @@ class LiveStage:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing has come for a while, and nothing is played back."""
+        """Returns True if nothing has come for a while, and nothing is played back."""
         return self._since > _QUIET
 
     @property
@@ -82,7 +82,7 @@ class LiveStage:
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Ask the feed to let the chosen performer, or each that is free, possess a character."""
+        """Asks the feed to let the chosen performer, or each that is free, possess a character."""
         for name in self._named(self.meant):
             self.feed.ask(self.order_to_possess(mode, name))
 
@@ -91,47 +91,47 @@ class LiveStage:
         return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Ask the feed to release the chosen character, or what the chosen performer holds, or all."""
+        """Asks the feed to release the chosen character, or what the chosen performer holds, or all."""
         for name in [self.meant] if self.meant in self.held else self._named(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
-        """Ask the feed that the distance between hands changes the size of a character, or that it stays."""
+        """Asks the feed that the distance between hands changes the size of a character, or that it stays."""
         for name in self._named(self.meant)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
-        """Choose the parts of the next possession, which are previewed from now on."""
+        """Chooses the parts of the next possession, which are previewed from now on."""
         self.possession.choose(number)
         self.possess("preview")
 
     def choose_performer(self) -> None:
-        """Choose the performer of the next possession: the next one in view, or the first that comes."""
+        """Chooses the performer of the next possession: the next one in view, or the first that comes."""
         self.possession.next_performer(body.id for body in self.scene.bodies)
         self.possess("preview")
 
     def smoother(self, step: int) -> None:
-        """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
+        """Asks the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self.scene.bodies]
         for body, amount in self.possession.smoother(step, present).items():
             self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
-        """Ask the feed that only the present performers perform, or all who come again."""
+        """Asks the feed that only the present performers perform, or all who come again."""
         wanted = not self.possession.locked
         self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
 
     def browse(self, step: int) -> None:
-        """Ask the feed for another match, for every character that waits for one to be chosen."""
+        """Asks the feed for another match, for every character that waits for one to be chosen."""
         for name in self.scene.boards:
             self.feed.ask(Browse(name, step))
 
     def show_bones(self, camera: OrbitCamera) -> None:
-        """Turn the camera to where most of the bones of the characters can be seen."""
+        """Turns the camera to where most of the bones of the characters can be seen."""
         turn_to_bones(camera, self.scene)
 
     def report_view(self, view: CameraView) -> None:
-        """Tell the feed the direction of view where a match is being chosen and the view has changed."""
+        """Tells the feed the direction of view where a match is being chosen and the view has changed."""
         if not self.scene.boards:
             return
         look = self._view_reporter.changed(view, time.monotonic())
@@ -139,12 +139,12 @@ class LiveStage:
             self.feed.ask(look)
 
     def switch(self, *names: str) -> None:
-        """Switch overlays of the style on, or off where the first of them is on."""
+        """Switches overlays of the style on, or off where the first of them is on."""
         shown = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
         self.style = replace(self.style, **dict.fromkeys(names, shown))
 
     def words(self, view: CameraView) -> str:
-        """The text about the next possession, or about why it cannot be seen; empty for a take."""
+        """Returns the text about the next possession, or about why it cannot be seen; empty for a take."""
         if self.take:
             return ""
         if hidden(self.scene, view):
@@ -153,7 +153,7 @@ class LiveStage:
 
     @property
     def notice(self) -> str:
-        """The text in the middle of an empty picture."""
+        """Returns the text in the middle of an empty picture."""
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge
@@ -165,16 +165,18 @@ class LiveStage:
 
     @property
     def making(self) -> str:
-        """The text about a stage of this machine that is not there yet."""
+        """Returns the text about a stage of this machine that is not there yet."""
         more = tr(": the first time it takes some minutes") if self._since > _LONG else ""
         return tr("The stage is being made ready{0}", more)
 
     def close(self) -> None:
-        """Let the feed go."""
+        """Lets the feed go."""
         self.feed.close()
 
     def _without_next_matches(self, scene: Scene) -> Scene:
-        """The scene without the next performer's matches on held characters: older edges send them."""
+        """Returns the scene without the next performer's matches on held characters: older edges send
+        them.
+        """
         shown = {
             name: board
             for name, board in scene.boards.items()
@@ -183,7 +185,7 @@ class LiveStage:
         return replace(scene, boards=shown)
 
     def _named(self, meant: str | None) -> list[str | None]:
-        """The character that an order names; among several the edge finds the one that is meant."""
+        """Returns the character that an order names; among several the edge finds the one that is meant."""
         if meant in self.document.characters:
             return [meant]
         return [None] if len(self.document.characters) > 1 else list(self.document.characters)

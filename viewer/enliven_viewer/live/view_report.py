@@ -28,7 +28,7 @@ class ViewReporter:
         self._when = -math.inf
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
-        """The view to report at a time of the wall clock, seconds; None where it has not changed."""
+        """Returns the view to report at a time of the wall clock, seconds; None where it has not changed."""
         if seconds - self._when < _EVERY:
             return None
         if self._told is not None:
@@ -40,14 +40,14 @@ class ViewReporter:
 
 
 def look_of(view: CameraView) -> Look:
-    """A camera as the wire says it."""
+    """Returns a camera as the wire says it."""
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
     return Look(forward, up, eye)  # type: ignore[arg-type]
 
 
 def hidden(scene: Scene, view: CameraView) -> bool:
-    """Whether a chain that may be chosen points at the eye, so that its direction cannot be seen."""
+    """Returns True if a chain that may be chosen points at the eye, so that its direction cannot be seen."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():
         for row in board.rows if board.state == "choosing" else ():

@@ -57,43 +57,43 @@ class Document:
     edge: EdgeState = field(default_factory=EdgeState)
 
     def add_character(self, character: Character) -> None:
-        """Add a character, or replace the one of the same id."""
+        """Adds a character, or replace the one of the same id."""
         self.characters[character.id] = character
 
     def remove_character(self, character_id: str) -> None:
-        """Forget a character; the timeline keeps its poses."""
+        """Forgets a character; the timeline keeps its poses."""
         self.characters.pop(character_id, None)
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Put a pose, of a revision of its character, on the timeline."""
+        """Puts a pose, of a revision of its character, on the timeline."""
         self.timeline.add_pose(pose, character)
 
     def characters_at(self, moment: TimelineMoment | None) -> dict[str, Character]:
-        """The characters by id, each in the revision that the poses of a moment are of."""
+        """Returns the characters by id, each in the revision that the poses of a moment are of."""
         return {**self.characters, **(moment.characters if moment else {})}
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Put the bodies of one moment on the timeline."""
+        """Puts the bodies of one moment on the timeline."""
         self.timeline.add_bodies(time_ns, bodies)
 
     def add_props(self, props: Props) -> None:
-        """Put the props of one moment on the timeline."""
+        """Puts the props of one moment on the timeline."""
         self.timeline.add_props(props)
 
     def add_board(self, board: Board) -> None:
-        """Put a board of matches of a character on the timeline."""
+        """Puts a board of matches of a character on the timeline."""
         self.timeline.add_board(board)
 
     def add(self, topic: Topic, message: Any) -> None:
-        """Put a message of a topic without a track of its own on the timeline, by its key."""
+        """Puts a message of a topic without a track of its own on the timeline, by its key."""
         self.timeline.add(topic.name, topic.key(message), message)
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Set the cues of a character from a time on, or from the newest moment; no nodes: none held."""
+        """Sets the cues of a character from a time on, or from the newest moment; no nodes: none held."""
         self.timeline.set_cues(cues, time_ns)
 
     def forget_cues(self, character_id: str) -> None:
-        """Remove the cues of a character from the newest moment on."""
+        """Removes the cues of a character from the newest moment on."""
         self.timeline.forget_cues(character_id)
 
 

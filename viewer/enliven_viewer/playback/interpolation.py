@@ -21,7 +21,7 @@ _LEAP = 0.6
 
 
 def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
-    """The pose ``share`` in [0, 1] of the way from ``before`` to ``after``.
+    """Returns the pose ``share`` in [0, 1] of the way from ``before`` to ``after``.
 
     Two poses with different numbers of transforms (the character was changed) are not blended: the nearer
     one is returned.
@@ -34,7 +34,9 @@ def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
 
 
 def blend_linear(before: Float, after: Float, share: float) -> Float:
-    """(J, 3, 3) maps between two sets of (J, 3, 3); plainly linear where a map has no rotation in it."""
+    """Returns (J, 3, 3) maps between two sets of (J, 3, 3); plainly linear where a map has no rotation in
+    it.
+    """
     straight = before + (after - before) * share
     ok = (np.linalg.det(before) > 1e-6) & (np.linalg.det(after) > 1e-6)
     if not ok.any():
@@ -61,7 +63,9 @@ def _blend_body(before: Body, after: Body, share: float) -> Body:
 
 
 def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float) -> tuple[Body, ...]:
-    """The bodies between two moments: matched by id; one that is in a single moment belongs to the nearer."""
+    """Returns the bodies between two moments: matched by id; one that is in a single moment belongs to the
+    nearer.
+    """
     later = {body.id: body for body in after}
     blended = []
     for body in before:
@@ -74,7 +78,8 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
 
 
 def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
-    """The props between two moments, by id; those in one moment only, or that leapt, are the nearer's.
+    """Returns the props between two moments, by id; those in one moment only, or that leapt, are the
+    nearer's.
 
     Where one of the two moments has no props, those of the other.
     """
@@ -105,7 +110,7 @@ def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float
 
 
 def _blend_row(first: MatchRow, last: MatchRow, share: float) -> MatchRow:
-    """The same limbs between two moments; the earlier ones where the limbs differ."""
+    """Returns the same limbs between two moments; the earlier ones where the limbs differ."""
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first
     pairs = list(zip(first.lines, last.lines, strict=True))

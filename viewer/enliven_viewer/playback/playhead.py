@@ -27,7 +27,7 @@ class Playhead:
 
     @property
     def time_ns(self) -> int:
-        """The sensor time that is shown, inside the timeline."""
+        """Returns the sensor time that is shown, inside the timeline."""
         timeline = self.timeline
         if self.live:
             return timeline.end_ns
@@ -35,16 +35,16 @@ class Playhead:
 
     @property
     def fraction(self) -> float:
-        """The shown time as a share of the timeline, from its start (0) to its end (1)."""
+        """Returns the shown time as a share of the timeline, from its start (0) to its end (1)."""
         length = self.timeline.end_ns - self.timeline.start_ns
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
     def moment(self) -> TimelineMoment | None:
-        """The moment to draw now; None where nothing was received."""
+        """Returns the moment to draw now; None where nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` of the viewer's clock pass."""
+        """Lets ``seconds`` of the viewer's clock pass."""
         if self._generation != self.timeline.generation:
             self._generation = self.timeline.generation
             self.go_live()
@@ -56,7 +56,7 @@ class Playhead:
             self._time = start + (self._time - end) % max(end - start, 1) if self.loop else end
 
     def toggle_pause(self) -> None:
-        """Freeze the shown time, or go on from it."""
+        """Freezes the shown time, or goes on from it."""
         if self.live:
             self._leave_live()
             self.paused = True
@@ -64,38 +64,40 @@ class Playhead:
             self.paused = not self.paused
 
     def scrub(self, fraction: float) -> None:
-        """Show the time at ``fraction`` in [0, 1] of the timeline, and stay there."""
+        """Shows the time at ``fraction`` in [0, 1] of the timeline, and stay there."""
         start, end = self.timeline.start_ns, self.timeline.end_ns
         self.live, self.paused = False, True
         self._time = start + min(max(fraction, 0.0), 1.0) * (end - start)
 
     def step(self, count: int) -> None:
-        """Show the moment ``count`` moments later (or earlier), and stay there."""
+        """Shows the moment ``count`` moments later (or earlier), and stay there."""
         time = self.timeline.neighbour(self.time_ns, count)
         self.live, self.paused = False, True
         self._time = float(time)
 
     def faster(self, steps: int = 1) -> None:
-        """Take the next higher (or lower) speed of :data:`SPEEDS`; a live view begins to play back."""
+        """Takes the next higher (or lower) speed of :data:`SPEEDS`; a live view begins to play back."""
         nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
         self.speed = SPEEDS[min(max(nearest + steps, 0), len(SPEEDS) - 1)]
         if self.live:
             self._leave_live()
 
     def go_live(self) -> None:
-        """Follow the newest moment again."""
+        """Follows the newest moment again."""
         self.live, self.paused, self.speed = True, False, 1.0
         self.loop, self._span_ns = self._loops, None
 
     def replay_last(self, seconds: float) -> None:
-        """Play the newest ``seconds`` over and over, until :meth:`go_live`."""
+        """Plays the newest ``seconds`` over and over, until :meth:`go_live`."""
         self.live, self.paused, self.speed, self.loop = False, False, 1.0, True
         self._span_ns = round(seconds * NS)
         self._time = float(self._start_ns)
 
     @property
     def _start_ns(self) -> int:
-        """Where playing back begins: at the timeline's start, or later while only its end is replayed."""
+        """Returns where playing back begins: at the timeline's start, or later while only its end is
+        replayed.
+        """
         start = self.timeline.start_ns
         return start if self._span_ns is None else max(start, self.timeline.end_ns - self._span_ns)
 

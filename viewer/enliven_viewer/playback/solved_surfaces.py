@@ -49,7 +49,9 @@ class SolvedSurfaces:
         self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
-        """(V, 3) metres in the world of a puppet in a pose; None for what its transforms alone move."""
+        """Returns (V, 3) metres in the world of a puppet in a pose; None for what its transforms alone
+        move.
+        """
         if character.kind != "points":
             return None
         known = self._known.get(character.id)
@@ -80,7 +82,7 @@ class _SolvedSurface:
         self._by: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
-        """(V, 3) metres in the world, or None while it is not prepared, and where it cannot be."""
+        """Returns (V, 3) metres in the world, or None while it is not prepared, and where it cannot be."""
         surface = self._surface(wait)
         frame, pivot = _frame(pose), self.character.pivots[0].astype(np.float64)
         if surface is None or frame is None:
@@ -95,7 +97,7 @@ class _SolvedSurface:
         return self._carried(linear, position - linear @ pivot)
 
     def _carried(self, linear: Float, offset: Float) -> Float32:
-        """(V, 3) the surface in the world; the same array while nothing moves."""
+        """Returns (V, 3) the surface in the world; the same array while nothing moves."""
         assert self._local is not None
         by = np.concatenate([linear, offset[:, None]], 1)
         if self._world is None or self._carried_from is not self._local or not np.array_equal(by, self._by):
@@ -105,7 +107,7 @@ class _SolvedSurface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """The prepared surface; None before it is ready. An error is logged once."""
+        """Returns the prepared surface; None before it is ready. An error is logged once."""
         if not wait and not self._prepared.done():
             return None
         try:
@@ -117,7 +119,7 @@ class _SolvedSurface:
             return None
 
     def _is_due(self, places: Float) -> bool:
-        """Whether the places say something new, or the surface is still on its way to them."""
+        """Returns True if the places say something new, or the surface is still on its way to them."""
         if self._solving is not None:
             return False
         if not np.isfinite(places).all():
@@ -128,14 +130,14 @@ class _SolvedSurface:
         return self._alike < _SETTLING
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
-        """Solve the next frame: now, or in a thread where it takes longer than a picture may."""
+        """Solves the next frame: now, or in a thread where it takes longer than a picture may."""
         if wait or (self._seconds < _BUDGET and self._local is not None):
             self._local = self._solved(surface, places)
         else:
             self._solving = _beside(lambda: self._solved(surface, places))
 
     def _solved(self, surface: PuppetSurface, places: Float) -> Float32:
-        """The surface in the mesh's frame; the last good one where the places cannot be meant."""
+        """Returns the surface in the mesh's frame; the last good one where the places cannot be meant."""
         began = time.perf_counter()
         try:
             made = surface.settle(places) if self._local is None else surface.solve(places)
@@ -147,13 +149,15 @@ class _SolvedSurface:
         return made.astype(np.float32)
 
     def _take(self) -> None:
-        """Take the surface that a thread has solved, once it is there."""
+        """Takes the surface that a thread has solved, once it is there."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
 
 
 def _beside(work: Callable[[], T]) -> Future[T]:
-    """The future of a function that runs in a daemon thread: the program's end does not wait for it."""
+    """Returns the future of a function that runs in a daemon thread: the program's end does not wait for
+    it.
+    """
     future: Future[T] = Future()
 
     def run() -> None:
@@ -167,7 +171,7 @@ def _beside(work: Callable[[], T]) -> Future[T]:
 
 
 def _prepared(character: Character) -> PuppetSurface:
-    """The solver of a character's surface."""
+    """Returns the solver of a character's surface."""
     from enliven.deformation.arap import PuppetSurface
 
     assert character.held is not None
@@ -187,7 +191,7 @@ def carry(local: Float32, by: Float, world: Float32) -> None:
 
 
 def _frame(pose: Pose) -> tuple[Float, Float] | None:
-    """(3, 3) and (3,) of the first transform; None where it has no inverse."""
+    """Returns (3, 3) and (3,) of the first transform; None where it has no inverse."""
     linear, position = pose.linear[0].astype(np.float64), pose.positions[0].astype(np.float64)
     whole = np.isfinite(linear).all() and np.isfinite(position).all()
     return (linear, position) if whole and abs(np.linalg.det(linear)) > 1e-9 else None

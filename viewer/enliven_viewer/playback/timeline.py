@@ -42,7 +42,7 @@ class CueFrame:
 
     @property
     def firm(self) -> Bool:
-        """(A,) whether each pivot is held, and not only previewed."""
+        """Returns (A,) whether each pivot is held, and not only previewed."""
         every = len(self.nodes) if self.state == "possessed" else 0
         return np.arange(len(self.nodes)) < (every if self.held is None else self.held)
 
@@ -68,7 +68,7 @@ class TimelineMoment:
 
     @property
     def possessed(self) -> bool:
-        """Whether any character was possessed."""
+        """Returns True if any character was possessed."""
         return any(cues.state == "possessed" for cues in self.cues.values())
 
 
@@ -105,33 +105,35 @@ class Timeline:
         return self._times[-1] if self._times else 0
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Put one pose of a revision of its character at its time, in place of an earlier one."""
+        """Puts one pose of a revision of its character at its time, in place of an earlier one."""
         old = self._at(pose.time_ns)
         self.posed.add(pose.character)
         of = old.characters if character is None else {**old.characters, pose.character: character}
         self._put(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Put the bodies of one time; they replace earlier ones of the same time."""
+        """Puts the bodies of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
-        """Put the props of one time; they replace earlier ones of the same time."""
+        """Puts the props of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
 
     def add_board(self, board: Board) -> None:
-        """Put a board of matches at its time."""
+        """Puts a board of matches at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
-        """Put a message of another topic at its time; it replaces an earlier one of its key and time."""
+        """Puts a message of another topic at its time; it replaces an earlier one of its key and time."""
         old = self._at(message.time_ns)
         same = {**old.others.get(topic, {}), key: message}
         self._put(replace(old, others={**old.others, topic: same}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Set the cues of a character from a time on (None: the newest moment's) until they are set again."""
+        """Sets the cues of a character from a time on (None: the newest moment's) until they are set
+        again.
+        """
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
         for i in range(max(first, 0), len(self._moments)):
@@ -139,17 +141,17 @@ class Timeline:
             self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
 
     def forget_cues(self, character_id: str) -> None:
-        """Remove the cues of a character from the newest moment and all that follow."""
+        """Removes the cues of a character from the newest moment and all that follow."""
         self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
 
     def clear(self) -> None:
-        """Remove all moments; a new generation tells the playhead."""
+        """Removes all moments; a new generation tells the playhead."""
         self._times.clear()
         self._moments.clear()
         self.generation += 1
 
     def at(self, time_ns: int) -> TimelineMoment | None:
-        """The moment at a time: blended between its neighbours, the nearer one across a gap.
+        """Returns the moment at a time: blended between its neighbours, the nearer one across a gap.
 
         Outside the timeline the first or last moment; None when the timeline is empty.
         """
@@ -166,7 +168,7 @@ class Timeline:
         return self._between(before, after, time_ns)
 
     def neighbour(self, time_ns: int, step: int) -> int:
-        """The time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
+        """Returns the time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
         if not self._times:
             return time_ns
         if step >= 0:
@@ -176,12 +178,12 @@ class Timeline:
         return self._times[min(max(index, 0), len(self._times) - 1)]
 
     def drop_before(self, time_ns: int) -> None:
-        """Remove the moments that no time from ``time_ns`` on needs."""
+        """Removes the moments that no time from ``time_ns`` on needs."""
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
     def _between(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
-        """The moment between two neighbours."""
+        """Returns the moment between two neighbours."""
         share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS:
             return before if share < 0.5 else after
@@ -199,13 +201,13 @@ class Timeline:
         )
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
-        """Set the cues of the newest moment and all that follow."""
+        """Sets the cues of the newest moment and all that follow."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
 
     def _at(self, time_ns: int) -> TimelineMoment:
-        """The moment at exactly this time, or an empty one."""
+        """Returns the moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         found = index < len(self._times) and self._times[index] == time_ns
         if found:
@@ -221,7 +223,9 @@ class Timeline:
         return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _whole(self, index: int) -> TimelineMoment:
-        """A moment, with the last poses of characters that have none in it yet: theirs come after others'."""
+        """Returns a moment, with the last poses of characters that have none in it yet: theirs come after
+        others'.
+        """
         moment = self._moments[index]
         before = self._moments[index - 1] if index else moment
         late = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
@@ -232,16 +236,20 @@ class Timeline:
         return replace(moment, poses={**late, **moment.poses}, characters=of)
 
     def _fresh(self, time_ns: int, now_ns: int) -> bool:
-        """Whether a time is so near before another that what was then is shown until its successor comes."""
+        """Returns True if a time is so near before another that what was then is shown until its successor
+        comes.
+        """
         return 0 <= now_ns - time_ns <= self.settings.gap * NS
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
-        """The props of the moment before, so that they stay visible until the moment's own props arrive."""
+        """Returns the props of the moment before, so that they stay visible until the moment's own props
+        arrive.
+        """
         props = self._moments[index - 1].props if index else None
         return props if props is not None and self._fresh(props.time_ns, time_ns) else None
 
     def _put(self, moment: TimelineMoment) -> None:
-        """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
+        """Inserts or replace; starts anew where the clock went back; drops the oldest beyond the bounds."""
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()
         index = bisect.bisect_left(self._times, moment.time_ns)
@@ -254,7 +262,7 @@ class Timeline:
             self._trim()
 
     def _trim(self) -> None:
-        """Keep at most the settings' minutes, in time and in number."""
+        """Keeps at most the settings' minutes, in time and in number."""
         length = self.settings.minutes * 60
         oldest = self._times[-1] - int(length * NS)
         count = max(

@@ -44,17 +44,19 @@ class CameraView:
 
     @property
     def clip_from_world(self) -> Float:
-        """(4, 4) projection @ view."""
+        """Returns (4, 4) projection @ view."""
         return np.asarray(self.clip_from_camera @ self.camera_from_world)
 
     def project(self, points: Float) -> Float:
-        """(N, 2) positions in the image, -1..1 to the right and up, of (N, 3) points."""
+        """Returns (N, 2) positions in the image, -1..1 to the right and up, of (N, 3) points."""
         clip = np.c_[points, np.ones(len(points))] @ self.clip_from_world.T
         return np.asarray(clip[:, :2] / clip[:, 3:])
 
 
 def look_at(eye: Float, target: Float) -> Float:
-    """(4, 4) camera_from_world of a camera at ``eye`` that looks at ``target``, both (3,), upright."""
+    """Returns (4, 4) camera_from_world of a camera at ``eye`` that looks at ``target``, both (3,),
+    upright.
+    """
     back = (eye - target) / np.linalg.norm(eye - target)
     right = np.cross([0.0, 1.0, 0.0], back)
     right /= np.linalg.norm(right)
@@ -66,7 +68,7 @@ def look_at(eye: Float, target: Float) -> Float:
 
 
 def perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
-    """(4, 4) OpenGL projection; ``field_of_view`` is vertical, radians."""
+    """Returns (4, 4) OpenGL projection; ``field_of_view`` is vertical, radians."""
     focal = 1 / math.tan(field_of_view / 2)
     depth = near - far
     return np.array(
@@ -80,7 +82,7 @@ def perspective(field_of_view: float, aspect: float, near: float, far: float) ->
 
 
 def orthographic(low: Float, high: Float) -> Float:
-    """(4, 4) OpenGL projection of the box between ``low`` and ``high``, (3,) each, camera frame."""
+    """Returns (4, 4) OpenGL projection of the box between ``low`` and ``high``, (3,) each, camera frame."""
     projection = np.eye(4)
     size = high - low
     projection[[0, 1, 2], [0, 1, 2]] = 2 / size[0], 2 / size[1], -2 / size[2]
@@ -93,7 +95,8 @@ def orthographic(low: Float, high: Float) -> Float:
 
 
 def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
-    """Metres from the middle of a box at which it fills the picture (a subject does not reach its corners).
+    """Returns metres from the middle of a box at which it fills the picture (a subject does not reach its
+    corners).
 
     Args:
         rows: (3, 3) the camera's axes (right, up, back) in the world.
@@ -121,52 +124,54 @@ class OrbitCamera:
         self._now = self._goal.copy()
 
     def orbit(self, across: float, up: float) -> None:
-        """Turn by ``across`` and ``up`` radians around the target; the camera stays above the floor."""
+        """Turns by ``across`` and ``up`` radians around the target; the camera stays above the floor."""
         self._goal[3] += across
         self._goal[4] = min(max(self._goal[4] + up, LOWEST), HIGHEST)
 
     @property
     def target(self) -> Float:
-        """(3,) metres, the point that the camera looks at now."""
+        """Returns (3,) metres, the point that the camera looks at now."""
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:
-        """Look from a side: radians around the target from +Z towards +X, and up."""
+        """Looks from a side: radians around the target from +Z towards +X, and up."""
         turns = round((self._goal[3] - azimuth) / (2 * math.pi))
         self._goal[3] = azimuth + 2 * math.pi * turns
         self._goal[4] = min(max(elevation, LOWEST), HIGHEST)
 
     @property
     def goal(self) -> tuple[float, float, float, float, float, float]:
-        """Where it is or goes: the target (metres), azimuth, elevation (radians), distance (metres)."""
+        """Returns where it is or goes: the target (metres), azimuth, elevation (radians), distance
+        (metres).
+        """
         x, y, z, azimuth, elevation, distance = map(float, self._goal)
         return x, y, z, azimuth, elevation, math.exp(distance)
 
     def go(self, target: Sequence[float], azimuth: float, elevation: float, distance: float) -> None:
-        """Go to a target (metres), and look at it from a side (radians) and a distance (metres)."""
+        """Goes to a target (metres), and look at it from a side (radians) and a distance (metres)."""
         self._goal[:3], self._goal[5] = target, math.log(distance)
         self.face(azimuth, elevation)
 
     def pan(self, across: float, up: float) -> None:
-        """Move the target by fractions of the picture's height to the right and up."""
+        """Moves the target by fractions of the picture's height to the right and up."""
         span = 2 * math.tan(self.field_of_view / 2) * math.exp(self._goal[5])
         rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
         self._goal[:3] += span * (across * rows[0] + up * rows[1])
         self._goal[1] = max(self._goal[1], 0.0)
 
     def move(self, way: Float) -> None:
-        """Move the target, and the eye with it, by (3,) metres."""
+        """Moves the target, and the eye with it, by (3,) metres."""
         self._goal[:3] += way
 
     def zoom(self, factor: float) -> None:
-        """Multiply the distance by ``factor`` (0.9 comes closer), between 0.2 and 60 metres."""
+        """Multiplies the distance by ``factor`` (0.9 comes closer), between 0.2 and 60 metres."""
         distance = self._goal[5] + math.log(factor)
         self._goal[5] = min(max(distance, math.log(0.2)), math.log(60))
 
     def frame(
         self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False, room: float = 1.0
     ) -> None:
-        """Bring a whole box into the picture; ``reset`` also goes back to the front right.
+        """Brings a whole box into the picture; ``reset`` also goes back to the front right.
 
         Args:
             room: how much larger than the box the picture is.
@@ -180,11 +185,11 @@ class OrbitCamera:
             self._now[:] = self._goal
 
     def advance(self, seconds: float) -> None:
-        """Ease towards the goal: the distance to it halves every 60 milliseconds."""
+        """Eases towards the goal: the distance to it halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
     def view(self, aspect: float) -> CameraView:
-        """The camera at this moment."""
+        """Returns the camera at this moment."""
         eye, target = self._eye_and_target(self._now)
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
@@ -225,7 +230,7 @@ class FilmCamera:
         self._seconds = 0.0
 
     def follow(self, box: Box, seconds: float, aspect: float) -> None:
-        """Let ``seconds`` of film pass while the subject fills ``box``; the first box is taken as it is."""
+        """Lets ``seconds`` of film pass while the subject fills ``box``; the first box is taken as it is."""
         centre, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
         if self._centre is None:
             self._centre, self._half = centre.copy(), half.copy()
@@ -251,5 +256,5 @@ class FilmCamera:
         self._orbit.advance(10.0)
 
     def view(self, aspect: float) -> CameraView:
-        """The camera at this moment."""
+        """Returns the camera at this moment."""
         return self._orbit.view(aspect)

@@ -35,11 +35,11 @@ class CameraMoves:
         self._subject = None
 
     def toggle_turntable(self) -> None:
-        """Go around, or stay."""
+        """Goes around, or stay."""
         self.turntable = not self.turntable
 
     def advance(self, camera: OrbitCamera, box: Box | None, seconds: float) -> None:
-        """Let seconds pass while the subject fills a box; without one the camera only goes around."""
+        """Lets seconds pass while the subject fills a box; without one the camera only goes around."""
         if self.turntable:
             camera.orbit(2 * math.pi * seconds / _ROUND, 0.0)
         if not self.follow or box is None:

@@ -47,7 +47,8 @@ def capsules_of(
     opacity: float,
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = MappingProxyType({}),
 ) -> Float32:
-    """(N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and opacity.
+    """Returns (N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and
+    opacity.
 
     Args:
         limbs: by the id of a body, sRGB colours of bones by their outer joint; others have the body's.
@@ -81,7 +82,9 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
 
 
 def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
-    """The uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and how many are filled."""
+    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and how many are
+    filled.
+    """
     block = np.zeros((3, MAX_BONES, 4), np.float32)
     rows = []
     for body in bodies:
@@ -134,7 +137,7 @@ class CapsulePass:
         ]
 
     def load(self, rows: Float32) -> None:
-        """Take the (N, 12) rows of :func:`capsules_of`."""
+        """Takes the (N, 12) rows of :func:`capsules_of`."""
         ball = (rows[:, 0:3] == rows[:, 4:7]).all(1)
         for number, some in enumerate((rows[~ball], rows[ball])):
             self._counts[number] = len(some)
@@ -143,7 +146,7 @@ class CapsulePass:
                 self._instances[number].write(np.ascontiguousarray(some))
 
     def render(self) -> None:
-        """Draw the loaded rows."""
+        """Draws the loaded rows."""
         for array, count in zip(self._arrays, self._counts, strict=True):
             if count:
                 array.render(moderngl.TRIANGLES, instances=count)
@@ -152,7 +155,7 @@ class CapsulePass:
 def capsule_template(
     segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
 ) -> tuple[Float32, Int32]:
-    """(N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
+    """Returns (N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
 
     Args:
         segments: faces around.

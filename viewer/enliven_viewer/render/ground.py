@@ -41,7 +41,7 @@ class GroundPass:
         self._backdrop = ctx.vertex_array(load_program(ctx, "backdrop.vert", "backdrop.frag"), [])
 
     def draw(self, target: moderngl.Framebuffer, stage: Float, shaded: Patch) -> None:
-        """Fill a framebuffer: the floor, then the backdrop where it leaves room.
+        """Fills a framebuffer: the floor, then the backdrop where it leaves room.
 
         Args:
             stage: (3,) metres, the middle of the pool of light.

@@ -26,7 +26,7 @@ PER_ROW = 256
 
 
 def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
-    """(J, 3) linear light on each transform of an actor; None where nothing is held.
+    """Returns (J, 3) linear light on each transform of an actor; None where nothing is held.
 
     Args:
         bodies: the ids of those in the picture, in the order of their tints.
@@ -46,7 +46,7 @@ def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = (
 
 
 def reach_of_points(character: Character) -> SkinWeights:
-    """How the light of four control points reaches each vertex at rest: the farther, the less."""
+    """Returns how the light of four control points reaches each vertex at rest: the farther, the less."""
     vertices, points = character.vertices, character.pivots[1:]
     away = np.linalg.norm(vertices[:, None] - points[None], axis=2)
     nearest = np.argsort(away, axis=1)[:, :4]
@@ -71,7 +71,7 @@ class HeldLight:
         self._written: Float32 | None = None
 
     def use(self, light: Float32) -> None:
-        """Bind the light (J, 3), written where it has changed."""
+        """Binds the light (J, 3), written where it has changed."""
         if self._written is None or not np.array_equal(light, self._written):
             self._staged[: len(light), :3] = light
             self._texture.write(self._staged)
@@ -79,5 +79,5 @@ class HeldLight:
         self._texture.use(UNITS["held"])
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Gives the GPU's memory back."""
         self._texture.release()

@@ -108,14 +108,14 @@ LOOKS: dict[LookName, StageLook] = {
 
 
 def to_key(settings: RenderSettings) -> Float:
-    """(3,) unit direction towards the key light."""
+    """Returns (3,) unit direction towards the key light."""
     around, up = math.radians(settings.light_around), math.radians(settings.light_up)
     level = math.cos(up)
     return np.array([math.sin(around) * level, math.sin(up), math.cos(around) * level])
 
 
 def look_rows(look: StageLook, settings: RenderSettings) -> Float:
-    """(7, 4) the vectors of the uniform block Frame that hold a look."""
+    """Returns (7, 4) the vectors of the uniform block Frame that hold a look."""
     bright = settings.brightness
     lights = [look.key, look.sky, look.bounce, look.rim, look.horizon, look.zenith, look.floor]
     rows = np.zeros((7, 4))
@@ -129,7 +129,9 @@ def look_rows(look: StageLook, settings: RenderSettings) -> Float:
 
 
 def light_shown_as(colour: str) -> Float:
-    """(3,) the light that the filmic curve of shaders/develop.glsl shows as a colour, such as "#22334a"."""
+    """Returns (3,) the light that the filmic curve of shaders/develop.glsl shows as a colour, such as
+    "#22334a".
+    """
     shown = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     y = np.minimum(shown, _WHITEST)
     a, b, c = 6.2 * (1 - y), 0.5 - 1.7 * y, -0.06 * y

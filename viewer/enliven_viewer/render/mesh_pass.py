@@ -36,7 +36,7 @@ class MeshPass:
         self._programs: dict[tuple[str, tuple[str, ...]], moderngl.Program] = {}
 
     def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene, eye: Float) -> None:
-        """Draw them before what the picture shows, which is seen through them where they are transparent.
+        """Draws them before what the picture shows, which is seen through them where they are transparent.
 
         Args:
             eye: (3,) metres; what is seen through is drawn from the farthest mesh to the nearest.
@@ -65,7 +65,7 @@ class MeshPass:
             self._draw_clear(picture, clear, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
-        """Draw the shadows of parts that have holes or are seen through; those of others are drawn."""
+        """Draws the shadows of parts that have holes or are seen through; those of others are drawn."""
         for mesh in meshes:
             for each in mesh.parts:
                 if each.part.alpha != "OPAQUE":
@@ -74,7 +74,7 @@ class MeshPass:
                     self._render(mesh, each, program)
 
     def _outline(self, mesh: SkinnedMesh) -> None:
-        """Draw a line around what is held of a mesh."""
+        """Draws a line around what is held of a mesh."""
         program = self._program("grip", ())
         program["pixels"] = max(_OUTLINE * self.height, 1.0)
         mesh.use_hold()
@@ -112,7 +112,7 @@ class MeshPass:
         revealing: bool,
         count: int,
     ) -> None:
-        """Blend parts over the picture; of one with two sides the far side first."""
+        """Blends parts over the picture; of one with two sides the far side first."""
         self.ctx.enable(moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
@@ -130,14 +130,14 @@ class MeshPass:
         self.ctx.disable(moderngl.BLEND)
 
     def _render(self, mesh: SkinnedMesh, each: DrawnPart, program: moderngl.Program) -> None:
-        """Draw a part with its textures."""
+        """Draws a part with its textures."""
         for name, held in each.textures.items():
             held.texture.use(UNITS[f"{name}_map"])
         set_uniform(program, "cutoff", each.part.cutoff)
         mesh.render(program, each)
 
     def _program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
-        """The program of two shaders with these defines."""
+        """Returns the program of two shaders with these defines."""
         if (name, defines) not in self._programs:
             program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)
             set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))

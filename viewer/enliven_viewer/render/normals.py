@@ -10,7 +10,7 @@ from enliven_viewer.render.surface import DrawnSurface
 
 
 def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
-    """(N, 6) float32 position and unit normal of each drawn vertex.
+    """Returns (N, 6) float32 position and unit normal of each drawn vertex.
 
     Faces count in a normal by their angle at rest, so that a mesh at rest looks as a skinned one does, and
     creases stay where they were.
@@ -49,7 +49,7 @@ def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: F
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Fill the rows: the normal at rest where faces have no area, the origin for vertices not finite."""
+    """Fills the rows: the normal at rest where faces have no area, the origin for vertices not finite."""
     for n in range(len(source)):
         for c in range(3):
             value = vertices[source[n], c]

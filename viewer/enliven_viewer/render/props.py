@@ -18,7 +18,7 @@ _FINENESS = {BOX: 2, BALL: 6}
 
 
 def prop_rows(props: Props | None, shape: int) -> Float32:
-    """(N, 14) float32 of one shape: xyz and bevel, turn (x, y, z, w), half edges, linear rgb."""
+    """Returns (N, 14) float32 of one shape: xyz and bevel, turn (x, y, z, w), half edges, linear rgb."""
     if props is None:
         return np.zeros((0, 14), np.float32)
     shown = (props.shapes == shape) & np.isfinite(props.positions).all(1)
@@ -64,7 +64,7 @@ class PropPass:
             )
 
     def load(self, props: Props | None) -> None:
-        """Load the props, or none."""
+        """Loads the props, or none."""
         for shape, buffer in self._rows.items():
             rows = prop_rows(props, shape)
             self._counts[shape] = len(rows)
@@ -73,14 +73,15 @@ class PropPass:
                 buffer.write(rows)
 
     def render(self) -> None:
-        """Draw the loaded rows."""
+        """Draws the loaded rows."""
         for shape, array in self._arrays.items():
             if self._counts[shape]:
                 array.render(moderngl.TRIANGLES, instances=self._counts[shape])
 
 
 def block_template(fineness: int) -> tuple[Float32, Int32]:
-    """(N, 6) unit directions and the corner (-1 or 1 along each axis) they belong to, and (F, 3) faces.
+    """Returns (N, 6) unit directions and the corner (-1 or 1 along each axis) they belong to, and (F, 3)
+    faces.
 
     A sphere made of a cube's six sides, ``2 fineness`` points along each, that is cut along the three planes
     between the corners: pulled apart, the cuts become the flat sides of a box.

@@ -21,13 +21,13 @@ _SQRT3 = math.sqrt(3.0)
 
 
 def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
-    """(8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
+    """Returns (8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
     return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
 
 
 def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
-    """(N, 3) metres, points that hold between them whatever of a scene casts a shadow.
+    """Returns (N, 3) metres, points that hold between them whatever of a scene casts a shadow.
 
     Args:
         capsules: (C, 12) rows of the bodies.
@@ -38,7 +38,7 @@ def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
 
 
 def marks_of(scene: Scene) -> Float:
-    """(N, 3) metres, points that hold between them the marks of a scene."""
+    """Returns (N, 3) metres, points that hold between them the marks of a scene."""
     if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
     return np.concatenate(
@@ -47,7 +47,7 @@ def marks_of(scene: Scene) -> Float:
 
 
 def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
-    """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
+    """Returns the pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
 
     Args:
         room: pixels to add around it.
@@ -82,7 +82,7 @@ def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Flo
 
 
 def _filled_by_props(props: Props | None) -> Float:
-    """(N, 3) metres, the corners of boxes around the props."""
+    """Returns (N, 3) metres, the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
     shown = np.isfinite(props.positions).all(1)

@@ -85,14 +85,14 @@ class Renderer:
         return self.picture.size
 
     def resize(self, size: Size) -> None:
-        """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
+        """Changes the picture's size; sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
             self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
             before.release()
 
     def draw(self, scene: Scene, view: CameraView) -> None:
-        """Draw a scene into :attr:`picture` and resolve it."""
+        """Draws a scene into :attr:`picture` and resolve it."""
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         self.textures.arrive()
         meshes = self._skinned(scene)
@@ -120,18 +120,18 @@ class Renderer:
         self._draw_matches(scene)
 
     def _draw_matches(self, scene: Scene) -> None:
-        """Draw the matched or driven chains over everything."""
+        """Draws the matched or driven chains over everything."""
         rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
             self._tubes.draw(self.picture, rows, deepest)
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the picture, top row first."""
+        """Returns (H, W, 3) sRGB of the picture, top row first."""
         return self.picture.pixels()
 
     def present(self, screen: moderngl.Framebuffer, corner: tuple[int, int] = (0, 0)) -> None:
-        """Copy the picture to a window's framebuffer, its lower left to ``corner`` (pixels from below)."""
+        """Copies the picture to a window's framebuffer, its lower left to ``corner`` (pixels from below)."""
         screen.viewport = (*corner, *self.size)
         screen.use()
         self._present["corner"] = corner
@@ -140,7 +140,7 @@ class Renderer:
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)
 
     def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
-        """The meshes of the scene in their poses; new characters are loaded, gone ones released."""
+        """Returns the meshes of the scene in their poses; new characters are loaded, gone ones released."""
         names = {actor.character.id for actor in scene.actors}
         glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
         for gone in set(self._meshes) - names:
@@ -162,7 +162,7 @@ class Renderer:
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: CameraView) -> Float:
-        """Fill the uniform block that every shader shares; returns (3,) the middle of the pool of light.
+        """Fills the uniform block that every shader shares; returns (3,) the middle of the pool of light.
 
         It follows the scene slowly.
         """
@@ -181,7 +181,7 @@ class Renderer:
         return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
-        """Draw and blur the key light's map and the floor's contact map."""
+        """Draws and blur the key light's map and the floor's contact map."""
         passes = (
             (self._shadow, self._light, _SHADOW_BLUR, 1.0),
             (self._contact, self._below, _CONTACT_BLUR, 0.0),
@@ -202,7 +202,7 @@ class Renderer:
             target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
 
     def _shaded(self, casters: Float) -> Patch:
-        """The part of the floor that blurred shadows of the casters may reach."""
+        """Returns the part of the floor that blurred shadows of the casters may reach."""
         texels = (
             (self._light, self.settings.shadow_size, _SHADOW_BLUR),
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
@@ -211,13 +211,13 @@ class Renderer:
         return shadow_bounds(casters, self._to_key, room / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
-        """Draw the props; the depth test orders them among the rest."""
+        """Draws the props; the depth test orders them among the rest."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()
 
     def _draw_bodies(self) -> None:
-        """Draw the bodies; faint ones cover a share of each pixel's samples, so that no order is needed."""
+        """Draws the bodies; faint ones cover a share of each pixel's samples, so that no order is needed."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
         set_uniform(self._body, "hidden", False)
@@ -226,7 +226,7 @@ class Renderer:
         self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """Draw the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
+        """Draws the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
         if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)

@@ -58,7 +58,7 @@ class SceneCharacter:
 
     @property
     def extent(self) -> Float32:
-        """(N, 3) metres, points of the character: the solved surface, or the pivots."""
+        """Returns (N, 3) metres, points of the character: the solved surface, or the pivots."""
         return self.pose.positions if self.vertices is None else self.vertices
 
 
@@ -76,17 +76,17 @@ class Scene:
 
     @property
     def box(self) -> Box | None:
-        """The box that a camera should show; None where the scene is empty."""
+        """Returns the box that a camera should show; None where the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
 
     @property
     def lit_box(self) -> Box | None:
-        """The box where shadows are drawn: a little more than :attr:`box`."""
+        """Returns the box where shadows are drawn: a little more than :attr:`box`."""
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
-        """A box with room around characters, bodies, and the loose things within reach of them."""
+        """Returns a box with room around characters, bodies, and the loose things within reach of them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
@@ -107,7 +107,8 @@ def scene_of(
     style: SceneStyle,
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
-    """The scene of one moment; a character without any pose, or with one that does not fit, is at rest.
+    """Returns the scene of one moment; a character without any pose, or with one that does not fit, is at
+    rest.
 
     One that has poses at other moments alone had not come yet, or had gone: it is not drawn.
 
@@ -134,7 +135,7 @@ def scene_of(
 
 
 def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
-    """(N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
+    """Returns (N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
 
     A thing that rolls away is followed less and less, and not at all beyond twice the reach.
     """
@@ -146,6 +147,6 @@ def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
 
 
 def corners(box: Box) -> Float:
-    """(8, 3) the corners of a box."""
+    """Returns (8, 3) the corners of a box."""
     grid = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
     return np.where(grid == 0, box[0], box[1]).astype(np.float64)

@@ -24,7 +24,7 @@ class Showing:
         self._since: float | None = None
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
-        """The style at a moment, ``second`` seconds after any beginning, of what is wanted."""
+        """Returns the style at a moment, ``second`` seconds after any beginning, of what is wanted."""
         shown = self._shown(moment, second)
         body = shown
         if moment is not None and moment.props is not None and self._when != "never":
@@ -49,6 +49,6 @@ class Showing:
 
 
 def _choosing(moment: TimelineMoment) -> bool:
-    """Whether a performer sees what would be held now, beside what is."""
+    """Returns True if a performer sees what would be held now, beside what is."""
     previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
     return previewed or any(board.state == "choosing" for board in moment.boards.values())

@@ -110,7 +110,7 @@ class SkinnedMesh:
         self._drawn: dict[tuple[int, int], moderngl.VertexArray] = {}
 
     def skin(self, pose: Pose) -> None:
-        """Move the vertices into a pose of this character."""
+        """Moves the vertices into a pose of this character."""
         self._placed = None
         matrices = pose.matrices(self.character.pivots)
         self._staged[: len(matrices)] = np.nan_to_num(matrices, posinf=0.0, neginf=0.0)
@@ -119,13 +119,13 @@ class SkinnedMesh:
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
 
     def place(self, vertices: Float32) -> None:
-        """Put the vertices (V, 3), metres in the world, where a solver put them."""
+        """Puts the vertices (V, 3), metres in the world, where a solver put them."""
         if vertices is not self._placed:
             self._skinned.write(solved_rows(vertices, self.character.faces, self._surface))
         self._placed = vertices
 
     def hull(self) -> Float:
-        """(K, 3) metres, points that hold every vertex between them where it is now.
+        """Returns (K, 3) metres, points that hold every vertex between them where it is now.
 
         A skinned vertex lies between the places to which each of its transforms alone would move it.
         """
@@ -137,13 +137,13 @@ class SkinnedMesh:
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
     def render(self, program: moderngl.Program, part: DrawnPart) -> None:
-        """Draw the triangles of a part with a program that takes ``in_position`` and perhaps more."""
+        """Draws the triangles of a part with a program that takes ``in_position`` and perhaps more."""
         self._array(program, self._faces).render(
             moderngl.TRIANGLES, vertices=3 * part.count, first=3 * part.start
         )
 
     def render_all(self, program: moderngl.Program, *, coarse: bool = False) -> None:
-        """Draw whatever is solid with one program that takes ``in_position`` alone.
+        """Draws whatever is solid with one program that takes ``in_position`` alone.
 
         Args:
             coarse: draw a few centimetres' detail only, and all of it.
@@ -159,35 +159,35 @@ class SkinnedMesh:
             self._ctx.disable(moderngl.CULL_FACE)
 
     def hold(self, light: Float32 | None) -> None:
-        """Set the light (J, 3) on each transform for the pictures from here on; None for no light."""
+        """Sets the light (J, 3) on each transform for the pictures from here on; None for no light."""
         self.held = light is not None
         if light is not None:
             self._held = self._held or HeldLight(self._ctx, len(self.character.pivots))
             self._light = light
 
     def use_hold(self) -> None:
-        """Bind the light on the transforms."""
+        """Binds the light on the transforms."""
         if self._held is not None:
             self._held.use(self._light)
 
     @cached_property
     def _grip(self) -> list[moderngl.Buffer]:
-        """Which transforms light each drawn vertex, and how much."""
+        """Returns which transforms light each drawn vertex, and how much."""
         if self.character.kind != "points":
             return self._inputs[1:]
         reach, source = reach_of_points(self.character), self._surface.source
         return [self._ctx.buffer(part[source].tobytes()) for part in (reach.indices, reach.weights)]
 
     def positions(self) -> Float32:
-        """(N, 3) the skinned vertices, read back; copies along creases included."""
+        """Returns (N, 3) the skinned vertices, read back; copies along creases included."""
         return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, :3]
 
     def normals(self) -> Float32:
-        """(N, 3) the skinned unit normals, read back."""
+        """Returns (N, 3) the skinned unit normals, read back."""
         return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, 3:]
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Gives the GPU's memory back."""
         buffers = [*self._inputs, self._faces, self._coarse_faces, self._paint, self._skinned]
         for array in (*self._drawn.values(), self._skin):
             array.release()
@@ -230,7 +230,9 @@ class SkinnedMesh:
 
 
 def boxes_of(character: Character) -> Float32:
-    """(J, 8, 3) metres: the corners of the box at rest around what each transform moves; NaN for nothing."""
+    """Returns (J, 8, 3) metres: the corners of the box at rest around what each transform moves; NaN for
+    nothing.
+    """
     moves = character.skin.weights.reshape(-1) > 0
     nodes = character.skin.indices.reshape(-1)[moves]
     order = np.argsort(nodes, kind="stable")
@@ -243,5 +245,5 @@ def boxes_of(character: Character) -> Float32:
 
 
 def _skipped(size: str) -> str:
-    """The padding in place of floats that a program does not take."""
+    """Returns the padding in place of floats that a program does not take."""
     return f"{4 * int(size[0])}x"

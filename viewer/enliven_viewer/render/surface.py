@@ -46,7 +46,7 @@ class DrawnSurface:
 def split_creases(
     vertices: Float32, faces: Int32, crease: float = math.radians(45), keys: Int32 | None = None
 ) -> DrawnSurface:
-    """Smooth normals that break where two faces meet at more than ``crease`` radians.
+    """Smooths normals that break where two faces meet at more than ``crease`` radians.
 
     Two faces share a normal at a vertex when a fan of faces with milder edges joins them. Vertices at the
     same place count as one for this, so that a file with unshared vertices is smooth as well.
@@ -79,7 +79,9 @@ def split_creases(
 
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
-    """Whether the mesh is closed with its faces outwards, so that the backs of faces are never seen."""
+    """Returns True if the mesh is closed with its faces outwards, so that the backs of faces are never
+    seen.
+    """
     if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
@@ -87,7 +89,9 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
 
 
 def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
-    """(G, 3) fewer faces over the same vertices: those of a cube of ``cell`` metres stand for one another."""
+    """Returns (G, 3) fewer faces over the same vertices: those of a cube of ``cell`` metres stand for one
+    another.
+    """
     key = np.floor(vertices / cell).astype(np.int64)
     key -= key.min(0)
     x, y, z = (int(size) for size in key.max(0) + 1)
@@ -99,7 +103,7 @@ def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
 
 
 def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
-    """(F, 3) the same faces, those that lie together one after the other (along Morton's curve).
+    """Returns (F, 3) the same faces, those that lie together one after the other (along Morton's curve).
 
     What draws keeps the last few vertices that it moved; a face that shares one with the face before it
     costs less. Software OpenGL moved each vertex of a scanned mesh three times, and so moves it 1.2 times.

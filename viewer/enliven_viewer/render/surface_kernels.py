@@ -207,7 +207,7 @@ def summed(group, count, normals, angles):
 
 @njit(cache=True, nogil=True)
 def bounds_something(faces, vertices):
-    """Whether every edge is there once in each direction."""
+    """Returns True if every edge is there once in each direction."""
     keys, _ = _room(3 * len(faces))
     for f in range(len(faces)):
         for k in range(3):

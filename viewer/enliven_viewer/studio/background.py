@@ -30,7 +30,7 @@ class WorkProgress:
         self.cancelled = False
 
     def report(self, share: float) -> None:
-        """Note how far the work is; call it often.
+        """Notes how far the work is; call it often.
 
         Raises:
             Cancelled: if the artist has cancelled it.
@@ -57,7 +57,7 @@ class BackgroundTask:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being done."""
+        """Returns True if something is being done."""
         return self._work is not None
 
     def begin(
@@ -67,7 +67,7 @@ class BackgroundTask:
         then: Callable[[Any], object],
         progress: WorkProgress | None = None,
     ) -> None:
-        """Begin ``work`` in the thread; ``then`` takes its result in the window's own.
+        """Begins ``work`` in the thread; ``then`` takes its result in the window's own.
 
         Args:
             progress: how far it is, if that is shown and it can be cancelled.
@@ -81,7 +81,7 @@ class BackgroundTask:
         self._toasts.say(f"{said} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
-        """Give up the work: its result is dropped, and other work can begin at once."""
+        """Gives up the work: its result is dropped, and other work can begin at once."""
         if self._work is None or self.progress is None:
             return
         self.progress.cancelled = True
@@ -94,7 +94,7 @@ class BackgroundTask:
         )
 
     def poll(self) -> None:
-        """Take a finished result, or tell what went wrong; to be called once a picture."""
+        """Takes a finished result, or tells what went wrong; to be called once a picture."""
         if self._work is None or not self._work[0].done():
             return
         (work, then), self._work = self._work, None
@@ -106,7 +106,7 @@ class BackgroundTask:
             self._toasts.tell(error, tr("Nothing was changed."))
 
     def finish(self) -> None:
-        """Wait for it: before the window ends, and in sessions without a window."""
+        """Waits for it: before the window ends, and in sessions without a window."""
         if self._work is not None:
             self._work[0].exception()
             self.poll()

@@ -35,7 +35,7 @@ class Desktop:
         self._fit()
 
     def follow(self) -> None:
-        """Open what was dropped, and show the project's name; to be called once a picture."""
+        """Opens what was dropped, and shows the project's name; to be called once a picture."""
         dropped, self._dropped = self._dropped, []
         self._workspace.drop(dropped)
         title = self._workspace.store.title
@@ -44,7 +44,7 @@ class Desktop:
             glfw.set_window_title(self._window, title)
 
     def lay_out(self) -> None:
-        """Let the window be laid out in usual pixels; to be called right after a new frame of ImGui."""
+        """Lets the window be laid out in usual pixels; to be called right after a new frame of ImGui."""
         io, view = imgui.get_io(), imgui.get_main_viewport()
         raw, own = io.display_size, io.display_framebuffer_scale
         wanted = self._density() * self._workspace.preferences.text_size
@@ -58,13 +58,15 @@ class Desktop:
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
     def _density(self) -> float:
-        """Pixels of the window over usual pixels; 1 on Macs, where windows count in usual pixels anyway."""
+        """Returns pixels of the window over usual pixels; 1 on Macs, where windows count in usual pixels
+        anyway.
+        """
         dense = glfw.get_window_content_scale(self._window)[0]
         across = glfw.get_window_size(self._window)[0]
         return dense * across / max(glfw.get_framebuffer_size(self._window)[0], 1) if across else 1.0
 
     def _fit(self) -> None:
-        """Give the window its usual size on a dense screen, as far as the screen has room."""
+        """Gives the window its usual size on a dense screen, as far as the screen has room."""
         monitor = glfw.get_primary_monitor()
         if self.scale == 1.0 or not monitor:
             return
@@ -73,7 +75,7 @@ class Desktop:
         glfw.set_window_size(self._window, min(size[0], room[2]), min(size[1], room[3]))
 
     def _listen(self) -> None:
-        """Count the pointer's places in usual pixels; it stays in the window while a button is held."""
+        """Counts the pointer's places in usual pixels; it stays in the window while a button is held."""
         library = glfw._glfw  # ImGui's own callbacks are known to the library alone
         before: list[Any] = []
 

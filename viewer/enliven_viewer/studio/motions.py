@@ -16,5 +16,5 @@ MOTIONS = Path(__file__).resolve().parent / "motions.enliven"
 
 
 def library() -> tuple[Clip, ...]:
-    """Every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
+    """Returns every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
     return tuple(read_project(MOTIONS).takes.values())

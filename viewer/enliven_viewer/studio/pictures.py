@@ -46,14 +46,14 @@ class WindowPictures:
         self.glances = GlancePictures(context)
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
+        """Returns (H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
         width, height = _framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
         _ = self.viewport.renderer.ctx.error  # moderngl asks a window for buffers that it lacks
         return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
 
     def draw(self, area: Area) -> None:
-        """Draw the stage in a part of the window, and what the panels show."""
+        """Draws the stage in a part of the window, and what the panels show."""
         workspace = self.workspace
         editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
         self.source.renderer.look = look_in_theme("studio")
@@ -83,7 +83,7 @@ class WindowPictures:
         self._screen.viewport = (0, 0, wide, high)
 
     def _draw_source(self) -> None:
-        """Draw the take while motion is mapped, or the performer while a puppet is edited."""
+        """Draws the take while motion is mapped, or the performer while a puppet is edited."""
         tool = self.workspace.input.tool
         if edits_puppet(self.workspace):
             self._draw_performer()
@@ -94,7 +94,7 @@ class WindowPictures:
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StandingCharacter], live: Scene | None) -> None:
-        """Draw the limb that is about to be held from the side; performing needs no picture of a take."""
+        """Draws the limb that is about to be held from the side; performing needs no picture of a take."""
         workspace = self.workspace
         place = place_of_side_view(workspace, area)
         lens = workspace.perform.close_up.lens(place.width, place.height)
@@ -106,7 +106,7 @@ class WindowPictures:
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
 
     def _draw_performer(self) -> None:
-        """Draw the performer of the puppet, and key poses that were asked for."""
+        """Draws the performer of the puppet, and key poses that were asked for."""
         view = self.workspace.performer
         view.follow()
         self.thumbnails.work()
@@ -117,7 +117,7 @@ class WindowPictures:
 
 
 def edits_puppet(workspace: Workspace) -> bool:
-    """Whether a puppet is edited; its performer and its key poses are shown then."""
+    """Returns True if a puppet is edited; its performer and its key poses are shown then."""
     return (
         workspace.puppets.puppet is not None
         and workspace.perform.room in ("Animate", "Model")
@@ -127,18 +127,18 @@ def edits_puppet(workspace: Workspace) -> bool:
 
 
 def hides_live(workspace: Workspace) -> bool:
-    """Whether what is live is hidden by its eye, which holds outside performing."""
+    """Returns True if what is live is hidden by its eye, which holds outside performing."""
     return workspace.outliner.live_hidden and workspace.perform.room in ("Animate", "Model")
 
 
 def _dense(wide: float, high: float) -> tuple[int, int]:
-    """Pixels of the screen for a width and height in usual ones, one at least."""
+    """Returns pixels of the screen for a width and height in usual ones, one at least."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(wide * scale), 1), max(round(high * scale), 1)
 
 
 def _framebuffer_size() -> tuple[int, int]:
-    """Pixels of the screen that the window has."""
+    """Returns pixels of the screen that the window has."""
     io = imgui.get_io()
     scale = io.display_framebuffer_scale
     return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)

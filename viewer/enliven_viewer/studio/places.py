@@ -46,7 +46,7 @@ class Area(NamedTuple):
     height: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a pixel is inside."""
+        """Returns True if a pixel is inside."""
         return self.x <= x < self.x + self.width and self.y <= y < self.y + self.height
 
 

@@ -26,7 +26,7 @@ class PointerPath:
         del self._told[:-_MOST]
 
     def take(self, at: Spot) -> list[Spot]:
-        """The places up to the one where ImGui has the pointer, which is the last."""
+        """Returns the places up to the one where ImGui has the pointer, which is the last."""
         if at not in self._told:
             self._told.clear()  # it was moved without an event, as by a test
             return [at]

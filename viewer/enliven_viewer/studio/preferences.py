@@ -88,7 +88,7 @@ class Preferences:
         self._begun = self._chosen()
 
     def save(self) -> None:
-        """Write the file; where it cannot be written, the choices hold until the program ends."""
+        """Writes the file; where it cannot be written, the choices hold until the program ends."""
         if self.refusal is not None:
             return
         chosen = self._chosen()
@@ -101,35 +101,35 @@ class Preferences:
             log.warning("preferences are not kept: %s", error)
 
     def resize(self, steps: int) -> None:
-        """Make text, and the layout with it, some steps larger; below 0 smaller."""
+        """Makes text, and the layout with it, some steps larger; below 0 smaller."""
         nearest = min(range(len(SIZES)), key=lambda k: abs(SIZES[k] - self.text_size))
         self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
         self.save()
 
     def calm(self) -> None:
-        """Let the view turn at once, or let it glide again."""
+        """Lets the view turn at once, or let it glide again."""
         self.less_motion = not self.less_motion
         self.save()
 
     def paint(self, theme: str = "", colours: str = "") -> None:
-        """Use another theme, or another set of colours, at once; empty leaves it unchanged."""
+        """Uses another theme, or another set of colours, at once; empty leaves it unchanged."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = theme_in_use()
         self.save()
 
     def speak(self, language: str) -> None:
-        """Use another language at once."""
+        """Uses another language at once."""
         speak(language)
         self.language = language_in_use()
         self.save()
 
     def watch_performer(self) -> None:
-        """Show the performers in a corner of the picture, or no longer."""
+        """Shows the performers in a corner of the picture, or no longer."""
         self.performer = not self.performer
         self.save()
 
     def opened(self, path: Path) -> None:
-        """Put a file first among the recent ones."""
+        """Puts a file first among the recent ones."""
         name = str(path.resolve())
         self.recent = [name, *(one for one in self.recent if one != name)][:_RECENT]
         self.save()

@@ -34,16 +34,16 @@ class Toasts:
         self.shown: tuple[Toast, ...] = ()
 
     def say(self, text: str, mend: str = "") -> None:
-        """Tell of something that was done."""
+        """Tells of something that was done."""
         self._add(Toast(text, mend, False, self._seconds))
 
     def complain(self, error: EnlivenError) -> None:
-        """Tell of something that could not be done."""
+        """Tells of something that could not be done."""
         what = f"{error.where}: {error.what}" if error.where else error.what
         self._add(Toast(what, error.mend, True, 2 * self._seconds))
 
     def tell(self, error: BaseException, mend: str = "") -> EnlivenError:
-        """Tell of anything that went wrong: a fault of our own too, since the window must not end by it."""
+        """Tells of anything that went wrong: a fault of our own too, since the window must not end by it."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
             what = tr("a fault of enliven itself{0}; the log says more", place_of(error))
@@ -52,7 +52,7 @@ class Toasts:
         return error
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
+        """Lets time pass."""
         older = (Toast(t.text, t.mend, t.bad, t.left - seconds) for t in self.shown)
         self.shown = tuple(t for t in older if t.left > 0)
 

@@ -95,7 +95,7 @@ class StudioWindow:
         after: Callable[[StudioWindow], None] | None = None,
         register_tests: Callable[[], None] | None = None,
     ) -> None:
-        """Show the window until it is closed.
+        """Shows the window until it is closed.
 
         Args:
             seconds: close it after so long.
@@ -167,16 +167,18 @@ class StudioWindow:
                 self.workspace.store.autosave_now()
 
     def close(self) -> None:
-        """Close the window after this picture."""
+        """Closes the window after this picture."""
         hello_imgui.get_runner_params().app_shall_exit = True
 
     def _may_close(self) -> bool:
-        """Whether the window's own button may close it; with unsaved work a dialogue opens instead."""
+        """Returns True if the window's own button may close it; with unsaved work a dialogue opens
+        instead.
+        """
         self.workspace.ask("quit")
         return self.workspace.ended
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
+        """Returns (H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
         assert self._pictures is not None
         return self._pictures.pixels()
 
@@ -188,17 +190,19 @@ class StudioWindow:
 
     @property
     def places(self) -> Places:
-        """The layout of the panels at the window's size."""
+        """Returns the layout of the panels at the window's size."""
         return places_of(self.workspace, bare=self.opening.bare or self.audience)
 
     @property
     def audience(self) -> bool:
-        """Whether nothing but the performance is shown, since the window fills the screen of an audience."""
+        """Returns True if nothing but the performance is shown, since the window fills the screen of an
+        audience.
+        """
         return self.opening.audience and self._windowed is not None
 
     @property
     def _idle(self) -> bool:
-        """Whether nothing moves, so that few pictures a second are enough."""
+        """Returns True if nothing moves, so that few pictures a second are enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
         still = still and not self._idle_loop.loss
@@ -212,7 +216,7 @@ class StudioWindow:
         self.desktop = Desktop(self.workspace)
 
     def _picture(self) -> None:
-        """Let time go on, and draw the 3-D picture in the middle of the window."""
+        """Lets time go on, and draw the 3-D picture in the middle of the window."""
         now = time.monotonic()
         elapsed = elapsed_since(self._last, now) if self.step is None else self.step
         self._last = now
@@ -235,7 +239,7 @@ class StudioWindow:
         self._pictures.draw(area)
 
     def _gui(self) -> None:
-        """Draw the panels, and pass the input beside them to the viewport."""
+        """Draws the panels, and passes the input beside them to the viewport."""
         places, pictures = self.places, self._pictures
         assert pictures is not None
         if self.audience and not self.opening.bare:
@@ -287,7 +291,7 @@ class StudioWindow:
                     self._key(modifiers + name)
 
     def _key(self, key: str) -> None:
-        """Do what a key means: of the window itself, or of the workspace."""
+        """Does what a key means: of the window itself, or of the workspace."""
         if key == "f11":
             self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)
         elif (

@@ -18,7 +18,7 @@ MEND = {
 
 
 def offscreen_context() -> moderngl.Context:
-    """A context that draws into memory: EGL on Linux, the system's own elsewhere.
+    """Returns a context that draws into memory: EGL on Linux, the system's own elsewhere.
 
     Raises:
         ResourceError: where OpenGL 3.3 is missing.
@@ -31,7 +31,7 @@ def offscreen_context() -> moderngl.Context:
 
 
 def window_context() -> moderngl.Context:
-    """The context of the window that is current in this thread.
+    """Returns the context of the window that is current in this thread.
 
     Raises:
         ResourceError: where it is older than OpenGL 3.3.

@@ -27,7 +27,7 @@ UNITS = {
 
 
 def shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
-    """The text of one shader file; ``#version`` comes first, whatever comment stands above it.
+    """Returns the text of one shader file; ``#version`` comes first, whatever comment stands above it.
 
     Args:
         defines: names for ``#ifdef``. A branch on a uniform costs a software renderer both of its sides.
@@ -47,7 +47,7 @@ def load_program(
     varyings: tuple[str, ...] = (),
     defines: tuple[str, ...] = (),
 ) -> moderngl.Program:
-    """A program of two shader files; ``varyings`` are captured when there is no fragment shader."""
+    """Returns a program of two shader files; ``varyings`` are captured when there is no fragment shader."""
     program = ctx.program(
         vertex_shader=shader_source(vertex, defines),
         fragment_shader=shader_source(fragment, defines) if fragment else None,
@@ -63,6 +63,6 @@ def load_program(
 
 
 def set_uniform(program: moderngl.Program, name: str, value: object) -> None:
-    """Set a uniform that the compiler may have removed because nothing needs it."""
+    """Sets a uniform that the compiler may have removed because nothing needs it."""
     if name in program:
         program[name] = value

@@ -7,12 +7,12 @@ Region = tuple[int, int, int, int]
 
 
 def full_region(size: tuple[int, int]) -> Region:
-    """All of a picture of this size."""
+    """Returns all of a picture of this size."""
     return 0, 0, *size
 
 
 def regions_around(region: Region, size: tuple[int, int]) -> list[Region]:
-    """The rest of a picture around a region, as at most four regions."""
+    """Returns the rest of a picture around a region, as at most four regions."""
     x, y, width, height = region
     right, top = x + width, y + height
     rest = [

@@ -44,39 +44,39 @@ class RenderTarget:
             self._own += [colour, depth, self.drawn, self.resolved]
 
     def begin(self, region: Region) -> None:
-        """Draw before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
+        """Draws before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
         self.region = region
         self._take_over(region)
         self.drawn.use()
 
     def write_depth(self, on: bool) -> None:
-        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
+        """Turns writing to the depth buffer on or off; moderngl applies the mask with a bind."""
         self.drawn.depth_mask = on
         self.drawn.use()
 
     def widen(self) -> None:
-        """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
+        """Draws over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
         for rest in regions_around(self.region, self.size):
             self._take_over(rest)
         self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
-        """Fill the samples of a region with the ground and its depth."""
+        """Fills the samples of a region with the ground and its depth."""
         if self.drawn is not self.ground:
             self.drawn.scissor = region
             self.drawn.use()
             self.ctx.copy_framebuffer(self.drawn, self.ground)
 
     def resolve(self) -> None:
-        """Average the samples of the region into the picture."""
+        """Averages the samples of the region into the picture."""
         if self.drawn is not self.resolved:
             self.drawn.use()  # whose region bounds the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
             self.resolved.use()  # else the next framebuffer would be cleared in this region only
 
     def behind(self) -> moderngl.Texture:
-        """The picture so far as a texture, which a transparent mesh drawn next shows."""
+        """Returns the picture so far as a texture, which a transparent mesh drawn next shows."""
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()
@@ -89,27 +89,27 @@ class RenderTarget:
         return self._seen[0]
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the resolved picture, top row first."""
+        """Returns (H, W, 3) sRGB of the resolved picture, top row first."""
         return upright(self.raw())
 
     def raw(self) -> UInt8:
-        """(H, W, 4) the resolved picture as OpenGL keeps it, bottom row first."""
+        """Returns (H, W, 4) the resolved picture as OpenGL keeps it, bottom row first."""
         width, height = self.size
         return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Gives the GPU's memory back."""
         for item in reversed(self._own):
             item.release()  # type: ignore[attr-defined]
 
 
 def upright(raw: UInt8) -> UInt8:
-    """(H, W, 3) sRGB, top row first, of a picture as OpenGL keeps it, (H, W, 4)."""
+    """Returns (H, W, 3) sRGB, top row first, of a picture as OpenGL keeps it, (H, W, 4)."""
     return np.ascontiguousarray(raw[::-1, :, :3])
 
 
 def _available(ctx: moderngl.Context, wanted: int) -> int:
-    """The largest number of samples up to ``wanted``; 0 for none."""
+    """Returns the largest number of samples up to ``wanted``; 0 for none."""
     limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
     return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
 
@@ -129,11 +129,11 @@ class SoftMap:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """The blurred map."""
+        """Returns the blurred map."""
         return self._maps[0]
 
     def begin(self, value: float) -> None:
-        """Clear to (value, value) and draw here until :meth:`blur`."""
+        """Clears to (value, value) and draw here until :meth:`blur`."""
         for buffer in reversed(self._buffers):
             buffer.scissor = full_region((self.size, self.size))
             buffer.use()
@@ -142,7 +142,7 @@ class SoftMap:
         self.ctx.depth_func = "<"
 
     def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
-        """Blur by nine-tap Gaussians one after the other, their taps ``widths`` texels apart.
+        """Blurs by nine-tap Gaussians one after the other, their taps ``widths`` texels apart.
 
         Args:
             drawn: holds what was drawn, with :func:`reach_of` the widths around it.

@@ -67,7 +67,7 @@ class SurfaceMaterial:
 
 
 def material_of(definition: str) -> SurfaceMaterial:
-    """The material of a glTF material's JSON object."""
+    """Returns the material of a glTF material's JSON object."""
     value = json.loads(definition)
     own = _table(value, "pbrMetallicRoughness")
     extensions = _table(value, "extensions")
@@ -121,13 +121,13 @@ def _map(value: dict[str, Any], name: str) -> Map | None:
 
 
 def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """An object within an object; empty where it is something else."""
+    """Returns an object within an object; empty where it is something else."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 
 
 def _number(value: dict[str, Any], name: str, usual: float, most: float, least: float = 0.0) -> float:
-    """A number within its bounds; ``usual`` where it is none."""
+    """Returns a number within its bounds; ``usual`` where it is none."""
     given = value.get(name)
     good = isinstance(given, (int, float)) and not isinstance(given, bool)
     return min(max(float(given), least), most) if good else usual

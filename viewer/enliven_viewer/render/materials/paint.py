@@ -36,7 +36,9 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """(3 F, K) bits by which two corners of one vertex are drawn as two; None where all corners are alike."""
+    """Returns (3 F, K) bits by which two corners of one vertex are drawn as two; None where all corners are
+    alike.
+    """
     own = character.materials
     if own is None:
         return None
@@ -49,7 +51,7 @@ def paint_keys(character: Character) -> Int32 | None:
 
 
 def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
-    """The colours of a character's drawn vertices, and which faces are drawn together."""
+    """Returns the colours of a character's drawn vertices, and which faces are drawn together."""
     own = character.materials
     rows = np.zeros((len(surface.source), 13), np.float32)
     rows[:, 4:7] = _linear_colours(character)[surface.source]
@@ -76,7 +78,7 @@ def _paint(
     parts: list[Part],
     surface: DrawnSurface,
 ) -> None:
-    """Fill the rows of the corners that have a material."""
+    """Fills the rows of the corners that have a material."""
     face, corner = np.divmod(surface.corner, 3)
     of = own.of[face]
     for k, (material, part) in enumerate(zip(materials[:-1], parts, strict=False)):
@@ -93,7 +95,7 @@ def _paint(
 
 
 def _linear_colours(character: Character) -> Float32:
-    """(V, 3) float32 linear light of the character's colours."""
+    """Returns (V, 3) float32 linear light of the character's colours."""
     colours = character.colours
     if colours is None:
         colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))

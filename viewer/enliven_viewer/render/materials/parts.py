@@ -37,7 +37,7 @@ class Part:
 
     @property
     def rank(self) -> int:
-        """Its place in the order of drawing: what is solid first, what is seen through last."""
+        """Returns its place in the order of drawing: what is solid first, what is seen through last."""
         return _ORDER.index(self.alpha)
 
     @property
@@ -55,7 +55,7 @@ class Part:
 
 
 def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
-    """The part that each material is drawn in.
+    """Returns the part that each material is drawn in.
 
     A texture with a third placing takes the first one, and one without coordinates is left out.
 

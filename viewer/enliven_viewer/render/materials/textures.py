@@ -72,7 +72,7 @@ class Textures:
         self._pool: ThreadPoolExecutor | None = None
 
     def take(self, source: Texture, name: str) -> HeldTexture:
-        """The texture for a map of a material, which is used until it is given back."""
+        """Returns the texture for a map of a material, which is used until it is given back."""
         key = id(source), name in _COLOURS
         if key not in self._held:
             self._held[key] = self._begun(source, key[1])
@@ -80,7 +80,7 @@ class Textures:
         return self._held[key]
 
     def arrive(self) -> None:
-        """Take the pictures that were decoded meanwhile; to be called once a picture."""
+        """Takes the pictures that were decoded meanwhile; to be called once a picture."""
         for (_, colours), held in self._held.items():
             if held.decoding is not None and held.decoding.done():
                 pixels, held.decoding = held.decoding.result(), None
@@ -95,7 +95,7 @@ class Textures:
         return HeldTexture(self._uploaded(source, colours, _WHITE), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
-        """Count one user less; a texture without any leaves the GPU."""
+        """Counts one user less; a texture without any leaves the GPU."""
         key = id(source), name in _COLOURS
         held = self._held[key]
         held.users -= 1
@@ -120,7 +120,7 @@ class Textures:
 
 
 def mirrored(source: Texture) -> tuple[bool, bool]:
-    """Whether a texture goes on mirrored across and down: it is kept unfolded, twice as long."""
+    """Returns True if a texture goes on mirrored across and down: it is kept unfolded, twice as long."""
     sampler = _sampler(source)
     return sampler.get("wrapS") == _MIRROR, sampler.get("wrapT") == _MIRROR
 
@@ -130,7 +130,7 @@ def _sampler(source: Texture) -> dict[str, object]:
 
 
 def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
-    """The picture and its mirror image in a row, in the ways in which it goes on mirrored."""
+    """Returns the picture and its mirror image in a row, in the ways in which it goes on mirrored."""
     for axis, way in ((1, "wrapS"), (0, "wrapT")):
         if sampler.get(way) == _MIRROR:
             pixels = np.concatenate([pixels, np.flip(pixels, axis)], axis)
@@ -138,7 +138,7 @@ def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
 
 
 def _pixels(source: Texture, most: int) -> UInt8:
-    """(H, W, 4) a decoded texture, its sides at most so long; white where it cannot be read."""
+    """Returns (H, W, 4) a decoded texture, its sides at most so long; white where it cannot be read."""
     try:
         with opened_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MOST_PIXELS:

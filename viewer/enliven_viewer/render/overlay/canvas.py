@@ -43,7 +43,7 @@ class Pen:
     def text(
         self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
     ) -> float:
-        """Add text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+        """Adds text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
 
         Args:
             wrap: pixels of a line at most, broken between words; 0 for one line.
@@ -84,7 +84,7 @@ class Canvas(Pen):
         imgui.backends.opengl3_init("#version 330")
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Gives the GPU's memory back."""
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()
         imgui.destroy_context(self._imgui)

@@ -30,7 +30,7 @@ _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
 def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
-    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
+    """Returns (A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
 
     Args:
         bodies: the ids of those in the picture, in the order of their tints.
@@ -50,7 +50,9 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
 
 
 def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
-    """(A, 3) linear light of attachment points, as :func:`cue_rows`: as the skeletons of their performers."""
+    """Returns (A, 3) linear light of attachment points, as :func:`cue_rows`: as the skeletons of their
+    performers.
+    """
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
     tints = linear_from_srgb(np.array(PERFORMERS, float))
@@ -59,7 +61,9 @@ def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
 
 
 def node_rows(actor: SceneCharacter, strength: float) -> Float32:
-    """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
+    """Returns (N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control
+    points.
+    """
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions
     rows = np.empty((len(places), 8), np.float32)
@@ -84,7 +88,7 @@ class Marks:
         self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
 
     def draw(self, scene: Scene) -> None:
-        """Draw graphs as strongly as the scene's style says, then attachment points; hidden ones fainter."""
+        """Draws graphs as strongly as the scene's style says, then attachment points; hidden ones fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         if scene.style.graph > 0:

@@ -18,7 +18,7 @@ _DEEP = 0.3
 
 
 def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
-    """(N, 12) rows for ``Tubes``, and how deep they show through, metres."""
+    """Returns (N, 12) rows for ``Tubes``, and how deep they show through, metres."""
     rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
     for board in boards.values():
         for row in meant_rows(board):
@@ -39,7 +39,7 @@ def meant_rows(board: Board) -> tuple[MatchRow, ...]:
 
 
 def tints_of(row: MatchRow) -> tuple[Tint, ...]:
-    """The colour of each line of a match: that of the performer's limb, or by their order."""
+    """Returns the colour of each line of a match: that of the performer's limb, or by their order."""
     limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
     tints = [(red, green, blue) for red, green, blue in LIMBS]
     return tuple(tints[limb % len(tints)] for limb in limbs)
@@ -58,7 +58,7 @@ def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
 
 
 def _tubes(line: Float, radius: float, tint: Float32) -> list[Float32]:
-    """A tube a bone, and a ball a joint."""
+    """Returns a tube a bone, and a ball a joint."""
     if len(line) < 2:
         return []
     radii, tints = np.full(len(line), radius), np.tile(tint, (len(line), 1))

@@ -14,7 +14,7 @@ FAINT = 0.2
 
 
 def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
-    """(N, 12) float32 for :class:`Tubes`: from xyz and radius, to xyz and radius, rgb and opacity.
+    """Returns (N, 12) float32 for :class:`Tubes`: from xyz and radius, to xyz and radius, rgb and opacity.
 
     Args:
         starts, ends: (N, 3) metres; a ball where they are equal.
@@ -41,7 +41,7 @@ class Tubes:
         self._capsules = CapsulePass(ctx, self._program)
 
     def draw(self, picture: RenderTarget, rows: Float32, bias: float) -> None:
-        """Draw the (N, 12) rows of :func:`tube_rows` and resolve the picture.
+        """Draws the (N, 12) rows of :func:`tube_rows` and resolve the picture.
 
         Args:
             bias: metres that a tube may lie beneath the surface and still be seen clearly, as the chord of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 def always() -> str:
-    """The reason against an action that can always be done: none."""
+    """Returns the reason against an action that can always be done: none."""
     return ""
 
 
@@ -45,14 +45,16 @@ class Action:
 
     @property
     def entry(self) -> str:
-        """Its name in its menu: "legs" for "With: legs" in the menu "With"."""
+        """Returns its name in its menu: "legs" for "With: legs" in the menu "With"."""
         return self.label.removeprefix(f"{self.group}: ") if self.group else self.label
 
     @property
     def place(self) -> str:
-        """Where it is found: "Perform/With/legs"."""
+        """Returns where it is found: "Perform/With/legs"."""
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
     def rivals(self, other: Action) -> bool:
-        """Whether a key cannot be that of both: they share a workspace, or both have theirs everywhere."""
+        """Returns True if a key cannot be that of both: they share a workspace, or both have theirs
+        everywhere.
+        """
         return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})

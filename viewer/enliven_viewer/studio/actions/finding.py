@@ -26,21 +26,21 @@ class Finding:
 
     @property
     def found(self) -> list[Action]:
-        """The actions that the letters may mean, the likeliest first."""
+        """Returns the actions that the letters may mean, the likeliest first."""
         if self._found is None:
             self._found = self.table.find(self.typed)
         return self._found
 
     def type(self, typed: str) -> None:
-        """Take other letters; the likeliest action is marked."""
+        """Takes other letters; the likeliest action is marked."""
         if typed != self.typed:
             self.typed, self.marked, self._found = typed, 0, None
 
     def step(self, count: int) -> None:
-        """Mark an action further down, or above 0 counts; the last is followed by the first."""
+        """Marks an action further down, or above 0 counts; the last is followed by the first."""
         self.marked = (self.marked + count) % max(len(self.found), 1)
 
     def chosen(self) -> Action | None:
-        """The marked action, where one is found and it can be done now."""
+        """Returns the marked action, where one is found and it can be done now."""
         one = self.found[self.marked] if self.found else None
         return one if one is not None and not one.why_not() else None

@@ -31,7 +31,7 @@ KEYS = {
 
 
 def held_keys() -> str:
-    """The modifiers that are held now, as the name of a key begins: "ctrl+shift+", or empty."""
+    """Returns the modifiers that are held now, as the name of a key begins: "ctrl+shift+", or empty."""
     io = imgui.get_io()
     held = (io.key_ctrl, io.key_shift, io.key_alt)
     return "".join(f"{name}+" for name, down in zip(MODIFIERS, held, strict=True) if down)

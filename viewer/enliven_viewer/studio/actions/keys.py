@@ -22,7 +22,7 @@ _SAID = {
 
 
 def spoken(key: str) -> str:
-    """A key as people read it: "ctrl+shift+z" is Ctrl+Shift+Z."""
+    """Returns a key as people read it: "ctrl+shift+z" is Ctrl+Shift+Z."""
     return "+".join(
         _SAID.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
     )

@@ -18,7 +18,9 @@ _ELSEWHERE = 50.0
 
 
 def likeness(typed: str, name: str) -> float | None:
-    """How well typed letters fit a name, larger is better; None where they are not in it in their order."""
+    """Returns how well typed letters fit a name, larger is better; None where they are not in it in their
+    order.
+    """
     wanted, text = typed.lower().replace(" ", ""), name.lower()
     if not wanted:
         return 0.0
@@ -36,12 +38,12 @@ def likeness(typed: str, name: str) -> float | None:
 
 
 def _likest(typed: str, *texts: str) -> float | None:
-    """The largest :func:`likeness` to one of some texts: the words of two languages are not mixed."""
+    """Returns the largest :func:`likeness` to one of some texts: the words of two languages are not mixed."""
     return max((found for one in {*texts} if (found := likeness(typed, one)) is not None), default=None)
 
 
 def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
-    """The actions that some letters may mean, the likeliest first; all in their order for none."""
+    """Returns the actions that some letters may mean, the likeliest first; all in their order for none."""
     scored = []
     for action in actions:
         label, about = tr(action.label), tr(action.about)

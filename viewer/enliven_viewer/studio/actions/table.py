@@ -37,7 +37,7 @@ class ActionTable:
         self.room: Callable[[], str] = lambda: ""
 
     def add(self, *actions: Action) -> None:
-        """Add actions to their menus.
+        """Adds actions to their menus.
 
         Raises:
             InputError: where an id is there already, or a key is another's.
@@ -61,13 +61,13 @@ class ActionTable:
 
     @property
     def menus(self) -> dict[str, list[Action]]:
-        """The actions of each menu, in the order of the bar: help is last."""
+        """Returns the actions of each menu, in the order of the bar: help is last."""
         names = dict.fromkeys(action.menu for action in self)
         order = [name for name in names if name != _LAST] + [_LAST] * (_LAST in names)
         return {name: [action for action in self if action.menu == name] for name in order}
 
     def do(self, action_id: str) -> bool:
-        """Do an action, or say why it cannot be done; returns whether it was tried."""
+        """Does an action, or says why it cannot be done; returns whether it was tried."""
         action = self._actions[action_id]
         first, _, rest = tr(action.why_not()).partition(". ")
         if first:
@@ -83,7 +83,7 @@ class ActionTable:
         return True
 
     def press(self, key: str, *, own: bool = False) -> bool:
-        """Do the action that has a key; returns whether one has.
+        """Does the action that has a key; returns whether one has.
 
         Args:
             own: only those of the workspace: their keys come before what the tool in hand does with them.
@@ -95,62 +95,62 @@ class ActionTable:
         return action is not None
 
     def keys_of(self, action: Action) -> tuple[str, ...]:
-        """The keys of an action: those that the artist gave it, or its own."""
+        """Returns the keys of an action: those that the artist gave it, or its own."""
         return self._preferences.keys.get(action.id, action.keys)
 
     def shown_key(self, action: Action) -> str:
-        """The first key of an action as people read it; empty where it has none."""
+        """Returns the first key of an action as people read it; empty where it has none."""
         return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def holder(self, key: str, room: str = "") -> Action | None:
-        """The action that a key does in one workspace, or, where none is named, everywhere."""
+        """Returns the action that a key does in one workspace, or, where none is named, everywhere."""
         with_key = (action for action in self if key in self.keys_of(action))
         return next((one for one in with_key if (room in one.rooms if room else not one.rooms)), None)
 
     def rival(self, action_id: str, key: str) -> Action | None:
-        """The other action that has a key where an action would have it."""
+        """Returns the other action that has a key where an action would have it."""
         wanted = self._actions[action_id]
         others = (one for one in self if one is not wanted and one.rivals(wanted))
         return next((one for one in others if key in self.keys_of(one)), None)
 
     def give(self, action_id: str, key: str) -> None:
-        """Give an action a key instead of those it has, and take the key from another action."""
+        """Gives an action a key instead of those it has, and takes the key from another action."""
         while (other := self.rival(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(one for one in self.keys_of(other) if one != key)
         self._preferences.keys[action_id] = (key,)
         self._tidy()
 
     def free(self, action_id: str) -> None:
-        """Take all keys from an action."""
+        """Takes all keys from an action."""
         self._preferences.keys[action_id] = ()
         self._tidy()
 
     def own_keys(self) -> None:
-        """Give every action its own keys again."""
+        """Gives every action its own keys again."""
         self._preferences.keys.clear()
         self._preferences.save()
 
     @property
     def changed(self) -> bool:
-        """Whether an action has other keys than its own."""
+        """Returns True if an action has other keys than its own."""
         return bool(self._preferences.keys)
 
     def find(self, typed: str) -> list[Action]:
-        """The actions that some letters may mean, the likeliest first; the newest first for none."""
+        """Returns the actions that some letters may mean, the likeliest first; the newest first for none."""
         if typed.strip():
             return ranked(typed, self)
         first = [self._actions[one] for one in self.recent if one in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
     def tip(self, action: Action) -> str:
-        """The tooltip of an action: what it does, its key, and why it cannot be done now."""
+        """Returns the tooltip of an action: what it does, its key, and why it cannot be done now."""
         key = self.shown_key(action)
         label = tr(action.label)
         first = f"{label}  ({key})" if key else label
         return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)
 
     def _tidy(self) -> None:
-        """Forget keys that are an action's own anyway, and save the rest."""
+        """Forgets keys that are an action's own anyway, and saves the rest."""
         changed = self._preferences.keys
         for one in [
             one for one in changed if one in self._actions and changed[one] == self._actions[one].keys

@@ -20,11 +20,11 @@ class WantedKey:
     key: str = ""
 
     def begin(self, action: str) -> None:
-        """Wait for the key of an action; of none where it is empty."""
+        """Waits for the key of an action; of none where it is empty."""
         self.action, self.key = action, ""
 
     def press(self, table: ActionTable, key: str) -> None:
-        """Take a pressed key where it is free; Escape ends the waiting."""
+        """Takes a pressed key where it is free; Escape ends the waiting."""
         if key == "escape":
             self.begin("")
         elif table.rival(self.action, key) is None:
@@ -34,6 +34,6 @@ class WantedKey:
             self.key = key
 
     def take(self, table: ActionTable) -> None:
-        """Give the action the key, and take it from another."""
+        """Gives the action the key, and takes it from another."""
         table.give(self.action, self.key)
         self.begin("")

@@ -73,7 +73,7 @@ class Thing:
 
 
 def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
+    """Returns the curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
 
     Raises:
         EnlivenError: where it cannot be played.
@@ -98,7 +98,7 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
 
 
 def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The keys of a thing and the curves through them: "keys" in degrees, and "moves" in metres.
+    """Returns the keys of a thing and the curves through them: "keys" in degrees, and "moves" in metres.
 
     They are of the chosen bone or node, or else of the whole; a bone is only turned, and the control points
     of a puppet have key poses instead.
@@ -120,7 +120,7 @@ def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveG
 
 
 def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
-    """A dot for each key and axis; ``values`` names what of a key they show."""
+    """Returns a dot for each key and axis; ``values`` names what of a key they show."""
     return tuple(
         Dot(k, axis, time, getattr(key, values)[axis], key.ease)
         for k, (time, key) in enumerate(keys)
@@ -129,7 +129,9 @@ def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, 
 
 
 def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
-    """The places that the key poses of a puppet give the chosen control point, when they are played."""
+    """Returns the places that the key poses of a puppet give the chosen control point, when they are
+    played.
+    """
     puppet, layer = project.characters.get(thing.character), layer_of_thing(project, thing)
     if not isinstance(puppet, Puppet) or thing.handle is None or layer is None:
         return ()
@@ -143,7 +145,7 @@ def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
 
 
 def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
-    """The keys of the weight or the speed of a thing's layer, with the values that are drawn."""
+    """Returns the keys of the weight or the speed of a thing's layer, with the values that are drawn."""
     number = layer_number(project, thing)
     if number is None or group not in NUMBERS:
         return ()
@@ -171,13 +173,13 @@ def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
 
 
 def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
-    """The chosen layer of a thing, or else the first that is heard."""
+    """Returns the chosen layer of a thing, or else the first that is heard."""
     number = layer_number(project, thing)
     return None if number is None else project.character(thing.character).playing[number]
 
 
 def layer_number(project: Project, thing: Thing) -> int | None:
-    """The number of that layer; None where nothing is heard."""
+    """Returns the number of that layer; None where nothing is heard."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
@@ -234,7 +236,7 @@ def _of_node(
 
 
 def _unwrapped(turns: Float) -> Float:
-    """(T, 3) degrees of rotation vectors of turns (T, 4) without jumps of whole rounds."""
+    """Returns (T, 3) degrees of rotation vectors of turns (T, 4) without jumps of whole rounds."""
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):
         angle = float(np.linalg.norm(vectors[k]))
@@ -246,7 +248,7 @@ def _unwrapped(turns: Float) -> Float:
 
 
 def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
-    """Seconds of the take for a second of the project at a time; 0 where it stands."""
+    """Returns seconds of the take for a second of the project at a time; 0 where it stands."""
     one, other = layer.moment(time, length), layer.moment(time + wide, length)
     if one.rounds != other.rounds:
         return float("nan")

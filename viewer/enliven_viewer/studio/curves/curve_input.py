@@ -84,7 +84,7 @@ class CurveInput:
         self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
-        """Show or hide the curves."""
+        """Shows or hide the curves."""
         self.on = not self.on
 
     @property
@@ -97,12 +97,12 @@ class CurveInput:
 
     @property
     def times(self) -> Float:
-        """(T,) seconds at which curves are sampled: those that the timeline shows."""
+        """Returns (T,) seconds at which curves are sampled: those that the timeline shows."""
         layout = self.timeline.layout
         return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
 
     def refresh(self) -> None:
-        """Take curves that were sampled, and begin with the newest; once a picture, and it never waits."""
+        """Takes curves that were sampled, and begins with the newest; once a picture, and it never waits."""
         thing = self.thing
         if thing is None:
             return
@@ -116,7 +116,7 @@ class CurveInput:
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
-        """Every group of curves of what is chosen, as far as it is known."""
+        """Returns every group of curves of what is chosen, as far as it is known."""
         thing, project = self.thing, self.editor.project
         if thing is None:
             return {}
@@ -135,7 +135,7 @@ class CurveInput:
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
-        """Every group of curves, all of them solved and sampled: for sessions without a window."""
+        """Returns every group of curves, all of them solved and sampled: for sessions without a window."""
         chosen = self.editor.chosen()
         if isinstance(chosen, Puppet):
             self.editor.solving.settle(self.editor.project, chosen.id)
@@ -146,23 +146,23 @@ class CurveInput:
         return self.groups()
 
     def shown(self) -> CurveGroup | None:
-        """The group that is shown: the one that was asked for, or else the first that there is."""
+        """Returns the group that is shown: the one that was asked for, or else the first that there is."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
     def sampled(self) -> Float:
-        """(T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
+        """Returns (T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
         if self._known is None or self.shown_name() in KEYED:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
 
     def shown_name(self) -> str:
-        """The name of the group that is shown, or empty."""
+        """Returns the name of the group that is shown, or empty."""
         group = self.shown()
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
-        """The scale of the values: around all of them, until it is zoomed or panned."""
+        """Returns the scale of the values: around all of them, until it is zoomed or panned."""
         if self._seen != (self.thing, group.name):
             self._seen, self._scale, self.chosen = (self.thing, group.name), None, None
         if self._held is not None:
@@ -173,23 +173,23 @@ class CurveInput:
         return Scale.around(values, group.unit, self.height)
 
     def fit(self) -> None:
-        """Show all values again."""
+        """Shows all values again."""
         self._scale = None
 
     def zoom(self, notches: float, y: float) -> None:
-        """Show fewer or more values; the one at a pixel stays there."""
+        """Shows fewer or more values; the one at a pixel stays there."""
         group = self.shown()
         if group is not None:
             self._scale = self.scale(group).zoomed(_ZOOM**notches, y)
 
     def pan(self, pixels: float) -> None:
-        """Move the values down by some pixels."""
+        """Moves the values down by some pixels."""
         group = self.shown()
         if group is not None:
             self._scale = self.scale(group).panned(pixels)
 
     def dot_at(self, x: float, y: float) -> Dot | None:
-        """The key under a pixel, counted from the timeline's left and the curves' top."""
+        """Returns the key under a pixel, counted from the timeline's left and the curves' top."""
         group = self.shown()
         if group is None:
             return None
@@ -228,7 +228,7 @@ class CurveInput:
 
     @property
     def busy(self) -> bool:
-        """Whether a key is held."""
+        """Returns True if a key is held."""
         return self._held is not None
 
     def double(self, x: float, y: float) -> None:
@@ -243,7 +243,7 @@ class CurveInput:
         self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
-        """Remove the chosen key."""
+        """Removes the chosen key."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is None or number is None:
             return
@@ -252,20 +252,20 @@ class CurveInput:
         self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
-        """Whether a key of the keyboard meant the chosen key: Delete removes it."""
+        """Returns True if a key of the keyboard meant the chosen key: Delete removes it."""
         if not self.on or self.chosen is None or key not in ("delete", "backspace"):
             return False
         self.remove()
         return True
 
     def ease(self, ease: str) -> None:
-        """Let the chosen key go over into the next in another way."""
+        """Lets the chosen key go over into the next in another way."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
             self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
 
     def _lane(self, thing: Thing) -> tuple[int, ...]:
-        """The numbers of the layers that share a bar of the timeline with the thing's layer."""
+        """Returns the numbers of the layers that share a bar of the timeline with the thing's layer."""
         number = layer_number(self.editor.project, thing) or 0
         bars = self.timeline.layout.bars()
         mine = (one.layers for one in bars if one.character.id == thing.character and number in one.layers)
@@ -273,12 +273,12 @@ class CurveInput:
         return (number, *rest)
 
     def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
-        """Say that a value cannot be played, and that the nearest is taken."""
+        """Says that a value cannot be played, and that the nearest is taken."""
         if said := beyond(self.editor.project, thing, name, time, value):
             self.editor.toasts.say(said)
 
     def _wanted(self, x: float, y: float) -> tuple[float, float]:
-        """The time and the value that the held key is dragged to by a pointer at a pixel."""
+        """Returns the time and the value that the held key is dragged to by a pointer at a pixel."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
         layout = self.timeline.layout
@@ -291,7 +291,7 @@ class CurveInput:
         )
 
     def _moved(self, x: float, y: float) -> Edit:
-        """The edit that brings the held key to a pixel."""
+        """Returns the edit that brings the held key to a pixel."""
         assert self._held is not None
         thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
         assert thing is not None
@@ -299,7 +299,7 @@ class CurveInput:
         return lambda project: moved(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
-        """Take the curves that were sampled."""
+        """Takes the curves that were sampled."""
         if self._work is None or not self._work[1].done():
             return
         (wanted, future), self._work = self._work, None

@@ -27,7 +27,7 @@ class Scale:
 
     @staticmethod
     def around(values: Float, unit: str, height: float) -> Scale:
-        """The scale that shows all of some values."""
+        """Returns the scale that shows all of some values."""
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
         wide = max(high - low, _LEAST.get(unit, 1.0))
@@ -36,20 +36,20 @@ class Scale:
         return Scale(middle - half, middle + half, height)
 
     def y(self, value: float) -> float:
-        """The pixel of a value, from the top."""
+        """Returns the pixel of a value, from the top."""
         return self.height * (self.high - value) / (self.high - self.low)
 
     def value(self, y: float) -> float:
-        """The value of a pixel."""
+        """Returns the value of a pixel."""
         return self.high - y / self.height * (self.high - self.low)
 
     def zoomed(self, factor: float, y: float) -> Scale:
-        """The scale with a range ``factor`` times as wide; the value at a pixel stays there."""
+        """Returns the scale with a range ``factor`` times as wide; the value at a pixel stays there."""
         at = self.value(y)
         return Scale(at - (at - self.low) * factor, at + (self.high - at) * factor, self.height)
 
     def panned(self, pixels: float) -> Scale:
-        """The scale with everything moved down by some pixels."""
+        """Returns the scale with everything moved down by some pixels."""
         by = pixels / self.height * (self.high - self.low)
         return Scale(self.low + by, self.high + by, self.height)
 

@@ -64,38 +64,38 @@ class Editor:
 
     @property
     def project(self) -> Project:
-        """The project that is shown: the draft during a drag, else the newest of the history."""
+        """Returns the project that is shown: the draft during a drag, else the newest of the history."""
         return self.draft if self.draft is not None else self.history.project
 
     @property
     def length(self) -> float:
-        """Seconds that the project plays."""
+        """Returns seconds that the project plays."""
         return max(length_of(self.project, self.settings.shortest), self.growing)
 
     @property
     def lens(self) -> Lens:
-        """The camera and the viewport's size."""
+        """Returns the camera and the viewport's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
     def standing(self) -> tuple[StandingCharacter, ...]:
-        """Every character as it is shown now."""
+        """Returns every character as it is shown now."""
         return self._stage.standing
 
     @property
     def handled(self) -> tuple[StandingCharacter, ...]:
-        """The characters with handles that every tool takes."""
+        """Returns the characters with handles that every tool takes."""
         return tuple(one for one in self.reachable if len(one.handles) and not one.own_tool)
 
     @property
     def seen(self) -> tuple[StandingCharacter, ...]:
-        """The characters that are not hidden."""
+        """Returns the characters that are not hidden."""
         handling = self.project.handling
         return tuple(one for one in self.standing if not handling.get(one.id, FREE).hidden)
 
     @property
     def reachable(self) -> tuple[StandingCharacter, ...]:
-        """The characters that can be picked: neither hidden nor locked."""
+        """Returns the characters that can be picked: neither hidden nor locked."""
         handling = self.project.handling
         return tuple(one for one in self.seen if not handling.get(one.id, FREE).locked)
 
@@ -108,7 +108,7 @@ class Editor:
         return self._stage.of(character_id)
 
     def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
-        """The chosen character, where it has that rig; None where none is chosen, or another."""
+        """Returns the chosen character, where it has that rig; None where none is chosen, or another."""
         found = self.project.characters.get(self.selection.character or "")
         return found if isinstance(found, rig) else None
 
@@ -121,11 +121,11 @@ class Editor:
 
     @property
     def chosen_all(self) -> tuple[RigBase, ...]:
-        """Every chosen character, in the project's order."""
+        """Returns every chosen character, in the project's order."""
         return tuple(one for one in self.project.characters.values() if one.id in self.selection.characters)
 
     def edit(self, name: str, change: Edit, *, over_locks: bool = False) -> bool:
-        """Do an edit and remember it; where it cannot be done, say why and change nothing.
+        """Does an edit and remember it; where it cannot be done, say why and change nothing.
 
         Args:
             over_locks: also of locked characters, for what must not be lost.
@@ -140,11 +140,11 @@ class Editor:
         return True
 
     def sketch(self, change: Edit) -> None:
-        """Show what an edit would make, while something is dragged; nothing is remembered."""
+        """Shows what an edit would make, while something is dragged; nothing is remembered."""
         self.draft = self._tried(change)
 
     def _tried(self, change: Edit, over_locks: bool = False) -> Project | None:
-        """The project after an edit; None, and a message, where it cannot be done.
+        """Returns the project after an edit; None, and a message, where it cannot be done.
 
         A fault of our own is told as well, not raised: an artist's window must not go down with it.
         """
@@ -161,7 +161,7 @@ class Editor:
         return None
 
     def undo(self) -> None:
-        """Undo the last edit."""
+        """Undoes the last edit."""
         self._step(
             later("Undone: {0}"),
             later("Nothing is left to be undone"),
@@ -170,7 +170,7 @@ class Editor:
         )
 
     def redo(self) -> None:
-        """Redo the edit that was undone last."""
+        """Redoes the edit that was undone last."""
         self._step(
             later("Done again: {0}"),
             later("Nothing is left to be done again"),
@@ -179,31 +179,31 @@ class Editor:
         )
 
     def go_to(self, step: int) -> None:
-        """Show the project as it was after a step of the history; 0 is as it was opened."""
+        """Shows the project as it was after a step of the history; 0 is as it was opened."""
         self.draft = None
         self.history.go(step)
         self._mend_selection()
 
     def select(self, **changes: object) -> None:
-        """Change parts of the selection; another character forgets handle, chain and layer."""
+        """Changes parts of the selection; another character forgets handle, chain and layer."""
         self.selection = self.selection.changed(**changes)
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
-        """Choose a character alone, and perhaps a handle of it."""
+        """Chooses a character alone, and perhaps a handle of it."""
         self.selection = Selection(character, handle)
 
     def choose_all(self, *characters: str) -> None:
-        """Choose these characters, the last one leading."""
+        """Chooses these characters, the last one leading."""
         self.selection = Selection.of(*characters)
 
     def toggle(self, character: str) -> None:
-        """Choose a character beside the others, or no longer."""
+        """Chooses a character beside the others, or no longer."""
         chosen = self.selection.characters
         rest = tuple(one for one in chosen if one != character)
         self.choose_all(*(rest if character in chosen else (*chosen, character)))
 
     def advance(self, seconds: float) -> None:
-        """Let time pass: the playhead, the camera, the messages."""
+        """Lets time pass: the playhead, the camera, the messages."""
         self.moves.advance(self.camera, self._followed(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
@@ -213,7 +213,7 @@ class Editor:
             self._play_on(seconds * self.speed)
 
     def _play_on(self, seconds: float) -> None:
-        """Let the playhead go on; in the marked range it begins again at the range's in point.
+        """Lets the playhead go on; in the marked range it begins again at the range's in point.
 
         A playhead beyond the out point plays on to the end, so that the rest can be heard without unmarking.
         """
@@ -227,7 +227,7 @@ class Editor:
             self.playing = self.playing and self.loop
 
     def mark(self, end: int) -> None:
-        """Make the playhead the in point (0) or the out point (1) of the marked range."""
+        """Makes the playhead the in point (0) or the out point (1) of the marked range."""
         first, last = self.marked or (0.0, self.length)
         marked = (self.time, last) if end == 0 else (first, self.time)
         if marked[1] - marked[0] <= SHORTEST_RANGE_S:  # the other end goes to the end of the project
@@ -235,7 +235,7 @@ class Editor:
         self.marked = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None
 
     def scrub(self, time: float) -> None:
-        """Show a time, and stay there."""
+        """Shows a time, and stay there."""
         self.playing = False
         self.time = min(max(time, 0.0), self.length)
 
@@ -246,11 +246,11 @@ class Editor:
             self.puppets.stage.surfaces.settle()
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
-        """Bring every character into the picture."""
+        """Brings every character into the picture."""
         self._frame(self.box(), at_once=at_once, reset=reset)
 
     def frame_way(self) -> None:
-        """Bring into the picture what is there, and the whole way of what is chosen, or else of all."""
+        """Brings into the picture what is there, and the whole way of what is chosen, or else of all."""
         box = self.box()
         if box is None:
             self._frame(None)
@@ -264,7 +264,9 @@ class Editor:
         self._frame(bounds_of(ways))
 
     def _solved(self, name: str) -> tuple[Project, RigBase]:
-        """A character with the motion that is shown of it: that of a puppet is solved beside the window."""
+        """Returns a character with the motion that is shown of it: that of a puppet is solved beside the
+        window.
+        """
         if name in self.project.puppets:
             return self.solving.shown(self.project, name)
         return self.project, self.project.character(name)
@@ -274,13 +276,15 @@ class Editor:
         self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
 
     def next_look(self) -> None:
-        """Show the stage in the next look."""
+        """Shows the stage in the next look."""
         names = list(LOOKS)
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
-        """The box around what the camera follows: the chosen character, or all; None where it stays."""
+        """Returns the box around what the camera follows: the chosen character, or all; None where it
+        stays.
+        """
         if not self.moves.follow:
             return None
         seen = self.seen
@@ -288,7 +292,7 @@ class Editor:
         return bounds_of([one.extent for one in chosen or seen])
 
     def box(self) -> Box | None:
-        """The box around all that is seen now, and what is live; None where there is nothing."""
+        """Returns the box around all that is seen now, and what is live; None where there is nothing."""
         points = [seen_points(one.handles, one.vertices) for one in self.seen]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
@@ -305,6 +309,6 @@ class Editor:
         self.toasts.say(tr(said, tr(name)))
 
     def _mend_selection(self) -> None:
-        """Remove from the selection what the project no longer has."""
+        """Removes from the selection what the project no longer has."""
         self.selection = self.selection.within(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -16,7 +16,8 @@ _STRAY = 0.5
 
 
 def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
-    """(2M, 3) metres, the corners of the boxes that a character fills at moments of all that it plays.
+    """Returns (2M, 3) metres, the corners of the boxes that a character fills at moments of all that it
+    plays.
 
     Its handles and nodes are played; what its surface has beyond them now, it is taken to have always.
 

@@ -18,7 +18,7 @@ class Shown(Protocol):
 
     @property
     def project(self) -> Project:
-        """The project as it is shown."""
+        """Returns the project as it is shown."""
 
 
 class StudioStage:
@@ -37,7 +37,7 @@ class StudioStage:
 
     @property
     def standing(self) -> tuple[StandingCharacter, ...]:
-        """All characters, in the project's order."""
+        """Returns all characters, in the project's order."""
         return tuple(self.of(name) for name in self._editor.project.characters)
 
     def of(self, character_id: str) -> StandingCharacter:

@@ -47,7 +47,7 @@ class TakeCoverage:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Seconds of the take of the key poses that are still needed."""
+        """Returns seconds of the take of the key poses that are still needed."""
         return tuple(frame * self.step for frame in self.frames[: self.needed])
 
 
@@ -59,7 +59,7 @@ class CoverageCache:
         self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
 
     def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
-        """The coverage of a take by the puppet's examples; None where the performer never moves."""
+        """Returns the coverage of a take by the puppet's examples; None where the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
@@ -95,7 +95,7 @@ class CoverageCache:
         )
 
     def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
-        """The key poses of a clip without any examples, and its poses."""
+        """Returns the key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
         found = self._alone.get(key)
         if found is None or found[0] is not clip:
@@ -110,14 +110,16 @@ class CoverageCache:
 
 
 def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
-    """The joints that are paired and that the clip has; all of the clip's where none is."""
+    """Returns the joints that are paired and that the clip has; all of the clip's where none is."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names
 
 
 def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
-    """(n, P, 3) the examples and (F, P, 3) a take as they see it; None where it does not play it yet."""
+    """Returns (n, P, 3) the examples and (F, P, 3) a take as they see it; None where it does not play it
+    yet.
+    """
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
     if number is None or missing(project, puppet):
         return None
@@ -129,7 +131,7 @@ def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | 
 
 
 def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
-    """(n, J, 3) metres, the performer in key poses of takes that have the joints."""
+    """Returns (n, J, 3) metres, the performer in key poses of takes that have the joints."""
     found = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]
@@ -140,6 +142,6 @@ def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
 
 
 def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
-    """(J, 3) one frame in the body frame."""
+    """Returns (J, 3) one frame in the body frame."""
     one = clip.mapped(lambda track: track[frame : frame + 1])
     return np.asarray(performed(one, joints).poses[0])

@@ -30,7 +30,7 @@ HardConstraint = Position | Velocity | Coupling
 
 
 def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
-    """A project where each control point without a joint follows the likeliest joint of a take.
+    """Returns a project where each control point without a joint follows the likeliest joint of a take.
 
     Points with an automatic name are named after their joint; those that follow feet at the bottom are feet.
     """
@@ -49,14 +49,16 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Project:
-    """A project with a control point paired with a joint, and named after it where its name is automatic."""
+    """Returns a project with a control point paired with a joint, and named after it where its name is
+    automatic.
+    """
     names = {one.name: one for one in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
 def spoken_joint(joint: str) -> str:
-    """A joint as people call it: "LeftHandIndex1 end" is "left hand"."""
+    """Returns a joint as people call it: "LeftHandIndex1 end" is "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
     kept = [word for word in words if word not in _NO_WORDS]
     sides = [word for word in kept if word in ("left", "right")]
@@ -64,7 +66,8 @@ def spoken_joint(joint: str) -> str:
 
 
 def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
-    """A project with a puppet's mesh turned by a quarter within its own frame, standing on the floor again.
+    """Returns a project with a puppet's mesh turned by a quarter within its own frame, standing on the floor
+    again.
 
     Args:
         axis: "x": what points ahead points up, as meshes of programs with z up need it; "y": its left comes
@@ -85,7 +88,7 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
-    """A project with control points on vertices that have none."""
+    """Returns a project with control points on vertices that have none."""
     for vertex in vertices:
         if all(point.vertex != vertex for point in project.puppet(puppet_id).points):
             project = add_point(project, puppet_id, int(vertex))
@@ -93,26 +96,27 @@ def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Pr
 
 
 def duplicated(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
-    """A project with a copy of a key pose for another moment."""
+    """Returns a project with a copy of a key pose for another moment."""
     return add_key_pose(project, puppet_id, take, time, project.puppet(puppet_id).poses[number].places)
 
 
 def mirrored_copy(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
-    """A project with a key pose's mirror image for another moment."""
+    """Returns a project with a key pose's mirror image for another moment."""
     project = duplicated(project, puppet_id, number, take, time)
     return mirror_key_pose(project, puppet_id, len(project.puppet(puppet_id).poses) - 1)
 
 
 def retimed(project: Project, puppet_id: str, number: int, time: float) -> Project:
-    """A project with a key pose at another second of its take, on a frame of it."""
+    """Returns a project with a key pose at another second of its take, on a frame of it."""
     take = project.takes[project.puppet(puppet_id).poses[number].take]
     frame = int(np.clip(round(time / take.step), 0, len(take.turns) - 1))
     return change_key_pose(project, puppet_id, number, time=frame * take.step)
 
 
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
-    """A project with one number of a puppet's settings changed: ``group`` is "examples", "surface"
-    or "locomotion"."""
+    """Returns a project with one number of a puppet's settings changed: ``group`` is "examples", "surface" or
+    "locomotion".
+    """
     puppet = project.puppet(puppet_id)
     return project.with_characters(
         puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
@@ -120,26 +124,28 @@ def with_setting(project: Project, puppet_id: str, group: str, name: str, value:
 
 
 def with_default_settings(project: Project, puppet_id: str) -> Project:
-    """A project with a puppet's settings as they are by default."""
+    """Returns a project with a puppet's settings as they are by default."""
     puppet = project.puppet(puppet_id)
     plain = {name: type(getattr(puppet, name))() for name in ("examples", "surface", "locomotion")}
     return project.with_characters(puppet.with_changes(**plain))
 
 
 def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
-    """The hard constraints of a layer, by frame."""
+    """Returns the hard constraints of a layer, by frame."""
     one = project.puppet(puppet_id).layers[layer]
     return tuple(sorted((*one.positions, *one.velocities, *one.couplings), key=lambda held: held.frame))
 
 
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
-    """A project with a hard constraint more, in the place of one of its kind for the same point and frame."""
+    """Returns a project with a hard constraint more, in the place of one of its kind for the same point and
+    frame.
+    """
     name, kept = _others(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
 
 
 def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
-    """A project without a hard constraint."""
+    """Returns a project without a hard constraint."""
     name, kept = _others(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: kept})
 
@@ -147,7 +153,7 @@ def without_constraint(project: Project, puppet_id: str, layer: int, held: HardC
 def _others(
     project: Project, puppet_id: str, layer: int, held: HardConstraint
 ) -> tuple[str, tuple[HardConstraint, ...]]:
-    """The layer's field that holds constraints of a kind, and those that say something else."""
+    """Returns the layer's field that holds constraints of a kind, and those that say something else."""
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
@@ -201,7 +207,9 @@ def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...
 
 
 def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
-    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
+    """Returns the number of the chosen layer, or of the first unmuted one; with ``take`` of those of the
+    take.
+    """
     wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in wanted:
         return chosen

@@ -28,7 +28,7 @@ class _Request:
     puppet: Puppet
 
     def same(self, other: _Request | None) -> bool:
-        """Whether another request is for the same motions: the same puppet, the same takes."""
+        """Returns True if another request is for the same motions: the same puppet, the same takes."""
         if other is None or other.puppet is not self.puppet:
             return False
         names = {pose.take for pose in self.puppet.poses} | {layer.take for layer in self.puppet.layers}
@@ -61,7 +61,7 @@ class Solving:
         self._known: dict[str, _Solved] = {}
 
     def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """The newest project and puppet with solved motions; without layers while there is none.
+        """Returns the newest project and puppet with solved motions; without layers while there is none.
 
         Its control points may differ from the project's: draw the puppet that is returned.
         """
@@ -81,12 +81,12 @@ class Solving:
         return known.good.project, known.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """The error of a puppet's newest motions; None where they can be solved."""
+        """Returns the error of a puppet's newest motions; None where they can be solved."""
         known = self._known.get(puppet_id)
         return known.problem if known else None
 
     def busy(self, puppet_id: str) -> bool:
-        """Whether a motion of the puppet is being solved."""
+        """Returns True if a motion of the puppet is being solved."""
         known = self._known.get(puppet_id)
         return known is not None and known.future is not None
 
@@ -101,13 +101,13 @@ class Solving:
         return shown
 
     def close(self) -> None:
-        """End the thread."""
+        """Ends the thread."""
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
     def _ask(self, known: _Solved, request: _Request) -> None:
-        """Begin to solve a request unless it was refused; wait for it no longer than a picture may."""
+        """Begins to solve a request unless it was refused; waits for it no longer than a picture may."""
         if known.future is None:
             if request.same(known.asked) and known.problem is not None:
                 return
@@ -128,7 +128,7 @@ class Solving:
         return self._pool.submit(_solve, request)
 
     def _refused(self, known: _Solved, error: BaseException) -> None:
-        """Keep the error and tell it once."""
+        """Keeps the error and tell it once."""
         if known.told == str(error) and known.problem is not None:
             return
         known.told, known.problem = str(error), self._toasts.tell(error)

@@ -14,7 +14,7 @@ _APART = 0.12
 
 
 def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """The points of a character that leave a trail: what is chosen of it, or else its far ends.
+    """Returns the points of a character that leave a trail: what is chosen of it, or else its far ends.
 
     Args:
         rest: (N, 3) metres, its points at one moment: joints, nodes or control points.
@@ -34,7 +34,9 @@ def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int
 
 
 def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
-    """The candidates among points (N, 3) that lie far from ``start`` (3,) and from one another, in order."""
+    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from one another, in
+    order.
+    """
     candidates = np.asarray(candidates, np.int64)
     if not len(candidates):
         return ()

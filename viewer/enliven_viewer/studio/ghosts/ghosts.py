@@ -34,7 +34,7 @@ class Ghosts:
         self._refused: dict[str, Wanted] = {}
 
     def toggle(self) -> None:
-        """Show or hide them."""
+        """Shows or hide them."""
         self.on = not self.on
         if not self.on:
             self._known.clear()
@@ -73,7 +73,7 @@ class Ghosts:
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
     def _shown(self) -> list[RigBase]:
-        """The chosen character, or else the first some; a puppet as it was solved last."""
+        """Returns the chosen character, or else the first some; a puppet as it was solved last."""
         editor, chosen = self.editor, self.editor.chosen()
         found = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
         return [one for one in found if any(not layer.muted for layer in one.playing)]
@@ -91,14 +91,14 @@ class Ghosts:
         return Wanted(project, character, first, last, step, moments)
 
     def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
-        """The moments of the keys of what is chosen of a character."""
+        """Returns the moments of the keys of what is chosen of a character."""
         chosen = self.editor.selection
         if chosen.character != character.id:
             return key_moments(project, character)
         return key_moments(project, character, chosen.handle, chosen.layer)
 
     def _begin(self, wanted: list[Wanted]) -> None:
-        """Begin with the first that is not known, where nothing is being worked out."""
+        """Begins with the first that is not known, where nothing is being worked out."""
         names = {one.character.id for one in wanted}
         self._known = {name: one for name, one in self._known.items() if name in names}
         if self._work is not None:
@@ -113,7 +113,7 @@ class Ghosts:
             return
 
     def _take(self) -> None:
-        """Take what has been worked out."""
+        """Takes what has been worked out."""
         if self._work is None or not self._work[2].done():
             return
         (name, wanted, future), self._work = self._work, None

@@ -14,7 +14,8 @@ _SAME = 1e-3
 def key_moments(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
-    """The seconds of the project at which a character plays its key poses, in order; empty without any.
+    """Returns the seconds of the project at which a character plays its key poses, in order; empty without
+    any.
 
     They are the keys of a chosen layer, or else of a chosen bone or node, or else of the whole; or a puppet's
     examples.
@@ -42,7 +43,7 @@ def key_moments(
 def _chosen_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> Playing | None:
-    """The layer of keys that is meant by what is chosen; None where none is heard."""
+    """Returns the layer of keys that is meant by what is chosen; None where none is heard."""
     playing, number = character.playing, layer
     keyed = [k for k, one in enumerate(playing) if getattr(project, one.source)[one.take].keys]
     if number not in keyed:
@@ -55,7 +56,7 @@ def _chosen_keys(
 def ghost_moments(
     keys: tuple[float, ...], time: float, length: float, count: int, step: float
 ) -> tuple[float, ...]:
-    """The seconds of at most ``count`` ghosts before ``time`` and as many after it, in order.
+    """Returns the seconds of at most ``count`` ghosts before ``time`` and as many after it, in order.
 
     Without keys they stand ``step`` seconds apart at places that stay while the playhead moves.
     """

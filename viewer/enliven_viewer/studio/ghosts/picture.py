@@ -45,7 +45,9 @@ class GhostPicture:
 
 
 def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
-    """The ghosts of a character, those before ``time`` in one colour and those after it in another."""
+    """Returns the ghosts of a character, those before ``time`` in one colour and those after it in
+    another.
+    """
     made = []
     for side, tint in (
         ([one for one in sampled.bodies if one < time][::-1], BEFORE),
@@ -59,7 +61,9 @@ def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
 def trail_rows(
     sampled: Sampled, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
-    """(N, 12) rows of tubes: the trails of some points, with dots at frames, at keys and at ``time``."""
+    """Returns (N, 12) rows of tubes: the trails of some points, with dots at frames, at keys and at
+    ``time``.
+    """
     wanted, frames = sampled.wanted, sorted(sampled.points)
     frames = [one for one in frames if wanted.first <= one <= wanted.last]
     if len(frames) < 2 or not points:
@@ -102,6 +106,6 @@ def _balls(places: Float, tint: Paint, lens: Lens) -> Float32:
 
 
 def _tints(seconds: Float, time: float, near: Float) -> Float32:
-    """(N, 3) linear light of parts of a trail, dimmer away from the playhead."""
+    """Returns (N, 3) linear light of parts of a trail, dimmer away from the playhead."""
     colours = linear_from_srgb(np.array([BEFORE, AFTER], float))[(seconds > time).astype(int)]
     return np.asarray(colours * (_DIM + (1.0 - _DIM) * near[:, None]), np.float32)

@@ -33,7 +33,9 @@ class Wanted:
     moments: tuple[float, ...]
 
     def alike(self, other: Wanted) -> bool:
-        """Whether what was sampled for the other holds for this: the same character, the same takes."""
+        """Returns True if what was sampled for the other holds for this: the same character, the same
+        takes.
+        """
         if self.character is not other.character or self.step != other.step:
             return False
         pairs = [(held, name) for held, names in self.character.needed().items() for name in names]
@@ -41,7 +43,7 @@ class Wanted:
         return all(getattr(held, kind).get(name) is getattr(known, kind).get(name) for kind, name in pairs)
 
     def same(self, other: Wanted | None) -> bool:
-        """Whether both want the very same."""
+        """Returns True if both want the very same."""
         if other is None or not self.alike(other):
             return False
         return (self.first, self.last, self.moments) == (other.first, other.last, other.moments)
@@ -79,7 +81,7 @@ class Sampled:
     _surface: Callable[[float], Float] | None = None
 
     def place(self, seconds: float) -> Float:
-        """(N, 3) metres at a time, between two frames that are known."""
+        """Returns (N, 3) metres at a time, between two frames that are known."""
         at = seconds / self.wanted.step
         low = int(np.floor(at))
         one, other = self.points.get(low), self.points.get(low + 1)
@@ -135,7 +137,7 @@ def _body(character: RigBase, vertices: Float, points: Float) -> MomentBody:
 
 
 def smooth_normals(vertices: Float, faces: Int32) -> Float:
-    """(V, 3) unit normals of vertices (V, 3), the mean of its faces' by area; 0 without a face."""
+    """Returns (V, 3) unit normals of vertices (V, 3), the mean of its faces' by area; 0 without a face."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     across = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corners = faces.ravel()

@@ -31,12 +31,12 @@ class Quantity:
     digits: int
 
     def write(self, value: float) -> str:
-        """A value as it is shown: "1.25 m"."""
+        """Returns a value as it is shown: "1.25 m"."""
         shown = f"{value:.{self.digits}f}".rstrip("0").rstrip(".")
         return f"{'0' if shown in ('-0', '') else shown} {self.unit}"
 
     def read(self, typed: str, **more: float) -> float:
-        """The value of what was typed, in :attr:`unit`.
+        """Returns the value of what was typed, in :attr:`unit`.
 
         Args:
             typed: numbers with or without units, + - * / and brackets; a comma is a point.
@@ -60,7 +60,7 @@ SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
 
 
 def _tokens(typed: str) -> list[str]:
-    """The numbers, units and signs of a text, in their order."""
+    """Returns the numbers, units and signs of a text, in their order."""
     text, at, found = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
     while at < len(text):
         match = _TOKEN.match(text, at)

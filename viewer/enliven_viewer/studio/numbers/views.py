@@ -17,7 +17,7 @@ _FIRST = 4
 
 
 def view_actions(editor: Editor) -> Iterator[Action]:
-    """Store the view of now, and take one again."""
+    """Stores the view of now, and takes one again."""
     for number in _VIEWS:
         name, key = tr("view {0}", number), f"f{number + _FIRST}"
         yield Action(
@@ -46,7 +46,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
 
 
 def store_view(editor: Editor, name: str) -> None:
-    """Store the view of now in the project; one edit."""
+    """Stores the view of now in the project; one edit."""
     *target, azimuth, elevation, distance = editor.camera.goal
     mark = CameraMark(name, (target[0], target[1], target[2]), azimuth, elevation, distance)
     if editor.edit(
@@ -59,7 +59,7 @@ def store_view(editor: Editor, name: str) -> None:
 
 
 def take_view(editor: Editor, name: str) -> None:
-    """Look again as it was stored."""
+    """Looks again as it was stored."""
     mark = editor.project.views[name]
     editor.moves.follow = editor.moves.turntable = False
     editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)

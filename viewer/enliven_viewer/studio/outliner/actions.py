@@ -12,7 +12,7 @@ from enliven_viewer.studio.outliner.outliner import Outliner
 
 
 def alone(action: Action, editor: Editor) -> Action:
-    """An action on one shape, which says so where several are chosen."""
+    """Returns an action on one shape, which says so where several are chosen."""
 
     def lacks() -> str:
         said = "Several shapes are chosen. Choose one of them alone first."
@@ -22,7 +22,7 @@ def alone(action: Action, editor: Editor) -> Action:
 
 
 def choosing_actions(editor: Editor) -> Iterator[Action]:
-    """Choose all, none, or the others."""
+    """Chooses all, none, or the others."""
 
     def empty() -> str:
         return "" if editor.reachable else tr("There is nothing to choose. Sketch a part, or open a model.")
@@ -44,7 +44,7 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
 
 
 def outliner_actions(outliner: Outliner) -> Iterator[Action]:
-    """Rename, hide, lock and order what is chosen."""
+    """Renames, hide, lock and order what is chosen."""
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:

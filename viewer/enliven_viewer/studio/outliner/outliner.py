@@ -45,7 +45,7 @@ class Outliner:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """The rows that are shown."""
+        """Returns the rows that are shown."""
         project, live = self.editor.project, self._live()
         key = (project, live, frozenset(self.opened), self.typed, language_in_use())
         if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
@@ -53,18 +53,18 @@ class Outliner:
         return self._known[1]
 
     def fold(self, row: Row) -> None:
-        """Fold a row, or unfold it."""
+        """Folds a row, or unfold it."""
         self.opened ^= {row.key}
 
     def is_chosen(self, row: Row) -> bool:
-        """Whether a row stands for something that is chosen."""
+        """Returns True if a row stands for something that is chosen."""
         chosen = self.editor.selection
         if row.kind == HANDLE:
             return chosen.character == row.id and (row.number == chosen.handle or row.number in chosen.chain)
         return row.kind == CHARACTER and row.id in chosen.characters
 
     def click(self, row: Row, *, shift: bool = False, ctrl: bool = False) -> None:
-        """Choose what a row stands for: alone, with Ctrl beside the others, with Shift all up to it."""
+        """Chooses what a row stands for: alone, with Ctrl beside the others, with Shift all up to it."""
         editor = self.editor
         if row.kind == HANDLE:
             handled = row.number < len(editor.project.characters[row.id].handles)
@@ -79,7 +79,7 @@ class Outliner:
         self._anchor = row.id
 
     def _up_to(self, name: str) -> None:
-        """Choose every character between the one that was clicked before and another."""
+        """Chooses every character between the one that was clicked before and another."""
         names = [row.id for row in self.rows if row.kind == CHARACTER]
         start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
         first, last = (names.index(one) if one in names else names.index(name) for one in (start, name))
@@ -90,7 +90,7 @@ class Outliner:
     # Names ------------------------------------------------------------------------------------------------
 
     def begin_rename(self, row: Row | None = None) -> None:
-        """Let the name of a row be typed; of the chosen character where no row is given."""
+        """Lets the name of a row be typed; of the chosen character where no row is given."""
         if row is None:
             self.typed, self.followed = "", None  # its row is in the list, and comes into view
             self.opened.add(f"{GROUP} shapes")
@@ -99,11 +99,11 @@ class Outliner:
             self.renaming, self.draft = row.key, row.id
 
     def is_leading(self, row: Row) -> bool:
-        """Whether it is the character that was chosen last."""
+        """Returns True if it is the character that was chosen last."""
         return row.id == self.editor.selection.character
 
     def end_rename(self, row: Row, *, keep: bool) -> None:
-        """Give a row the name that was typed, or leave it the old one."""
+        """Gives a row the name that was typed, or leaves it the old one."""
         wanted, self.renaming = self.draft.strip(), ""
         if not keep or not wanted or wanted == row.id:
             return
@@ -121,19 +121,19 @@ class Outliner:
     # Eyes, locks and order --------------------------------------------------------------------------------
 
     def handling(self, name: str) -> Handling:
-        """How a character is treated."""
+        """Returns how a character is treated."""
         return self.editor.project.handling.get(name, FREE)
 
     def hide(self, *names: str, on: bool) -> None:
-        """Hide characters or show them again; one edit."""
+        """Hides characters or show them again; one edit."""
         self._handle(names, "hide" if on else "show", hidden=on)
 
     def lock(self, *names: str, on: bool) -> None:
-        """Lock characters or unlock them; one edit."""
+        """Locks characters or unlock them; one edit."""
         self._handle(names, "lock" if on else "unlock", locked=on)
 
     def hide_others(self) -> None:
-        """Hide every character that is not chosen; one edit."""
+        """Hides every character that is not chosen; one edit."""
         chosen = self.editor.selection.characters
 
         def change(project: Project) -> Project:
@@ -147,12 +147,12 @@ class Outliner:
         self.editor.edit(f"{word} {told}", lambda project: handle_characters(project, names, **changes))
 
     def move(self, name: str, place: int) -> None:
-        """Put a character at another place in the list; one edit."""
+        """Puts a character at another place in the list; one edit."""
         if 0 <= place < len(self.editor.project.characters):
             self.editor.edit(
                 later("reorder {0}", name), lambda project: order_characters(project, name, place)
             )
 
     def place_of(self, name: str) -> int:
-        """The place of a character in the list."""
+        """Returns the place of a character in the list."""
         return list(self.editor.project.characters).index(name)

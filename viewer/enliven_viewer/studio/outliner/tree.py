@@ -41,14 +41,14 @@ class Row:
 
     @property
     def key(self) -> str:
-        """A name that no other row has."""
+        """Returns a name that no other row has."""
         return f"{self.kind} {self.id}" + (f" {self.number}" if self.number >= 0 else "")
 
 
 def rows_of(
     project: Project, live: tuple[str, ...], opened: Collection[str], typed: str = ""
 ) -> tuple[Row, ...]:
-    """The rows that are shown.
+    """Returns the rows that are shown.
 
     Args:
         live: what is on the stage of an edge, a line each; empty without one.
@@ -69,7 +69,7 @@ def rows_of(
 
 
 def _filtered(rows: list[Row], wanted: str) -> list[Row]:
-    """The rows that have some letters, and those that they are below."""
+    """Returns the rows that have some letters, and those that they are below."""
     keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
     above: list[int] = []
     for number, row in enumerate(rows):
@@ -104,7 +104,9 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _is_onlooker(name: str) -> bool:
-    """Whether the performer of a take held nothing while others did, by the name that it was given."""
+    """Returns True if the performer of a take held nothing while others did, by the name that it was
+    given.
+    """
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
 
 
@@ -132,5 +134,5 @@ def _handles(one: RigBase) -> Iterator[Row]:
 
 
 def _roots(parents: np.ndarray, number: int) -> bool:
-    """Whether a joint is the root of bones."""
+    """Returns True if a joint is the root of bones."""
     return bool(parents[number] < 0 and (parents >= 0).any())

@@ -35,7 +35,7 @@ _WHEEL = 40.0
 
 
 def draw_curves(workspace: Workspace, area: Area) -> None:
-    """Draw the panel of the curves."""
+    """Draws the panel of the curves."""
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("curves", area, flags):
         curves = workspace.curves
@@ -125,7 +125,7 @@ def _plot(
 def _line(
     workspace: Workspace, curves: CurveInput, group: CurveGroup, number: int, scale: Scale, origin: ImVec2
 ) -> None:
-    """Draw a channel; where it is not known there is a gap."""
+    """Draws a channel; where it is not known there is a gap."""
     draw, layout, tint = (
         imgui.get_window_draw_list(),
         workspace.timeline.layout,
@@ -144,7 +144,7 @@ def _line(
 
 
 def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
-    """Pass the pointer over the curves on."""
+    """Passes the pointer over the curves on."""
     io, at = imgui.get_io(), imgui.get_mouse_pos()
     x, y, timeline = at.x - origin.x, at.y - origin.y, workspace.timeline
     if imgui.is_item_hovered():
@@ -210,7 +210,7 @@ def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) 
 
 
 def _colour(group: CurveGroup, number: int) -> Colour:
-    """The colour of a channel: of its axis, or bright where there is one alone."""
+    """Returns the colour of a channel: of its axis, or bright where there is one alone."""
     if len(group.channels) == 1:
         return ACCENT
     red, green, blue = AXES[number]

@@ -41,7 +41,7 @@ _TITLES = {
 
 
 def draw_dialogs(workspace: Workspace) -> None:
-    """Draw the open dialogue over everything."""
+    """Draws the open dialogue over everything."""
     if workspace.history_shown:
         draw_history(workspace)
     if workspace.asking in _TITLES:
@@ -159,7 +159,7 @@ def _shortened(text: str, room: float) -> str:
 
 
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
-    """Finish the file dialogue; it shows an error where the choice cannot be used."""
+    """Finishes the file dialogue; it shows an error where the choice cannot be used."""
     try:
         path = browser.chosen()
     except EnlivenError as error:
@@ -169,7 +169,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
 
 
 def _recover(workspace: Workspace) -> None:
-    """Offer the unsaved work of a studio that crashed."""
+    """Offers the unsaved work of a studio that crashed."""
     found = workspace.store.recoverable()
     if not found:
         workspace.asking = ""

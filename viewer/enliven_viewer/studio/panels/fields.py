@@ -16,7 +16,7 @@ Change = Callable[[Project, float], Project]
 
 
 def told(text: str) -> None:
-    """Show what the last widget is for, once the pointer rests on it."""
+    """Shows what the last widget is for, once the pointer rests on it."""
     if text and imgui.is_item_hovered():
         imgui.set_tooltip(tr(text))
 

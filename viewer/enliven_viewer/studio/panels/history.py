@@ -18,7 +18,7 @@ _FROM_TOP = 36.0
 
 
 def draw_history(workspace: Workspace) -> None:
-    """Draw the list in a window of its own; steps that were undone are faint."""
+    """Draws the list in a window of its own; steps that were undone are faint."""
     editor, wide = workspace.editor, imgui.get_main_viewport().size.x
     imgui.set_next_window_size(ImVec2(_SIZE[0], _SIZE[1]), imgui.Cond_.appearing)
     corner = ImVec2(wide - _FROM_RIGHT, _FROM_TOP)

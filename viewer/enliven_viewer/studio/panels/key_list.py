@@ -26,7 +26,7 @@ _MOUSE = (
 
 
 def draw_key_list(workspace: Workspace) -> None:
-    """Draw the list, in as many columns as fit; it scrolls where the window is small."""
+    """Draws the list, in as many columns as fit; it scrolls where the window is small."""
     parts = parts_of(workspace.actions)
     with modal("Keys", *_SIZE) as shown:
         if not shown:
@@ -56,7 +56,9 @@ Part = tuple[str, list[tuple[str, str]]]
 
 
 def parts_of(actions: ActionTable) -> list[Part]:
-    """The keys of each menu; those that count in some workspaces alone stand apart, under their names."""
+    """Returns the keys of each menu; those that count in some workspaces alone stand apart, under their
+    names.
+    """
     parts: dict[str, list[tuple[str, str]]] = {}
     for menu, listed in actions.menus.items():
         for one in listed:
@@ -67,7 +69,7 @@ def parts_of(actions: ActionTable) -> list[Part]:
 
 
 def _columns(parts: list[Part], count: int) -> list[list[Part]]:
-    """The parts in their order, in columns of about the same length."""
+    """Returns the parts in their order, in columns of about the same length."""
     each = sum(len(lines) + 2 for _, lines in parts) / count
     columns: list[list[Part]] = [[]]
     done = 0

@@ -59,7 +59,7 @@ _SECOND = 126.0
 
 
 def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
-    """Draw the numbers and switches that a layer has."""
+    """Draws the numbers and switches that a layer has."""
     editor, name, layer = workspace.editor, character.id, character.playing[number]
     if workspace.shown_layer != (name, number):
         if workspace.timeline.busy:
@@ -110,7 +110,7 @@ def _takes(workspace: Workspace, layer: Playing) -> None:
 
 
 def _changing(name: str, number: int, field: str) -> Change:
-    """The edit that gives one field of a layer a value."""
+    """Returns the edit that gives one field of a layer a value."""
 
     def change(project: Project, value: float) -> Project:
         if field == "speed" and abs(value) < _SLOWEST:
@@ -121,7 +121,7 @@ def _changing(name: str, number: int, field: str) -> Change:
 
 
 def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
-    """Draw what only a layer of bones has: whether it leads the end, and whether the root travels."""
+    """Draws what only a layer of bones has: whether it leads the end, and whether the root travels."""
 
     def lead(project: Project, on: float) -> Project:
         return change_layers(project, shape.id, [number], mode="end" if on else "turns")

@@ -18,7 +18,7 @@ _MENU_ICON = "\uf0c9"
 
 
 def draw_menu(workspace: Workspace) -> None:
-    """Draw the bar along the top."""
+    """Draws the bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
     names = list(workspace.actions.menus)

@@ -31,7 +31,7 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
 
 
 def button(workspace: Workspace, label: str) -> bool:
-    """A button of a dialogue, and its place."""
+    """Returns a button of a dialogue, and its place."""
     wide = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
     pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(wide, 0))
     workspace.remember(f"dialog {label}")

@@ -16,7 +16,7 @@ _SIZE = (600.0, 420.0)
 
 
 def draw_palette(workspace: Workspace) -> None:
-    """Draw the palette while it is open."""
+    """Draws the palette while it is open."""
     with modal("Find an action", *_SIZE) as shown:
         if not shown:
             return
@@ -51,7 +51,7 @@ def draw_palette(workspace: Workspace) -> None:
 
 
 def _do(workspace: Workspace) -> None:
-    """Do the marked action, where it can be done, and close the palette."""
+    """Does the marked action, where it can be done, and closes the palette."""
     action = workspace.finding.chosen()
     if action is not None:
         workspace.cancel()

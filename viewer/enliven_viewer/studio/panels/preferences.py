@@ -28,7 +28,7 @@ _FREE = 42.0
 
 
 def draw_preferences(workspace: Workspace) -> None:
-    """Draw the dialogue while it is open."""
+    """Draws the dialogue while it is open."""
     with modal("Preferences", *_SIZE) as shown:
         if not shown:
             return
@@ -89,7 +89,7 @@ def _reading(workspace: Workspace) -> None:
 
 
 def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str, wide: float) -> str:
-    """A list of words to choose from; returns the key of the word that is chosen."""
+    """Returns a list of words to choose from; returns the key of the word that is chosen."""
     imgui.set_next_item_width(wide)
     opened = imgui.begin_combo(f"##{name}", words[now])
     workspace.remember(name)
@@ -125,7 +125,7 @@ def _taking(action: Action) -> str:
 
 
 def _capture(workspace: Workspace) -> None:
-    """Take the key that is pressed; where it is another action's, say of which, and ask."""
+    """Takes the key that is pressed; where it is another action's, say of which, and asks."""
     wanted, actions = workspace.wanted_key, workspace.actions
     if wanted.action and not wanted.key:
         for name, key in KEYS.items():

@@ -47,7 +47,7 @@ _JOINTED = ("motion.spread", "motion.clear")
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
-    """Draw the right panel."""
+    """Draws the right panel."""
     editor = workspace.editor
     with panel("side", area):
         chosen = editor.chosen()
@@ -89,7 +89,7 @@ def made_of(character: RigBase) -> str:
 
 
 def _clips(workspace: Workspace, shape: Shape) -> None:
-    """Draw the choice among the clips that came with a model."""
+    """Draws the choice among the clips that came with a model."""
     editor = workspace.editor
     names = own_clips(editor.project, shape)
     if not names:
@@ -109,7 +109,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
 
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
-    """Let a shape play one of its clips, or none."""
+    """Lets a shape play one of its clips, or none."""
     what = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
 

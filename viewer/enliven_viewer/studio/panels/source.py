@@ -27,7 +27,7 @@ _THUMB = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
-    """Split the right panel: the list of shapes above, the view of sources below."""
+    """Splits the right panel: the list of shapes above, the view of sources below."""
     high = round(_SHARE * side.height) if side.height >= _LEAST else side.height
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
@@ -112,7 +112,7 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
 
 
 def _said(plan: Plan, quality: MotionQuality) -> list[str]:
-    """How good a mapped motion is, line by line."""
+    """Returns how good a mapped motion is, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
         pose_line = tr("Limbs point as the performer's do")
@@ -185,7 +185,7 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
 
 
 def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
-    """Draw thumbnails of the matches along the top, the best first; a click accepts the one that is lit."""
+    """Draws thumbnails of the matches along the top, the best first; a click accepts the one that is lit."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
     imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
@@ -210,7 +210,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
 
 
 def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
-    """Draw the shape's bones as seen now in a square, the driven ones in colour."""
+    """Draws the shape's bones as seen now in a square, the driven ones in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)

@@ -108,7 +108,7 @@ def apply_colours() -> None:
 
 
 def packed(colour: Colour, opacity: float = 1.0) -> int:
-    """A colour as draw lists take it."""
+    """Returns a colour as draw lists take it."""
     return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))
 
 

@@ -42,7 +42,7 @@ _NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's vi
 
 
 def draw_timeline(workspace: Workspace, area: Area) -> None:
-    """Draw the bottom panel."""
+    """Draws the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
         _grip(workspace, area)
         _transport(workspace)
@@ -170,7 +170,7 @@ def _buttons(workspace: Workspace) -> None:
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Pass the pointer's clicks, drags and wheel to the timeline."""
+    """Passes the pointer's clicks, drags and wheel to the timeline."""
     at, timeline = imgui.get_mouse_pos(), workspace.timeline
     x, y = at.x - origin.x, at.y - origin.y
     if imgui.is_item_hovered():

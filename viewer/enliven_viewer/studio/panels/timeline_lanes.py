@@ -43,7 +43,7 @@ class LanePainter:
         self._ctx: moderngl.Context | None = None
 
     def head(self, workspace: Workspace, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
-        """Draw the row with a character's name, and with thin bars of its clips where it is folded."""
+        """Draws the row with a character's name, and with thin bars of its clips where it is folded."""
         draw, timeline = imgui.get_window_draw_list(), workspace.timeline
         top, name = origin.y + lane.top, lane.character.id
         chosen = workspace.editor.selection.character == name
@@ -68,7 +68,7 @@ class LanePainter:
     def lane(
         self, workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
     ) -> None:
-        """Draw a bar with its clips."""
+        """Draws a bar with its clips."""
         draw, layer = imgui.get_window_draw_list(), lane.layer
         top, right = origin.y + lane.top, origin.x + size.x
         selection, timeline = workspace.editor.selection, workspace.timeline
@@ -144,7 +144,7 @@ class LanePainter:
         high: ImVec2,
         faded: float,
     ) -> None:
-        """Draw what the take does in a clip, a figure every some pixels."""
+        """Draws what the take does in a clip, a figure every some pixels."""
         held = layout.project.streams if lane.layer.source == "streams" else layout.project.takes
         take = held[name]
         texture = self._texture(workspace.timeline.pictures, workspace, take)
@@ -182,7 +182,7 @@ class LanePainter:
 def _blend(
     layout: TimelineLayout, before: Segment, after: Segment, origin: ImVec2, top: float, faded: float
 ) -> None:
-    """Draw where one clip goes over into the next: one falls, the other rises."""
+    """Draws where one clip goes over into the next: one falls, the other rises."""
     draw = imgui.get_window_draw_list()
     left, right = origin.x + layout.x(after.begin), origin.x + layout.x(before.end)
     low, high = top + 2, top + LANE - 2
@@ -192,5 +192,5 @@ def _blend(
 
 
 def colour_of(take: str) -> Colour:
-    """The colour of a take's clips."""
+    """Returns the colour of a take's clips."""
     return LANES[zlib.crc32(take.encode()) % len(LANES)]

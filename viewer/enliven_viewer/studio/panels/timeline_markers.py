@@ -20,7 +20,7 @@ _COLUMN = 2.0
 
 
 def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draw a flag and a thin line at each marker."""
+    """Draws a flag and a thin line at each marker."""
     draw, timeline = imgui.get_window_draw_list(), workspace.timeline
     for marker, x in timeline.layout.markers():
         if x < LABELS - 1:
@@ -41,7 +41,7 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
 
 def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
-    """Draw how loud the sounds are along the ruler, and their names before it."""
+    """Draws how loud the sounds are along the ruler, and their names before it."""
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     first, last = LABELS, workspace.timeline.width
     count = int((last - first) / _COLUMN)
@@ -59,7 +59,7 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draw the marked range on the ruler and the lanes; red in the workspace where recordings fill it."""
+    """Draws the marked range on the ruler and the lanes; red in the workspace where recordings fill it."""
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return

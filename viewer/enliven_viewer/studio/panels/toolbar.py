@@ -35,7 +35,7 @@ _ICON_SPACE = 19.0
 
 
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
-    """Draw the buttons; that of the active tool is amber."""
+    """Draws the buttons; that of the active tool is amber."""
     actions = workspace.actions.menus["Tools"]
     with panel("tools", area, imgui.WindowFlags_.no_scrollbar):
         each = imgui.get_content_region_avail().y / len(actions)

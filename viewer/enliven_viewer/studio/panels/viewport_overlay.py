@@ -26,7 +26,7 @@ _WIDE = 380.0
 
 
 def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None) -> None:
-    """Draw marks and the hint, where tools are in reach, then messages, below every panel.
+    """Draws marks and the hint, where tools are in reach, then messages, below every panel.
 
     Args:
         hint: the strip for the hint, if it does not stand over the picture.
@@ -46,7 +46,7 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: A
 
 
 def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: bool) -> None:
-    """Draw the marks of the tool, the axes of a puppet, and the hint."""
+    """Draws the marks of the tool, the axes of a puppet, and the hint."""
     _brackets(workspace, draw, area)
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw, area, mark)
@@ -60,7 +60,7 @@ def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: boo
 
 
 def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw corners around each of several chosen characters; the one that leads has brighter ones."""
+    """Draws corners around each of several chosen characters; the one that leads has brighter ones."""
     editor = workspace.editor
     if not editor.selection.several:
         return
@@ -106,7 +106,7 @@ def draw_mark(draw: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Lab
 
 
 def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the tool's name and hint, and its warning beneath."""
+    """Draws the tool's name and hint, and its warning beneath."""
     tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tr(tool.label)}   ").x
     room = max(area.width - shift - 54, 80.0)
@@ -122,7 +122,7 @@ def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
 
 
 def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the tool's name and hint in a strip under the picture, in small letters."""
+    """Draws the tool's name and hint in a strip under the picture, in small letters."""
     tool, font, room = workspace.input.tool, imgui.get_font(), area.width - 28
     draw.add_rect_filled(
         ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height), packed(DARK)
@@ -149,7 +149,7 @@ def _warning(said: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
 
 
 def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the caption of a session in the middle above, with the key that it presses."""
+    """Draws the caption of a session in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     wide = imgui.calc_text_size(workspace.caption).x * grown
@@ -199,5 +199,5 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
 
 
 def _wrapped(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
-    """Draw text in lines of a width at most."""
+    """Draws text in lines of a width at most."""
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

@@ -38,7 +38,7 @@ class PerformAction:
 
     @property
     def id(self) -> str:
-        """A name that stays: "perform.possess_alone"."""
+        """Returns a name that stays: "perform.possess_alone"."""
         if self.label == _STAND:
             return "perform.stand"  # the start page shows it
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
@@ -72,12 +72,12 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
 
 
 def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
-    """An action on what is followed; without a link it does nothing."""
+    """Returns an action on what is followed; without a link it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
 
 
 def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
-    """An action by which a performer takes hold, as soon as it can be."""
+    """Returns an action by which a performer takes hold, as soon as it can be."""
     return lambda session: session.stepping_in.press(mode)
 
 

@@ -24,7 +24,7 @@ class Addresses:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The addresses, the newest first; read once."""
+        """Returns the addresses, the newest first; read once."""
         if self._known is None:
             self._known = ()
             with contextlib.suppress(OSError, UnicodeDecodeError):
@@ -32,7 +32,7 @@ class Addresses:
         return self._known
 
     def remember(self, address: str) -> None:
-        """Put an address first."""
+        """Puts an address first."""
         kept = (address, *(one for one in self.known if one != address))[:_KEPT]
         self._known = kept
         with contextlib.suppress(OSError):  # to be connected matters more than to remember it

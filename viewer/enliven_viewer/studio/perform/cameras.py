@@ -48,13 +48,13 @@ class Camera(msgspec.Struct, frozen=True):
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words of ``enliven edge`` that start it."""
+        """Returns the words of ``enliven edge`` that start it."""
         settings = (word for name, value in self.options.items() for word in ("--set", f"{name}={value}"))
         return "--sensor", self.sensor, *settings
 
     @property
     def can_start(self) -> bool:
-        """Whether nothing keeps it from being used."""
+        """Returns True if nothing keeps it from being used."""
         return bool(self.sensor) and not self.trouble
 
 
@@ -81,16 +81,16 @@ class CameraSearch:
 
     @property
     def searching(self) -> bool:
-        """Whether cameras are being looked for."""
+        """Returns True if cameras are being looked for."""
         return self._search is not None
 
     @property
     def looking(self) -> Camera | None:
-        """The camera that is being looked through; None without one."""
+        """Returns the camera that is being looked through; None without one."""
         return None if self._look is None else self._look[2]
 
     def begin(self) -> None:
-        """Look for cameras, if that is not being done already."""
+        """Looks for cameras, if that is not being done already."""
         if self._search is not None:
             return
         if find_spec("enliven_edge") is None:
@@ -100,7 +100,7 @@ class CameraSearch:
         self._search = start_process(["sensors", "--json"], stdout=out), out
 
     def look(self, camera: Camera) -> None:
-        """Make a picture of what a depth camera sees now."""
+        """Makes a picture of what a depth camera sees now."""
         if self._look is not None or not camera.can_start:
             return
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="enliven-look-")
@@ -112,7 +112,7 @@ class CameraSearch:
         self._look = start_process(words, stderr=told, stdout=told), told, camera, path
 
     def poll(self) -> None:
-        """Take in what has ended; call once a frame."""
+        """Takes in what has ended; call once a frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
             self._take(_text(out), bool(process.returncode))
@@ -131,7 +131,7 @@ class CameraSearch:
             self._folder = None
 
     def _take(self, text: str, failed: bool) -> None:
-        """Read the list that the edge printed: its last line."""
+        """Reads the list that the edge printed: its last line."""
         try:
             self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
             self.problem = ""
@@ -141,7 +141,7 @@ class CameraSearch:
             self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
 
     def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
-        """Take the picture of a look, or what went wrong."""
+        """Takes the picture of a look, or what went wrong."""
         lines = [line.strip() for line in said.splitlines() if line.strip()]
         if failed or not path.is_file():
             why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")

@@ -42,11 +42,11 @@ class CloseUp:
         self._since = 0.0
 
     def toggle(self) -> None:
-        """Let the view go to the limb, or leave it."""
+        """Lets the view go to the limb, or leave it."""
         self.on = not self.on
 
     def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
-        """Go to what is about to be held in a scene, of the character that is meant or else of any."""
+        """Goes to what is about to be held in a scene, of the character that is meant or else of any."""
         self._since += seconds
         found = None if scene is None or not self.on else about_to_be_held(scene, meant)
         if found is None and self.box is not None and self.on and scene is not None and self._since < _DWELL:
@@ -58,7 +58,7 @@ class CloseUp:
             self._go_to(found)
 
     def lens(self, width: float, height: float) -> Lens | None:
-        """The view from the side on the limb, for a picture of so many pixels; None without one."""
+        """Returns the view from the side on the limb, for a picture of so many pixels; None without one."""
         if self.box is None:
             return None
         camera = OrbitCamera(self.editor.camera.field_of_view)
@@ -69,7 +69,7 @@ class CloseUp:
 
     @property
     def _turned(self) -> bool:
-        """Whether the artist moved the view since it was sent to the limb."""
+        """Returns True if the artist moved the view since it was sent to the limb."""
         return not np.allclose(self.editor.camera.goal, self._sent, atol=_SAME)
 
     def _go_to(self, box: Box) -> None:
@@ -85,7 +85,7 @@ class CloseUp:
         self._framed, self._since = box, 0.0
 
     def _go_back(self) -> None:
-        """Look again as before, unless the artist turned the view."""
+        """Looks again as before, unless the artist turned the view."""
         if self._before is not None and not self._turned:
             *target, azimuth, elevation, distance = self._before
             self.editor.camera.go(target, azimuth, elevation, distance)
@@ -93,7 +93,8 @@ class CloseUp:
 
 
 def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
-    """The box around the limb that the next hold would take; None for none, or for most of a character.
+    """Returns the box around the limb that the next hold would take; None for none, or for most of a
+    character.
 
     Args:
         meant: the id of the character that is looked at; None: the first of which something would be held.
@@ -107,7 +108,9 @@ def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
 
 
 def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
-    """(N, 3) metres: the bones of the match that is shown, or the nodes that would be held; None without."""
+    """Returns (N, 3) metres: the bones of the match that is shown, or the nodes that would be held; None
+    without.
+    """
     board, cues = scene.boards.get(actor.character.id), actor.cues
     if board is not None and board.state == "choosing" and 0 <= board.shown < len(board.rows):
         lines = [line for line in board.rows[board.shown].lines if len(line)]
@@ -120,11 +123,11 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
 
 
 def _size(box: Box) -> float:
-    """Metres from corner to corner."""
+    """Returns metres from corner to corner."""
     return float(np.linalg.norm(box[1] - box[0]))
 
 
 def _elsewhere(box: Box, before: Box) -> bool:
-    """Whether a limb has moved, or is another one."""
+    """Returns True if a limb has moved, or is another one."""
     least = _MOVED * max(_size(box), _size(before))
     return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > least

@@ -53,17 +53,17 @@ class Guest:
 
     @property
     def name(self) -> str:
-        """The name of the edge, or its address before it was heard."""
+        """Returns the name of the edge, or its address before it was heard."""
         return self._client.edges[0].name
 
     @property
     def connected(self) -> bool:
-        """Whether it is heard."""
+        """Returns True if it is heard."""
         return self.live.document.edge.connected
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers there, as that edge has them."""
+        """Returns the ids of the performers there, as that edge has them."""
         return tuple(sorted(body.id for body in self.live.scene.bodies)) if self.connected else ()
 
     @property
@@ -75,25 +75,27 @@ class Guest:
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Where its camera stands and what it sees; None where it does not tell."""
+        """Returns where its camera stands and what it sees; None where it does not tell."""
         return camera_of(self._client)
 
     @property
     def delay_ns(self) -> int:
-        """Nanoseconds from a performer's movement until it is here, as measured; 0 where it is not known."""
+        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 where it is not
+        known.
+        """
         edge = self.live.document.edge
         if edge.sensor_to_pose_ms is None:
             return 0
         return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived."""
+        """Takes in what has arrived."""
         now = self.recorder.holders.now
         self.live.held, self.live.holding = {one.character for one in now}, {one.body for one in now}
         self.live.advance(seconds)
 
     def close(self) -> None:
-        """Let the edge go."""
+        """Lets the edge go."""
         self.live.close()
 
     def _heard(self, topic: Topic, value: Any) -> None:
@@ -105,7 +107,9 @@ class Guest:
 
 
 def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
-    """A scene with what is live on other edges; performers of each have ids, and colours, of their own."""
+    """Returns a scene with what is live on other edges; performers of each have ids, and colours, of their
+    own.
+    """
     actors, bodies, boards = list(scene.actors), list(scene.bodies), dict(scene.boards)
     for guest in guests:
         if not guest.connected:
@@ -118,6 +122,6 @@ def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
 
 
 def _carried(board: Board, ids: int) -> Board:
-    """A board of another edge; its performers' ids, where they are known, are ``ids`` higher here."""
+    """Returns a board of another edge; its performers' ids, where they are known, are ``ids`` higher here."""
     rows = tuple(replace(row, body=row.body + ids) if row.body >= 0 else row for row in board.rows)
     return replace(board, body=board.body + ids if board.body >= 0 else -1, rows=rows)

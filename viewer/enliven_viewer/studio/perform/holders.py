@@ -59,7 +59,7 @@ class Holders:
         return tuple(sorted(found, key=lambda one: (one.body, one.character)))
 
     def take(self, said: HoldMessage) -> None:
-        """Follow a change."""
+        """Follows a change."""
         before = self._parts.get(said.character, {})
         if not before:
             self.since_free[said.character] = []
@@ -78,5 +78,5 @@ class Holders:
             self.since_free[said.character] = []
 
     def forget(self) -> None:
-        """Forget everything, as after an edge was started again."""
+        """Forgets everything, as after an edge was started again."""
         self._parts, self.since_free = {}, {}

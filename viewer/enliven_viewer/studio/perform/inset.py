@@ -62,7 +62,7 @@ class SeenBody:
 
     @property
     def bones(self) -> list[tuple[int, int]]:
-        """The bones, the farthest first."""
+        """Returns the bones, the farthest first."""
         return sorted(BONES, key=lambda bone: -float(self.depth[list(bone)].sum()))
 
     def pixels(self, metres: float, joint: int) -> float:
@@ -71,7 +71,7 @@ class SeenBody:
 
 
 def width_of(camera: CameraMessage | None) -> float:
-    """The width over the height of a camera's view; of one that tells no picture :data:`WIDER`."""
+    """Returns the width over the height of a camera's view; of one that tells no picture :data:`WIDER`."""
     return WIDER if camera is None or not camera.height else camera.width / camera.height
 
 
@@ -97,7 +97,7 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[S
 
 
 def _through(camera: CameraMessage, body: Body) -> SeenBody:
-    """A performer as a camera sees them that said where it stands."""
+    """Returns a performer as a camera sees them that said where it stands."""
     rows, (across, down, right, low) = np.reshape(camera.place, (3, 4)), camera.lens
     ahead = (body.joints - rows[:, 3]) @ rows[:, :3]
     depth = np.where(ahead[:, 2] > 0.0, ahead[:, 2], np.nan)
@@ -114,7 +114,7 @@ class PerformerInset:
     def place(
         self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
     ) -> Rectangle:
-        """The rectangle in a picture of a width and height in pixels, for some views side by side.
+        """Returns the rectangle in a picture of a width and height in pixels, for some views side by side.
 
         Args:
             views: how many, by their widths: one of :data:`WIDER` is one.
@@ -136,7 +136,7 @@ class PerformerInset:
 
 
 def rectangle_of(pixels: Float) -> Rectangle | None:
-    """The rectangle around places (N, 2) in pixels; None where one is behind the camera."""
+    """Returns the rectangle around places (N, 2) in pixels; None where one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
     low, high = pixels.min(0), pixels.max(0)
@@ -144,7 +144,7 @@ def rectangle_of(pixels: Float) -> Rectangle | None:
 
 
 def _common(one: Rectangle, other: Rectangle) -> float:
-    """Pixels squared that two rectangles share."""
+    """Returns pixels squared that two rectangles share."""
     wide = min(one[0] + one[2], other[0] + other[2]) - max(one[0], other[0])
     high = min(one[1] + one[3], other[1] + other[3]) - max(one[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)

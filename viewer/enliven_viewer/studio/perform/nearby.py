@@ -50,7 +50,7 @@ class NearbyEdge:
         return said[-1] if said else tr("it ended")
 
     def close(self) -> None:
-        """End it."""
+        """Ends it."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -62,5 +62,5 @@ class NearbyEdge:
 
 
 def replaying(recording: Path | None) -> NearbyEdge:
-    """An edge that plays a recording for ever: the one that ships, where none is given."""
+    """Returns an edge that plays a recording for ever: the one that ships, where none is given."""
     return NearbyEdge("--loop", *(("--recording", str(recording)) if recording else ()))

@@ -33,7 +33,7 @@ class StagePhysics:
         self.state: PhysicsMessage | None = None
 
     def advance(self, client: EdgeClient) -> None:
-        """Take in the edge's messages."""
+        """Takes in the edge's messages."""
         client.take(PHYSICS)
         self.state = client.latest(PHYSICS).get("")
 
@@ -43,7 +43,7 @@ class StagePhysics:
 
     @property
     def number(self) -> int:
-        """Which of :data:`LOOSE_WORLDS` is on the stage."""
+        """Returns which of :data:`LOOSE_WORLDS` is on the stage."""
         on = self.state is not None and self.state.state in ("preparing", "on")
         return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
 
@@ -59,7 +59,7 @@ class StagePhysics:
 
     @property
     def has_problem(self) -> bool:
-        """Whether the words are a reason against objects."""
+        """Returns True if the words are a reason against objects."""
         return self.state is not None and self.state.state in ("missing", "failed")
 
     def ask(self, client: EdgeClient | None, number: int) -> None:

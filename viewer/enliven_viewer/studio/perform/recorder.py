@@ -36,28 +36,28 @@ class LiveRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether something is recorded."""
+        """Returns True if something is recorded."""
         return self._kept is not None
 
     @property
     def since_ns(self) -> int:
-        """The sensor's clock when the recording began."""
+        """Returns the sensor's clock when the recording began."""
         return 0 if self._kept is None else self._kept.since_ns
 
     @property
     def still(self) -> float:
-        """Seconds for which all performers have held still, after they moved in this recording."""
+        """Returns seconds for which all performers have held still, after they moved in this recording."""
         return self.stillness.seconds(self.newest_ns or 0)
 
     @property
     def seconds(self) -> float:
-        """Seconds of the sensor's clock that are recorded so far."""
+        """Returns seconds of the sensor's clock that are recorded so far."""
         if self._kept is None or self.newest_ns is None or self._delay_ns is not None:
             return 0.0
         return max(self.newest_ns - self._kept.since_ns, 0) / NS
 
     def begin(self, name: str, delay_ns: int = 0) -> None:
-        """Record from now on, or from the first time that is heard of a clock that is not known yet.
+        """Records from now on, or from the first time that is heard of a clock that is not known yet.
 
         Args:
             delay_ns: how much later than a performer moves it arrives here.
@@ -68,7 +68,7 @@ class LiveRecorder:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
     def _count_from(self, kept: Performed, since: int) -> None:
-        """Begin a recording at a time of the sensor's clock, with the holds that lead up to it."""
+        """Begins a recording at a time of the sensor's clock, with the holds that lead up to it."""
         kept.since_ns, self._delay_ns = since, None
         first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
         kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
@@ -82,7 +82,9 @@ class LiveRecorder:
         return kept
 
     def so_far(self) -> Performed | None:
-        """A copy of what was recorded until now, while the recording goes on; None without a recording."""
+        """Returns a copy of what was recorded until now, while the recording goes on; None without a
+        recording.
+        """
         if self._kept is None:
             return None
         kept = self._kept
@@ -95,7 +97,7 @@ class LiveRecorder:
         )
 
     def heard(self, topic: Topic, value: Any) -> None:
-        """Take a value of a topic, as the link brings it."""
+        """Takes a value of a topic, as the link brings it."""
         if topic is POSE:
             self._pose(value)
         elif topic is BODIES and not (self._frames and value.time_ns <= self._frames[-1].time_ns):
@@ -126,7 +128,7 @@ class LiveRecorder:
         kept.poses.setdefault(key, []).append(pose)
 
     def _note(self, time_ns: int) -> None:
-        """Follow the sensor's clock; a recording that awaits it begins.
+        """Follows the sensor's clock; a recording that awaits it begins.
 
         After a slow picture many messages come at once, topic by topic: their times are no order of arrival.
         """

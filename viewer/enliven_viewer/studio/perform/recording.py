@@ -71,7 +71,7 @@ class StageRecording:
         self._left = self._silent = self._start = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Go on with the count-in or the recording."""
+        """Goes on with the count-in or the recording."""
         if self.phase == "counting":
             self._left -= seconds
             if self._left <= 0.0:
@@ -93,12 +93,12 @@ class StageRecording:
 
     @property
     def seconds(self) -> float:
-        """Seconds that are recorded so far, by the clock of the edge that goes on longest."""
+        """Returns seconds that are recorded so far, by the clock of the edge that goes on longest."""
         return max(one.seconds for one in (self.recorder, *(guest.recorder for guest in self._guests)))
 
     @property
     def counted(self) -> int:
-        """The beat of the count-in: 3, 2, 1; 0 where none is counted."""
+        """Returns the beat of the count-in: 3, 2, 1; 0 where none is counted."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
     @property
@@ -108,7 +108,9 @@ class StageRecording:
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """The first and the last second of the project that are recorded; None: from the playhead on."""
+        """Returns the first and the last second of the project that are recorded; None: from the playhead
+        on.
+        """
         return self.editor.marked
 
     @span.setter
@@ -116,14 +118,14 @@ class StageRecording:
         self.editor.marked = span
 
     def record(self) -> None:
-        """Count in and record, or end it."""
+        """Counts in and record, or ends it."""
         if self.phase != "idle":
             self.stop()
         elif self._may(self._lacks()):
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
     def again(self, *, beside: bool = False) -> None:
-        """Begin anew where the recording began: what is being recorded is dropped, the last one undone.
+        """Begins anew where the recording began: what is being recorded is dropped, the last one undone.
 
         Args:
             beside: whether the last one is kept, silent, as an alternative of what is recorded now.
@@ -147,23 +149,23 @@ class StageRecording:
 
     @property
     def recorded(self) -> str:
-        """The name of the recording that the last edit was; empty where that was another."""
+        """Returns the name of the recording that the last edit was; empty where that was another."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
 
     def _silence(self, alternatives: str) -> None:
-        """Let none of some takes be heard, for one more that is recorded."""
+        """Lets none of some takes be heard, for one more that is recorded."""
         self.editor.edit(
             later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
         )
         self._beside = alternatives
 
     def mark(self, end: int) -> None:
-        """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
+        """Makes the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
         self.editor.mark(end)
 
     def stop(self, until_ns: int | None = None) -> None:
-        """End the count-in, or the recording: it becomes takes and layers of the project, as one edit.
+        """Ends the count-in, or the recording: it becomes takes and layers of the project, as one edit.
 
         Args:
             until_ns: the sensor's clock up to which it is kept; None: all of it.
@@ -218,7 +220,7 @@ class StageRecording:
             self.editor.undo()
 
     def seen(self) -> str:
-        """The character that was recorded last, once; empty where it was asked for already."""
+        """Returns the character that was recorded last, once; empty where it was asked for already."""
         fresh, self._fresh = self._fresh, ""
         return fresh
 
@@ -227,7 +229,7 @@ class StageRecording:
         return [one.end() for one in (self.recorder, *(g.recorder for g in self._guests)) if one.recording]
 
     def _span_ended(self, span: tuple[float, float]) -> None:
-        """Keep what was recorded of the span; where it loops, the next one begins at once."""
+        """Keeps what was recorded of the span; where it loops, the next one begins at once."""
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
@@ -236,7 +238,7 @@ class StageRecording:
             self._begin()
 
     def _begin(self) -> None:
-        """Begin to record, while the project plays from where the playhead is."""
+        """Begins to record, while the project plays from where the playhead is."""
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent = "recording", 0.0
@@ -250,7 +252,9 @@ class StageRecording:
         live.playhead.go_live()
 
     def _delay_ns(self) -> int:
-        """Nanoseconds from a performer's movement until it is here, as measured; 0 where it is not known."""
+        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 where it is not
+        known.
+        """
         live = self._live()
         edge = None if live is None else live.document.edge
         if edge is None or edge.sensor_to_pose_ms is None:

@@ -33,7 +33,7 @@ class StageSender:
         self._seen: dict[str, tuple[RigBase, float]] = {}
 
     def put(self, stage: StageLink, project: Project, name: str) -> None:
-        """Send a character; it is sent again by itself when it is edited."""
+        """Sends a character; it is sent again by itself when it is edited."""
         one = project.character(name)
         again = self.states.get(name) == "on the stage"
         self._sent[name], self.states[name] = one, "being sent"
@@ -45,17 +45,17 @@ class StageSender:
             stage.put(project, name, then=told)
 
     def stands(self, name: str, one: RigBase) -> None:
-        """Note that a character stands on the stage as it is in the project: the edge made it."""
+        """Notes that a character stands on the stage as it is in the project: the edge made it."""
         self._sent[name], self.states[name] = one, "on the stage"
 
     def remove(self, stage: StageLink, name: str) -> None:
-        """Take a character from the stage."""
+        """Takes a character from the stage."""
         self._sent.pop(name, None)
         self.states.pop(name, None)
         stage.remove(name, partial(self._removed, name))
 
     def advance(self, stage: StageLink, project: Project) -> None:
-        """Send what was edited, once it rests."""
+        """Sends what was edited, once it rests."""
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             one = project.characters.get(name)
@@ -71,12 +71,12 @@ class StageSender:
                 self.put(stage, project, name)
 
     def again(self, stage: StageLink, project: Project) -> None:
-        """Send everything anew: the edge was started again, and its stage is empty."""
+        """Sends everything anew: the edge was started again, and its stage is empty."""
         for name in [name for name in self._sent if name in project.characters]:
             self.put(stage, project, name)
 
     def forget(self) -> None:
-        """Forget what stands there: the link is closed."""
+        """Forgets what stands there: the link is closed."""
         self.states, self._sent, self._seen = {}, {}, {}
 
     def _answered(self, name: str, again: bool, answer: Answer) -> None:
@@ -107,7 +107,7 @@ class StageSender:
 
 
 def _stands_alike(one: RigBase, sent: RigBase) -> bool:
-    """Whether an edit of a possessed mesh changed what it plays alone: the stage has it at rest."""
+    """Returns True if an edit of a possessed mesh changed what it plays alone: the stage has it at rest."""
     kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(
         getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends", "joints")

@@ -81,13 +81,15 @@ class PerformSession:
 
     @property
     def keys_of(self) -> str:
-        """The workspace that has keys of its own; none in *Play* without a stage, where the project plays."""
+        """Returns the workspace that has keys of its own; none in *Play* without a stage, where the project
+        plays.
+        """
         return "" if self.room == "Play" and self.live is None else self.room
 
     # The link ---------------------------------------------------------------------------------------------
 
     def connect(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow the edge at an address, HOST or HOST:PORT.
+        """Follows the edge at an address, HOST or HOST:PORT.
 
         Raises:
             InputError: where that is no address.
@@ -96,7 +98,7 @@ class PerformSession:
         self.addresses.remember(address.strip())
 
     def _follow(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow the edge at an address in the place of another."""
+        """Follows the edge at an address in the place of another."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
@@ -104,7 +106,7 @@ class PerformSession:
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
     def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow one edge more: who performs there is seen, and recorded, beside the others.
+        """Follows one edge more: who performs there is seen, and recorded, beside the others.
 
         Raises:
             InputError: where that is no address, or is followed already.
@@ -121,7 +123,7 @@ class PerformSession:
         self.addresses.remember(wanted)
 
     def lead(self, guest: Guest, settings: PlaybackSettings | None = None) -> None:
-        """Let orders, and characters that are put on a stage, go to another of the edges."""
+        """Lets orders, and characters that are put on a stage, go to another of the edges."""
         if self._client is None:
             return
         before, others = (
@@ -133,12 +135,12 @@ class PerformSession:
             self.join(address, settings)
 
     def part(self, guest: Guest) -> None:
-        """Let one of the other edges go; what was recorded of it until now is kept with the recording."""
+        """Lets one of the other edges go; what was recorded of it until now is kept with the recording."""
         guest.close()
         self.guests.remove(guest)
 
     def connect_nearby(self, *words: str) -> None:
-        """Start an edge on this machine and follow it; ``words`` are of its command line.
+        """Starts an edge on this machine and follow it; ``words`` are of its command line.
 
         Raises:
             ResourceError: where the edge's program is not installed.
@@ -150,7 +152,7 @@ class PerformSession:
             self.live.near = True
 
     def follow_take(self, path: Path, settings: PlaybackSettings | None = None) -> None:
-        """Play a take as it was recorded: poses, performers, who held what.
+        """Plays a take as it was recorded: poses, performers, who held what.
 
         Raises:
             InputError: where the file is no take.
@@ -162,7 +164,7 @@ class PerformSession:
         )
 
     def disconnect(self) -> None:
-        """Let the edge go; what was recorded until now is kept.
+        """Lets the edge go; what was recorded until now is kept.
 
         The stage of an edge of this machine ends with it: what stood there goes onto the next stage.
         """
@@ -191,27 +193,27 @@ class PerformSession:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The addresses of before, the newest first."""
+        """Returns the addresses of before, the newest first."""
         return self.addresses.known
 
     @property
     def connected(self) -> bool:
-        """Whether an edge is heard."""
+        """Returns True if an edge is heard."""
         return self._client is not None and self.live is not None and self.live.document.edge.connected
 
     @property
     def client(self) -> EdgeClient | None:
-        """The link to the edge; None without one, and while a take is played."""
+        """Returns the link to the edge; None without one, and while a take is played."""
         return self._client
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Where the edge's camera stands and what it sees; None where it does not tell."""
+        """Returns where the edge's camera stands and what it sees; None where it does not tell."""
         return None if self._client is None else camera_of(self._client)
 
     @property
     def stage(self) -> StageLink | None:
-        """The stage of the edge; None without one."""
+        """Returns the stage of the edge; None without one."""
         return None if self._client is None else self._client.stage
 
     @property
@@ -225,7 +227,7 @@ class PerformSession:
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers in view."""
+        """Returns the ids of the performers in view."""
         return () if self.live is None else tuple(sorted(body.id for body in self.live.scene.bodies))
 
     @property
@@ -239,7 +241,7 @@ class PerformSession:
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The ids of the characters on the edge's stage."""
+        """Returns the ids of the characters on the edge's stage."""
         return () if self._client is None else tuple(self._client.characters)
 
     @property
@@ -249,14 +251,16 @@ class PerformSession:
 
     @property
     def meant(self) -> str | None:
-        """The character on the stage that orders are about: the chosen one; None where that is not there."""
+        """Returns the character on the stage that orders are about: the chosen one; None where that is not
+        there.
+        """
         chosen = self.editor.selection.character or self.there
         return chosen if chosen in self.standing else None
 
     # Once a picture ---------------------------------------------------------------------------------------
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived, and go on with what is under way."""
+        """Takes in what has arrived, and goes on with what is under way."""
         if self.live is None:
             return
         self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
@@ -288,20 +292,20 @@ class PerformSession:
             self._framed = self.live.present
 
     def _watch_edge(self) -> None:
-        """Notice an edge of this machine that could not be started, or has ended."""
+        """Notices an edge of this machine that could not be started, or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
             what, _, mend = why.removeprefix("enliven: ").partition(". ")
             self.editor.toasts.complain(EnlivenError(what, where="the stage on this machine", mend=mend))
             self.disconnect()
 
     def _began_again(self) -> None:
-        """Take the edge's new clock, and put on its empty stage what stood there."""
+        """Takes the edge's new clock, and puts on its empty stage what stood there."""
         self.recording.recorder.restarted()
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
     def _heard(self, topic: Topic, value: Any) -> None:
-        """Do what a pedal or a voice asks for, and let the recorder hear everything else."""
+        """Does what a pedal or a voice asks for, and lets the recorder hear everything else."""
         if topic is not CALLS:
             self.recording.recorder.heard(topic, value)
         elif value.word == "again":
@@ -320,13 +324,13 @@ class PerformSession:
         return "The stage is silent. Look whether its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """The reason why the microphone cannot be switched, with advice."""
+        """Returns the reason why the microphone cannot be switched, with advice."""
         return self.lacks_edge() or (
             tr("{0}. Update it", self.voice.status) if self.voice.state is None else ""
         )
 
     def lacks_physics(self) -> str:
-        """The reason why the physics cannot be switched, with advice."""
+        """Returns the reason why the physics cannot be switched, with advice."""
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
@@ -348,12 +352,12 @@ class PerformSession:
         return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
 
     def put(self) -> None:
-        """Put the chosen character on the stage, where it follows every edit."""
+        """Puts the chosen character on the stage, where it follows every edit."""
         if self._may(self.lacks_to_put()) and self.stage is not None:
             self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_soon(self, name: str) -> None:
-        """Put a character on the stage, or on the next one that is connected to."""
+        """Puts a character on the stage, or on the next one that is connected to."""
         self._soon = (*(one for one in self._soon if one != name), name)
         if not self.connected:
             said = tr("{0} goes onto the stage as soon as there is one", name)
@@ -361,11 +365,11 @@ class PerformSession:
 
     @property
     def waiting(self) -> tuple[str, ...]:
-        """The characters that go onto the next stage."""
+        """Returns the characters that go onto the next stage."""
         return self._soon
 
     def _put_awaited(self) -> None:
-        """Put on the stage what waited for one."""
+        """Puts on the stage what waited for one."""
         if not self.connected or self.stage is None:
             return
         names, self._soon = self._soon, ()
@@ -374,12 +378,12 @@ class PerformSession:
                 self.sender.put(self.stage, self.editor.project, name)
 
     def take_off(self, name: str = "") -> None:
-        """Take a character from the stage: the chosen one where none is named."""
+        """Takes a character from the stage: the chosen one where none is named."""
         if self._may("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _may(self, lacking: str) -> bool:
-        """Whether nothing is lacking; says what is."""
+        """Returns True if nothing is lacking; says what is."""
         if lacking:
             self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking

@@ -38,19 +38,19 @@ class StageSizes:
 
     @property
     def going(self) -> str | None:
-        """The character that hands are changing; None for none."""
+        """Returns the character that hands are changing; None for none."""
         return next((name for name, said in self._told.items() if said.body >= 0), None)
 
     def of(self, name: str) -> float:
-        """How many times its own size a character stands on the stage."""
+        """Returns how many times its own size a character stands on the stage."""
         return self._told[name].size if name in self._told else 1.0
 
     def wanted(self, name: str) -> float:
-        """How many times its own size a character of the project should stand there."""
+        """Returns how many times its own size a character of the project should stand there."""
         return self._editor.project.handling.get(name, FREE).size
 
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
-        """Take in what the edge tells; keep what hands did; ask for what the project says otherwise."""
+        """Takes in what the edge tells; keeps what hands did; asks for what the project says otherwise."""
         client.take(SIZES)
         before, self._told = self._told, {}
         for said in client.latest(SIZES).values():
@@ -71,11 +71,11 @@ class StageSizes:
                 self._ask(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
-        """Forget what the edge told: the link is closed."""
+        """Forgets what the edge told: the link is closed."""
         self.words, self._told, self._asked = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
-        """Give a character its own size again: as an edit where it is the project's."""
+        """Gives a character its own size again: as an edit where it is the project's."""
         if name in self._editor.project.characters:
             self._edit(name, 1.0)
         elif name is not None:
@@ -88,7 +88,7 @@ class StageSizes:
         return "It has its own size. Scale it with both hands first"
 
     def _say(self, before: dict[str, SizeMessage]) -> None:
-        """Choose the words that are shown."""
+        """Chooses the words that are shown."""
         now = time.monotonic()
         if self.going is not None:
             size = f"{self.going}: {self.of(self.going):.0%}"
@@ -103,7 +103,7 @@ class StageSizes:
                 self.words = None
 
     def _keep(self, name: str) -> None:
-        """Make what hands did an edit of the project."""
+        """Makes what hands did an edit of the project."""
         if abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
             self._edit(name, self.of(name))
 
@@ -115,7 +115,9 @@ class StageSizes:
         )
 
     def _swing(self, name: str, client: EdgeClient) -> None:
-        """Ask for how far soft parts swing where the project, or what is dragged just now, says otherwise."""
+        """Asks for how far soft parts swing where the project, or what is dragged just now, says
+        otherwise.
+        """
         project = self._editor.draft or self._editor.project
         told = self._told[name].exaggeration if name in self._told else None
         wanted = project.handling.get(name, FREE).exaggeration
@@ -123,7 +125,7 @@ class StageSizes:
             self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
     def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
-        """Ask for what the project says; not before the edge may have answered, nor after it refused."""
+        """Asks for what the project says; not before the edge may have answered, nor after it refused."""
         key, now = (order.do, order.character or ""), time.monotonic()
         asked, when = self._asked.get(key, (np.nan, -_AGAIN))
         if asked != wanted or now - when > _AGAIN:

@@ -33,19 +33,19 @@ class FollowedStage(Protocol):
 
     @property
     def connected(self) -> bool:
-        """Whether an edge is heard."""
+        """Returns True if an edge is heard."""
 
     @property
     def client(self) -> EdgeClient | None:
-        """The link to the edge."""
+        """Returns the link to the edge."""
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The ids of the characters on the stage."""
+        """Returns the ids of the characters on the stage."""
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers in view."""
+        """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
         """Why nothing can be asked of an edge; empty if it can."""
@@ -90,7 +90,7 @@ class SteppingIn:
 
     @property
     def waits(self) -> bool:
-        """Whether a press waits for something; the next press gives it up."""
+        """Returns True if a press waits for something; the next press gives it up."""
         return bool(self.words)
 
     def press(self, mode: Mode = "alone") -> None:
@@ -225,6 +225,6 @@ class SteppingIn:
 
     @property
     def _scan(self) -> ScanMessage:
-        """How the scan of the edge goes."""
+        """Returns how the scan of the edge goes."""
         client = self._stage.client
         return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()

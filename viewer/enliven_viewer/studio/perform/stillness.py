@@ -28,7 +28,7 @@ class Stillness:
         self._places: dict[int, Float] = {}
 
     def see(self, frame: BodyFrame) -> None:
-        """Take in the performers of a frame."""
+        """Takes in the performers of a frame."""
         moved = len(frame.bodies) == 0
         for body in frame.bodies:
             place = self._places.get(body.id)
@@ -45,7 +45,7 @@ class Stillness:
             self.since_ns = frame.time_ns
 
     def seconds(self, now_ns: int) -> float:
-        """How long all have held still since the last movement; 0 before the first."""
+        """Returns how long all have held still since the last movement; 0 before the first."""
         if self.since_ns is None or not self._moved:
             return 0.0
         return max(now_ns - self.since_ns, 0) / NS

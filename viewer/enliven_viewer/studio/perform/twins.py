@@ -48,7 +48,9 @@ class Twins:
     _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
 
     def shown(self, scene: Scene, told: Telling) -> Scene:
-        """The scene without twins: a rigged one plays in its place on the stage, with what is done on top."""
+        """Returns the scene without twins: a rigged one plays in its place on the stage, with what is done on
+        top.
+        """
         own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
         for actor in scene.actors:
             name = actor.character.id
@@ -75,7 +77,7 @@ class Twins:
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _layered(self, shape: Shape, actor: SceneCharacter, told: Telling) -> tuple[SceneCharacter, Float]:
-        """A rigged character as it plays, with what is done live on top, and its joints."""
+        """Returns a rigged character as it plays, with what is done live on top, and its joints."""
         replaced = frozenset[int]()
         if told.replaces and told.heard and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
@@ -86,12 +88,12 @@ class Twins:
         return replace(actor, pose=pose), joints
 
     def _over(self, one: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
-        """Whether what is done with a possessed mesh comes on top of what it plays."""
+        """Returns True if what is done with a possessed mesh comes on top of what it plays."""
         performed = one.id in told.held and told.heard and not told.replaces
         return performed and _same(one, actor) and plays(self.editor.project, one)
 
     def _performed_over(self, one: GraphShape, actor: SceneCharacter) -> SceneCharacter:
-        """A possessed mesh as it plays, with what is done live on top."""
+        """Returns a possessed mesh as it plays, with what is done live on top."""
         known = self._overs.get(one.id)
         if known is None or known[0] is not self.editor.project or known[1] is not actor.character:
             made = LiveOver(self.editor.project, one.id, actor.character)
@@ -104,17 +106,17 @@ class Twins:
 
 
 def _same(one: RigBase, actor: SceneCharacter) -> bool:
-    """Whether the stage has the surface that the project has."""
+    """Returns True if the stage has the surface that the project has."""
     return one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
 
 
 def _alone(one: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
-    """Whether the live one is shown, and not the project's: it is held, or nothing plays."""
+    """Returns True if the live one is shown, and not the project's: it is held, or nothing plays."""
     return told.heard and (not playing or (_same(one, actor) and one.id in told.held))
 
 
 def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:
-    """The matches of a character with their lines on its joints (N, 3) as they are shown."""
+    """Returns the matches of a character with their lines on its joints (N, 3) as they are shown."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)
 

@@ -37,7 +37,7 @@ class StageVoice:
         self._asked: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
-        """Take in the edge's messages; open the microphone of a stage of this window if it is wanted."""
+        """Takes in the edge's messages; opens the microphone of a stage of this window if it is wanted."""
         for message in client.take(HEARD):
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         client.take(VOICE)
@@ -53,17 +53,17 @@ class StageVoice:
 
     @property
     def is_on(self) -> bool:
-        """Whether the microphone is open, or is to be opened."""
+        """Returns True if the microphone is open, or is to be opened."""
         return self.state is not None and self.state.state != "off"
 
     @property
     def is_understood(self) -> bool:
-        """Whether the utterance that is shown is a phrase of the list."""
+        """Returns True if the utterance that is shown is a phrase of the list."""
         return self._heard is not None and self._heard.understood
 
     @property
     def words(self) -> str:
-        """The words that were heard in the last seconds; empty for none."""
+        """Returns the words that were heard in the last seconds; empty for none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._until:
             return ""
@@ -73,7 +73,7 @@ class StageVoice:
 
     @property
     def status(self) -> str:
-        """The state of the microphone in words."""
+        """Returns the state of the microphone in words."""
         if self.state is None:
             return _OLD_EDGE
         reason = f": {self.state.what}" if self.state.what else ""
@@ -92,7 +92,7 @@ class StageVoice:
 
     @property
     def phrases(self) -> tuple[tuple[str, str], ...]:
-        """The phrases that it knows, each with its command."""
+        """Returns the phrases that it knows, each with its command."""
         return () if self.state is None else tuple(zip(self.state.phrases, self.state.actions, strict=True))
 
     def toggle(self, client: EdgeClient | None) -> None:

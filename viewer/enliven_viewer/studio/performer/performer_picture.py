@@ -42,7 +42,7 @@ class PerformerPicture:
 
 
 def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
-    """(N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
+    """Returns (N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
     radii = np.full(len(starts), _LIMB * tall)

@@ -66,7 +66,9 @@ class PerformerView:
 
     @property
     def take(self) -> str | None:
-        """The id of the take that is shown: of the key pose that is edited, of the layer, or as chosen."""
+        """Returns the id of the take that is shown: of the key pose that is edited, of the layer, or as
+        chosen.
+        """
         editor = self.editor
         key, puppet = editor.puppets.key, editor.puppets.puppet
         if key is not None:
@@ -78,7 +80,7 @@ class PerformerView:
 
     @property
     def moment(self) -> tuple[str, float] | None:
-        """The take and the second of it that are shown."""
+        """Returns the take and the second of it that are shown."""
         editor, take = self.editor, self.take
         if take is None or take not in editor.project.takes:
             return None
@@ -87,11 +89,11 @@ class PerformerView:
 
     @property
     def lens(self) -> Lens:
-        """The camera and the view's size."""
+        """Returns the camera and the view's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     def playhead(self, take: str) -> float:
-        """The second of a take at the project's time, whatever key pose is edited."""
+        """Returns the second of a take at the project's time, whatever key pose is edited."""
         editor, puppet = self.editor, self.editor.puppets.puppet
         number = None if puppet is None else layer_of(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
@@ -99,7 +101,7 @@ class PerformerView:
         return min(editor.time, editor.project.takes[take].duration)
 
     def show(self, take: str) -> None:
-        """Show a take; a puppet that plays nothing yet plays it from now on."""
+        """Shows a take; a puppet that plays nothing yet plays it from now on."""
         self._take = take
         puppet = self.editor.puppets.puppet
         if puppet is None:
@@ -111,7 +113,7 @@ class PerformerView:
             self.play()
 
     def play(self) -> None:
-        """Let the puppet play the take that is shown, as a layer more."""
+        """Lets the puppet play the take that is shown, as a layer more."""
         puppet, take = self.editor.puppets.puppet, self.take
         if puppet is not None and take is not None:
             name = puppet.id
@@ -121,7 +123,7 @@ class PerformerView:
                 self.editor.select(layer=len(puppet.layers))
 
     def follow(self) -> None:
-        """Prepare a picture: turn with the stage, frame the performer, and tell the puppets the moment."""
+        """Prepares a picture: turn with the stage, frame the performer, and tells the puppets the moment."""
         self.editor.puppets.moment = self.moment
         figure = self.figure()
         if figure is None:
@@ -139,7 +141,7 @@ class PerformerView:
             self.camera.advance(10.0)
 
     def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
-        """The performer at a moment, or at the one that is shown."""
+        """Returns the performer at a moment, or at the one that is shown."""
         moment = moment or self.moment
         if moment is None:
             return None
@@ -168,14 +170,14 @@ class PerformerView:
         return {names[point.joint]: k for k, point in enumerate(puppet.points) if point.joint in names}
 
     def press(self, at: Point) -> None:
-        """Pair the joint that is clicked with the chosen control point; or begin to turn the view."""
+        """Pairs the joint that is clicked with the chosen control point; or begin to turn the view."""
         joint, figure = self.joint_at(at), self.figure()
         self._last = at if joint is None else None
         if joint is not None and figure is not None:
             self.pair(figure.skeleton.names[joint])
 
     def pair(self, joint: str) -> None:
-        """Pair a joint with the chosen control point; one that is paired already chooses its point."""
+        """Pairs a joint with the chosen control point; one that is paired already chooses its point."""
         editor = self.editor
         puppet, number = editor.puppets.puppet, editor.puppets.point
         if puppet is None:
@@ -196,7 +198,7 @@ class PerformerView:
             )
 
     def move(self, at: Point) -> None:
-        """Light what is under the pointer, or turn the view (and the stage with it)."""
+        """Lights what is under the pointer, or turns the view (and the stage with it)."""
         if self._last is None:
             self.hovered = self.joint_at(at)
             return
@@ -217,7 +219,9 @@ class PerformerView:
         self.camera.advance(10.0)
 
     def joint_at(self, at: Point) -> int | None:
-        """The joint within reach of a pixel; of those at one place the one that is nearest to the root."""
+        """Returns the joint within reach of a pixel; of those at one place the one that is nearest to the
+        root.
+        """
         figure = self.figure()
         if figure is None:
             return None
@@ -229,7 +233,7 @@ class PerformerView:
         )
 
     def _front_turn(self, clip: Clip) -> float:
-        """Radians that the performer's front is turned at rest."""
+        """Returns radians that the performer's front is turned at rest."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
             self._facing = (clip.skeleton, facing_of(clip.skeleton))
         return self._facing[1]

@@ -50,7 +50,7 @@ class Thumbnails:
         self._shown: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """The OpenGL name of the picture, upper row first; None until it is drawn.
+        """Returns the OpenGL name of the picture, upper row first; None until it is drawn.
 
         Args:
             slot: the number of the picture; until it is drawn, the last picture of the slot is shown.
@@ -68,7 +68,7 @@ class Thumbnails:
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
     def work(self) -> None:
-        """Draw one that is solved; to be called once a picture."""
+        """Draws one that is solved; to be called once a picture."""
         for key, (puppet, future) in list(self._solving.items()):
             if not future.done():
                 continue

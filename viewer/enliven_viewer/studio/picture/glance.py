@@ -42,7 +42,7 @@ class GlancePictures:
 
 
 def picture_of(camera: CameraMessage) -> UInt8:
-    """(height, width, 3) sRGB: near things light, far ones and what is unknown dark."""
+    """Returns (height, width, 3) sRGB: near things light, far ones and what is unknown dark."""
     near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
     far = np.array(GLANCE_FAR) / 255.0
     return np.asarray(np.round(255 * (far + near**_CURVE * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8)

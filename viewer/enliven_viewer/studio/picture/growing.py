@@ -46,7 +46,7 @@ class GrowingSurfacePass:
         self._array: moderngl.VertexArray | None = None
 
     def draw(self, picture: RenderTarget, shown: GrowingPicture, world_from_own: Float) -> None:
-        """Draw a surface where (4, 4) ``world_from_own`` puts it, and resolve the picture."""
+        """Draws a surface where (4, 4) ``world_from_own`` puts it, and resolve the picture."""
         self._load(shown)
         if self._array is None:
             return
@@ -60,7 +60,7 @@ class GrowingSurfacePass:
         picture.resolve()
 
     def release(self) -> None:
-        """Give the memory on the GPU back."""
+        """Gives the memory on the GPU back."""
         if self._array is not None:
             self._array.release()
         for buffer in self._buffers:
@@ -68,7 +68,7 @@ class GrowingSurfacePass:
         self._array, self._buffers, self._shown = None, [], None
 
     def _load(self, shown: GrowingPicture) -> None:
-        """Put a surface on the GPU; the same one is not sent again."""
+        """Puts a surface on the GPU; the same one is not sent again."""
         if shown is self._shown:
             return
         self.release()

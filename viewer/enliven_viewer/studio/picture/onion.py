@@ -22,7 +22,7 @@ class OnionSkin:
         self._known: dict[MomentBody, tuple[moderngl.VertexArray, list[moderngl.Buffer]]] = {}
 
     def draw(self, picture: RenderTarget, bodies: tuple[GhostBody, ...]) -> None:
-        """Draw the ghosts in their order and resolve the picture."""
+        """Draws the ghosts in their order and resolve the picture."""
         self._keep({one.body for one in bodies})
         picture.widen()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
@@ -36,7 +36,7 @@ class OnionSkin:
         picture.resolve()
 
     def _draw(self, picture: RenderTarget, one: GhostBody) -> None:
-        """Draw one: its depth first, so that it hides its own far side."""
+        """Draws one: its depth first, so that it hides its own far side."""
         array = self._array(one)
         self._program["tint"] = tuple(part / 255 for part in one.tint)
         self._program["opacity"] = one.opacity
@@ -47,7 +47,7 @@ class OnionSkin:
             array.render(moderngl.TRIANGLES)
 
     def _array(self, one: GhostBody) -> moderngl.VertexArray:
-        """The ghost on the GPU; the same one is not sent again."""
+        """Returns the ghost on the GPU; the same one is not sent again."""
         if one.body not in self._known:
             rows = self.ctx.buffer(np.ascontiguousarray(one.body.rows).tobytes())
             faces = self.ctx.buffer(np.ascontiguousarray(one.body.faces, np.int32).tobytes())
@@ -57,7 +57,7 @@ class OnionSkin:
         return self._known[one.body][0]
 
     def _keep(self, wanted: set[MomentBody]) -> None:
-        """Give back what the GPU holds of other ghosts."""
+        """Gives back what the GPU holds of other ghosts."""
         for gone in set(self._known) - wanted:
             array, buffers = self._known.pop(gone)
             for held in (array, *buffers):

@@ -66,7 +66,7 @@ def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
 
 
 def _tint_chain(posed: StandingCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
-    """Light the bones between neighbours of a chain."""
+    """Lights the bones between neighbours of a chain."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):
         bones[b if parents[b] == a else a] = CHAINED

@@ -78,7 +78,7 @@ class Viewport:
             self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
 
     def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
-        """Draw what is being scanned; without a scan its memory is given back."""
+        """Draws what is being scanned; without a scan its memory is given back."""
         if growing is not None:
             self._growing = self._growing or GrowingSurfacePass(self.renderer.ctx)
             self._growing.draw(self.renderer.picture, *growing)
@@ -86,7 +86,7 @@ class Viewport:
             self._growing.release()
 
     def _draw_puppet(self, over: ToolPicture) -> None:
-        """Draw what the tool shows over the picture."""
+        """Draws what the tool shows over the picture."""
         if over is NOTHING:
             return
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)

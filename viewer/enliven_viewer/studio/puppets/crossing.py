@@ -35,7 +35,7 @@ class SelfCrossing:
         self._finder: SelfIntersection | None = None
 
     def look(self, puppet: Puppet, surface: Float) -> None:
-        """Look at a surface (V, 3) metres; called once a picture, it never waits."""
+        """Looks at a surface (V, 3) metres; called once a picture, it never waits."""
         if puppet.mesh is not self._mesh:
             self.forget()
             self._mesh, self._finder = puppet.mesh, None
@@ -49,7 +49,7 @@ class SelfCrossing:
             self._now = self._threads.submit(self._found, puppet, surface)
 
     def wait(self) -> None:
-        """Wait for the newest answer: for sessions without a window."""
+        """Waits for the newest answer: for sessions without a window."""
         if self._now is not None:
             self.faces, self.said = self._now.result()
             self._now = None
@@ -69,7 +69,9 @@ class SelfCrossing:
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:
-    """A sentence about the parts that cross; faces (K,) belong to the control point nearest at rest."""
+    """Returns a sentence about the parts that cross; faces (K,) belong to the control point nearest at
+    rest.
+    """
     if not puppet.points:
         return tr("the surface passes through itself")
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)

@@ -27,19 +27,19 @@ class Editing(Protocol):
 
     @property
     def project(self) -> Project:
-        """The project as it is shown."""
+        """Returns the project as it is shown."""
 
     def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
-        """Do an edit and remember it; False where it cannot be done."""
+        """Does an edit and remember it; False where it cannot be done."""
 
     def select(self, **changes: object) -> None:
-        """Change parts of the selection."""
+        """Changes parts of the selection."""
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
-        """Choose a character, and perhaps a handle of it."""
+        """Chooses a character, and perhaps a handle of it."""
 
     def chosen(self, rig: type[R], /) -> R | None:
-        """The chosen character, where it has that rig."""
+        """Returns the chosen character, where it has that rig."""
 
 
 class Posing(Protocol):
@@ -50,20 +50,20 @@ class Posing(Protocol):
 
     @property
     def puppet(self) -> Puppet | None:
-        """The chosen puppet."""
+        """Returns the chosen puppet."""
 
     @property
     def number(self) -> int | None:
-        """The number of the key pose; None while the puppet plays."""
+        """Returns the number of the key pose; None while the puppet plays."""
 
     @property
     def previous(self) -> KeyPose | None:
-        """The key pose that it is compared with."""
+        """Returns the key pose that it is compared with."""
 
     @property
     def places(self) -> Float | None:
-        """(P, 3) metres in the mesh's frame; None while the puppet plays."""
+        """Returns (P, 3) metres in the mesh's frame; None while the puppet plays."""
 
     @property
     def dragging(self) -> bool:
-        """Whether a control point is dragged."""
+        """Returns True if a control point is dragged."""

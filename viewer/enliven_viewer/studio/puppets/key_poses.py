@@ -30,14 +30,14 @@ class KeyPoses(PuppetSelection):
         self._at = 0.0
 
     def leave_elsewhere(self) -> None:
-        """Leave the key pose where it plays, another time is shown, or another puppet is chosen."""
+        """Leaves the key pose where it plays, another time is shown, or another puppet is chosen."""
         elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
         if self._key is not None and (elsewhere or self.editor.selection.character != self._key[0]):
             self.accept()
 
     @property
     def number(self) -> int | None:
-        """The number of the key pose that is edited; None while the puppet plays."""
+        """Returns the number of the key pose that is edited; None while the puppet plays."""
         puppet = self.puppet
         if self._key is None or puppet is None or self._key[0] != puppet.id:
             return None
@@ -45,25 +45,29 @@ class KeyPoses(PuppetSelection):
 
     @property
     def posing(self) -> bool:
-        """Whether a key pose is edited."""
+        """Returns True if a key pose is edited."""
         return self.number is not None
 
     @property
     def key(self) -> KeyPose | None:
-        """The key pose that is edited."""
+        """Returns the key pose that is edited."""
         puppet, number = self.puppet, self.number
         return puppet.poses[number] if puppet is not None and number is not None else None
 
     @property
     def previous(self) -> KeyPose | None:
-        """The key pose before the one that is edited, to compare with; of the first the one after it."""
+        """Returns the key pose before the one that is edited, to compare with; of the first the one after
+        it.
+        """
         puppet, number = self.puppet, self.number
         if puppet is None or number is None or len(puppet.poses) < 2:
             return None
         return puppet.poses[number - 1 if number else 1]
 
     def begin_pose(self, take: str, time: float) -> bool:
-        """Make a key pose for a take's second, as the puppet is then; one that is there already is edited."""
+        """Makes a key pose for a take's second, as the puppet is then; one that is there already is
+        edited.
+        """
         puppet = self._wanted()
         if puppet is None:
             return False
@@ -73,12 +77,12 @@ class KeyPoses(PuppetSelection):
         return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
 
     def pose_at(self, take: str, time: float) -> int | None:
-        """The number of the chosen puppet's key pose of a frame of a take, or None."""
+        """Returns the number of the chosen puppet's key pose of a frame of a take, or None."""
         puppet, project = self.puppet, self.editor.project
         return key_pose_at(project, puppet, take, time) if puppet and take in project.takes else None
 
     def edit_pose(self, number: int) -> bool:
-        """Edit an existing key pose."""
+        """Edits an existing key pose."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
@@ -87,15 +91,15 @@ class KeyPoses(PuppetSelection):
         return True
 
     def accept(self) -> None:
-        """Leave the key pose as it is; the puppet plays again."""
+        """Leaves the key pose as it is; the puppet plays again."""
         self._key = self._before = self.start_state = None
         self.let_go()
 
     def let_go(self) -> None:
-        """Forget what is dragged."""
+        """Forgets what is dragged."""
 
     def cancel(self) -> None:
-        """Restore the key pose as it was before, or remove it where it is new."""
+        """Restores the key pose as it was before, or removes it where it is new."""
         puppet, number, before = self.puppet, self.number, self._before
         self.accept()
         if puppet is None or number is None:
@@ -113,7 +117,7 @@ class KeyPoses(PuppetSelection):
     def _edit(
         self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
-        """Begin to edit a key pose; ``before`` has the place of each vertex, None for a new key pose."""
+        """Begins to edit a key pose; ``before`` has the place of each vertex, None for a new key pose."""
         self.start_state = (
             standing.state if standing is not None and self.start_state is None else self.start_state
         )
@@ -122,7 +126,7 @@ class KeyPoses(PuppetSelection):
         self.editor.playing, self._at = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
-        """Add a key pose, which is edited from now on; one edit."""
+        """Adds a key pose, which is edited from now on; one edit."""
         if not puppet.points:
             self.editor.toasts.say(
                 tr("It has no control points yet"), tr("Click the mesh where it is to be held.")

@@ -45,13 +45,13 @@ class Manipulator:
 
     @property
     def pixel(self) -> float:
-        """Metres that a pixel spans there."""
+        """Returns metres that a pixel spans there."""
         lens = self.lens
         depth = max(float((self.place - lens.view.eye) @ lens.forward), 0.05)
         return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
 
     def at(self, pixel: Point) -> str:
-        """The part under a pixel, or an empty string."""
+        """Returns the part under a pixel, or an empty string."""
         centre, tips = self._seen()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
@@ -70,7 +70,8 @@ class Manipulator:
         return ""
 
     def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """(3,) metres in the world, the movement of the place when a part is dragged between two pixels.
+        """Returns (3,) metres in the world, the movement of the place when a part is dragged between two
+        pixels.
 
         None where a pixel is beyond the horizon of the part's plane.
         """
@@ -90,7 +91,7 @@ class Manipulator:
 
     @property
     def step(self) -> float:
-        """Metres of a step that Shift snaps to: a round number of about ten pixels."""
+        """Returns metres of a step that Shift snaps to: a round number of about ten pixels."""
         wanted = 10.0 * self.pixel
         power = 10.0 ** np.floor(np.log10(wanted))
         return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
@@ -127,7 +128,7 @@ class Manipulator:
         return tuple(found)
 
     def _track(self, axis: int) -> list[Line]:
-        """The line along which an arrow is dragged."""
+        """Returns the line along which an arrow is dragged."""
         ends = self.place + np.outer([-_TRACK, _TRACK], np.eye(3)[axis]) * self.pixel
         pixels = self.lens.project(ends)[0]
         if not np.isfinite(pixels).all():
@@ -144,13 +145,13 @@ class Manipulator:
         return made
 
     def _seen(self) -> tuple[Float, Float]:
-        """(2,) pixels of the place, and (3, 2) of the arrows' tips."""
+        """Returns (2,) pixels of the place, and (3, 2) of the arrows' tips."""
         points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
         pixels, _ = self.lens.project(points)
         return pixels[0], pixels[1:]
 
     def _along(self, axis: int) -> float:
-        """The share of an arrow's length that is seen: 0 along the line of sight, 1 across it."""
+        """Returns the share of an arrow's length that is seen: 0 along the line of sight, 1 across it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
 
@@ -159,7 +160,7 @@ class Manipulator:
         return abs(float(sight[axis])) > _EDGE_ON
 
     def _square(self, axis: int) -> Float:
-        """(4, 2) pixels of the square across an axis."""
+        """Returns (4, 2) pixels of the square across an axis."""
         first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
         ends = [(_NEAR, _NEAR), (_FAR, _NEAR), (_FAR, _FAR), (_NEAR, _FAR)]
         corners = np.array([self.place + a * first + b * second for a, b in ends])
@@ -167,7 +168,7 @@ class Manipulator:
 
     @staticmethod
     def _away(centre: Float, tip: Float, at: Float) -> float:
-        """Pixels from the outer part of an arrow."""
+        """Returns pixels from the outer part of an arrow."""
         way = tip - centre
         length = float(way @ way)
         if length < 1e-9:
@@ -176,13 +177,13 @@ class Manipulator:
         return float(np.linalg.norm(centre + share * way - at))
 
     def _on_axis(self, axis: int, at: Point) -> float:
-        """Metres along an axis from the place to where it is nearest to a pixel's ray."""
+        """Returns metres along an axis from the place to where it is nearest to a pixel's ray."""
         ray, line = self.lens.ray(at), np.eye(3)[axis]
         between, slant = self.place - self.lens.view.eye, float(ray @ line)
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _on_plane(self, normal: Float, at: Point) -> Float | None:
-        """(3,) where a pixel's ray meets the plane through the place; None where it does not."""
+        """Returns (3,) where a pixel's ray meets the plane through the place; None where it does not."""
         ray, eye = self.lens.ray(at), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)
         if abs(steep) < 1e-3 or away / steep <= 0.0:
@@ -191,7 +192,7 @@ class Manipulator:
 
 
 def _inside(corners: Float, at: Float) -> bool:
-    """Whether a pixel is inside a convex quadrangle (4, 2)."""
+    """Returns True if a pixel is inside a convex quadrangle (4, 2)."""
     way, arm = np.roll(corners, -1, 0) - corners, at - corners
     side = way[:, 0] * arm[:, 1] - way[:, 1] * arm[:, 0]
     return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))

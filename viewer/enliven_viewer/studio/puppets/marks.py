@@ -18,7 +18,7 @@ POINT_RADIUS = 5.2
 
 
 def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
-    """The suggested vertex with its ring under a pixel; None for none."""
+    """Returns the suggested vertex with its ring under a pixel; None for none."""
     if not suggested:
         return None
     away = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - at, axis=1)
@@ -28,7 +28,7 @@ def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, a
 
 
 def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
-    """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
+    """Returns (P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
     points = standing.handles
     tints = np.array([point_colour(k) for k in range(len(points))], float).reshape(-1, 3)
     radii = np.full(len(points), POINT_RADIUS)

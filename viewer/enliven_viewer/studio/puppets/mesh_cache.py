@@ -21,7 +21,7 @@ _MOST = 8
 
 
 def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
-    """The function, its answers for the last few meshes kept; a mesh is known by identity."""
+    """Returns the function, its answers for the last few meshes kept; a mesh is known by identity."""
     known: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
 
     @wraps(find)
@@ -43,24 +43,24 @@ def size_of(mesh: Mesh) -> float:
 
 @by_mesh
 def middle_of(mesh: Mesh) -> Float:
-    """(3,) metres, the middle of its box."""
+    """Returns (3,) metres, the middle of its box."""
     return np.asarray(mesh.bounds.mean(0))
 
 
 @by_mesh
 def normals_of(mesh: Mesh) -> Float:
-    """(V, 3) unit normals of its vertices at rest."""
+    """Returns (V, 3) unit normals of its vertices at rest."""
     return mesh.vertex_normals()
 
 
 @by_mesh
 def plane_of(mesh: Mesh) -> Plane | None:
-    """Its plane of symmetry, or None where it has none."""
+    """Returns its plane of symmetry, or None where it has none."""
     return plane_of_symmetry(mesh)
 
 
 @by_mesh
 def tree_of(mesh: Mesh) -> tuple[scipy.spatial.cKDTree, Int32]:
-    """A tree of the vertices that faces use, and (U,) which they are."""
+    """Returns a tree of the vertices that faces use, and (U,) which they are."""
     used = np.unique(mesh.faces)
     return scipy.spatial.cKDTree(mesh.vertices[used]), used

@@ -14,12 +14,14 @@ _OFF = 0.05
 
 
 def plane_for(puppet: Puppet) -> Plane | None:
-    """The plane of symmetry that the puppet has, or else its mesh's; None where it has none."""
+    """Returns the plane of symmetry that the puppet has, or else its mesh's; None where it has none."""
     return puppet.symmetry if puppet.symmetry is not None else plane_of(puppet.mesh)
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """The vertex nearest to the mirror image of one, which is the vertex itself near the plane; or None."""
+    """Returns the vertex nearest to the mirror image of one, which is the vertex itself near the plane; or
+    None.
+    """
     plane = plane_for(puppet)
     if plane is None:
         return None
@@ -32,7 +34,9 @@ def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
 
 
 def partner_point(puppet: Puppet, point: int) -> int | None:
-    """The control point that is the mirror image of one, itself where it is on the plane; None for none."""
+    """Returns the control point that is the mirror image of one, itself where it is on the plane; None for
+    none.
+    """
     plane = plane_for(puppet)
     if plane is None:
         return None
@@ -42,7 +46,7 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """(P, 3) places, the partner of ``point`` gone from its rest as that did, mirrored.
+    """Returns (P, 3) places, the partner of ``point`` gone from its rest as that did, mirrored.
 
     A control point that is its own partner goes along the plane only.
     """

@@ -12,12 +12,12 @@ from enliven_viewer.studio.puppets.editing import Editing
 
 
 def rest_state(puppet: Puppet) -> State:
-    """The state of a puppet at rest, where it was put."""
+    """Returns the state of a puppet at rest, where it was put."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
 def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
-    """The puppet and its state at the editor's time; at rest where it cannot move yet.
+    """Returns the puppet and its state at the editor's time; at rest where it cannot move yet.
 
     The puppet is an older value while the motion of the newest is being solved.
     """
@@ -34,8 +34,9 @@ def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
 
 
 def take_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
-    """(P, 3) metres in the mesh's frame where a new key pose for a second of a take begins: as the
-    examples so far would have it, or else as the last key pose."""
+    """Returns (P, 3) metres in the mesh's frame where a new key pose for a second of a take begins: as the
+    examples so far would have it, or else as the last key pose.
+    """
     start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
     for number, layer in enumerate(puppet.layers):
         if layer.take == take and not missing(project, puppet):

@@ -61,23 +61,25 @@ class PuppetEditor(KeyPoses):
 
     @property
     def shaping(self) -> bool:
-        """Whether a key pose is edited, or a control point dragged."""
+        """Returns True if a key pose is edited, or a control point dragged."""
         return self.posing or self.dragging
 
     @property
     def places(self) -> Float | None:
-        """(P, 3) metres in the mesh's frame: as dragged, or of the key pose; None while the puppet plays."""
+        """Returns (P, 3) metres in the mesh's frame: as dragged, or of the key pose; None while the puppet
+        plays.
+        """
         if self._dragged is not None:
             return self._dragged
         return None if self.key is None else self.key.places
 
     @property
     def dragging(self) -> bool:
-        """Whether a control point is dragged."""
+        """Returns True if a control point is dragged."""
         return self._dragged is not None
 
     def drag(self, point: int, place: Float) -> None:
-        """Show a control point at a place (3,) of the mesh's frame; with symmetry its partner follows."""
+        """Shows a control point at a place (3,) of the mesh's frame; with symmetry its partner follows."""
         puppet, place = self.puppet, np.asarray(place, np.float64)
         if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
@@ -88,7 +90,7 @@ class PuppetEditor(KeyPoses):
         self._dragged = places
 
     def drop(self, name: str = "") -> bool:
-        """End a drag with one edit; where no key pose is edited, one begins at :attr:`moment`."""
+        """Ends a drag with one edit; where no key pose is edited, one begins at :attr:`moment`."""
         puppet, places, self._dragged = self.puppet, self._dragged, None
         if puppet is None or places is None:
             return False
@@ -100,11 +102,11 @@ class PuppetEditor(KeyPoses):
         )
 
     def let_go(self) -> None:
-        """Forget what is dragged."""
+        """Forgets what is dragged."""
         self._dragged = None
 
     def nudge(self, way: Float) -> bool:
-        """Move the chosen control point by (3,) metres of the mesh's frame, or its mirror image too."""
+        """Moves the chosen control point by (3,) metres of the mesh's frame, or its mirror image too."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -112,7 +114,7 @@ class PuppetEditor(KeyPoses):
         return self.drop(later("nudge {0}", puppet.points[point].name))
 
     def reset_point(self) -> bool:
-        """Put the chosen control point where it is at rest."""
+        """Puts the chosen control point where it is at rest."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -120,7 +122,7 @@ class PuppetEditor(KeyPoses):
         return self.drop(later("reset {0}", puppet.points[point].name))
 
     def remove_point(self) -> bool:
-        """Take the chosen control point away, also from all key poses; one edit."""
+        """Takes the chosen control point away, also from all key poses; one edit."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -138,7 +140,9 @@ class PuppetEditor(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """(P, 3) metres, the places at the start of a drag: of the key pose of this moment, or as shown."""
+        """Returns (P, 3) metres, the places at the start of a drag: of the key pose of this moment, or as
+        shown.
+        """
         if self.places is not None:
             return self.places
         moment = self._moment(puppet)
@@ -146,12 +150,12 @@ class PuppetEditor(KeyPoses):
         return self.seen(puppet) if there is None else puppet.poses[there].places
 
     def seen(self, puppet: Puppet) -> Float:
-        """(P, 3) metres in the mesh's frame, where its control points are now on the stage."""
+        """Returns (P, 3) metres in the mesh's frame, where its control points are now on the stage."""
         standing = self.stage.standing_of(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
-        """Make the dragged places the key pose of the moment that the performer's view shows."""
+        """Makes the dragged places the key pose of the moment that the performer's view shows."""
         moment = self._moment(puppet)
         if moment is None:
             self.editor.toasts.say(
@@ -166,7 +170,7 @@ class PuppetEditor(KeyPoses):
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
 
     def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
-        """The take and the second of it that are shown; None where no take is."""
+        """Returns the take and the second of it that are shown; None where no take is."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]
@@ -175,7 +179,7 @@ class PuppetEditor(KeyPoses):
 
 
 def _near(puppet: Puppet, place: Float) -> Float:
-    """The place (3,), or the farthest on its way from rest that is no slip of the hand."""
+    """Returns the place (3,), or the farthest on its way from rest that is no slip of the hand."""
     middle, most = middle_of(puppet.mesh), _MOST_AWAY * size_of(puppet.mesh)
     way = place - middle
     away = float(np.linalg.norm(way))

@@ -27,26 +27,26 @@ class PuppetSelection:
 
     @property
     def standing(self) -> tuple[StandingPuppet, ...]:
-        """Every puppet as it is shown now."""
+        """Returns every puppet as it is shown now."""
         return self.stage.standing
 
     @property
     def puppet(self) -> Puppet | None:
-        """The chosen puppet."""
+        """Returns the chosen puppet."""
         return self.editor.chosen(Puppet)
 
     @property
     def point(self) -> int | None:
-        """The number of the chosen control point."""
+        """Returns the number of the chosen control point."""
         return None if self.puppet is None else self.editor.selection.handle
 
     @property
     def shown(self) -> StandingPuppet | None:
-        """The chosen puppet as it is shown now."""
+        """Returns the chosen puppet as it is shown now."""
         return None if self.puppet is None else self.stage.standing_of(self.puppet.id)
 
     def add_point(self, vertex: int) -> bool:
-        """Put a control point on a vertex, with symmetry on its mirror image too; one edit."""
+        """Puts a control point on a vertex, with symmetry on its mirror image too; one edit."""
         puppet = self._wanted()
         if puppet is None:
             return False
@@ -79,7 +79,7 @@ class PuppetSelection:
         return True
 
     def set_symmetric(self, on: bool) -> None:
-        """Turn symmetric control points on or off; a mesh without a plane of symmetry says so."""
+        """Turns symmetric control points on or off; a mesh without a plane of symmetry says so."""
         puppet = self.puppet
         self.symmetric = on
         if on and puppet is not None and plane_for(puppet) is None:

@@ -108,7 +108,7 @@ class PuppetOverlay:
         return self._mask
 
     def _loaded(self, vertices: Float32, faces: Int32) -> moderngl.VertexArray:
-        """The mesh on the GPU; the same one is not sent again."""
+        """Returns the mesh on the GPU; the same one is not sent again."""
         if self._mesh is None or self._mesh[0] is not vertices or self._mesh[1] is not faces:
             if self._mesh is not None:
                 self._mesh[3].release()

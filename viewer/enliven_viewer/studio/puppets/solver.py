@@ -53,7 +53,9 @@ class Solver:
             )
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """(V, 3) metres, the surface at ``places`` (P, 3); the last good one while or where it cannot be."""
+        """Returns (V, 3) metres, the surface at ``places`` (P, 3); the last good one while or where it cannot
+        be.
+        """
         surface = self.ready(puppet)
         if surface is None:
             return self._shown
@@ -64,7 +66,7 @@ class Solver:
         return self._shown
 
     def ready(self, puppet: Puppet) -> PuppetSurface | None:
-        """The surface with the puppet's control points, or None while it is being prepared."""
+        """Returns the surface with the puppet's control points, or None while it is being prepared."""
         held = held_by(puppet)
         if self._refused == held or (self._work is not None and not self._work.done()):
             return None
@@ -84,11 +86,11 @@ class Solver:
         return self._surface if self._work is None else None
 
     def came(self) -> bool:
-        """Whether the preparation has finished and was not taken yet."""
+        """Returns True if the preparation has finished and was not taken yet."""
         return self._work is not None and self._work.done()
 
     def forget(self) -> None:
-        """Forget at which places it is, so that it is settled at the next ones whatever came before."""
+        """Forgets at which places it is, so that it is settled at the next ones whatever came before."""
         self._places, self._rounds = None, 0
 
     def improve(self) -> bool:
@@ -120,7 +122,7 @@ class Solver:
             return self._shown
 
     def _refuse(self, error: Exception) -> None:
-        """Tell that these control points cannot be prepared."""
+        """Tells that these control points cannot be prepared."""
         self._toasts.tell(error)
         self._refused = self._held
 
@@ -156,7 +158,7 @@ class Solver:
 
 
 def held_by(puppet: Puppet) -> Held:
-    """The vertex and the weight of each control point, on which the surface depends."""
+    """Returns the vertex and the weight of each control point, on which the surface depends."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 

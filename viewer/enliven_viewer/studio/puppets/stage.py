@@ -36,39 +36,39 @@ class StandingPuppet(StandingCharacter):
 
     @cached_property
     def vertices(self) -> Float:
-        """(V, 3) metres in the world."""
+        """Returns (V, 3) metres in the world."""
         return self.out(self.surface)
 
     @cached_property
     def solved(self) -> Float32:
-        """(V, 3) float32 metres in the world."""
+        """Returns (V, 3) float32 metres in the world."""
         made = np.empty(self.surface.shape, np.float32)
         moved(self.surface, self._turn, self._root, made)
         return made
 
     def out(self, places: AnyArray) -> Float:
-        """(N, 3) metres in the world of places (N, 3) in the mesh's frame."""
+        """Returns (N, 3) metres in the world of places (N, 3) in the mesh's frame."""
         made = np.empty(np.shape(places), np.float64)
         moved(np.asarray(places, np.float64), self._turn, self._root, made)
         return made
 
     def into(self, places: AnyArray) -> Float:
-        """(..., 3) metres in the mesh's frame of places (..., 3) in the world."""
+        """Returns (..., 3) metres in the mesh's frame of places (..., 3) in the world."""
         return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
 
     def way_into(self, way: AnyArray) -> Float:
-        """(3,) in the mesh's frame, of a direction (3,) in the world."""
+        """Returns (3,) in the mesh's frame, of a direction (3,) in the world."""
         return np.asarray(np.asarray(way, np.float64) @ self._turn)
 
     @cached_property
     def _turn(self) -> Float:
-        """(3, 3) world from mesh."""
+        """Returns (3, 3) world from mesh."""
         yaw = from_rotation_vector(np.array([0.0, self.state.yaw, 0.0]))
         return np.asarray(to_matrix(multiply(self.character.turn, yaw)))
 
     @cached_property
     def _root(self) -> Float:
-        """(3,) metres, where the mesh's origin is."""
+        """Returns (3,) metres, where the mesh's origin is."""
         return np.asarray(rotate(self.character.turn, self.state.root) + self.character.place)
 
 
@@ -85,7 +85,9 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StandingPuppet | None:
-        """The puppet in the key pose before the edited one; None without one, or while it is being solved."""
+        """Returns the puppet in the key pose before the edited one; None without one, or while it is being
+        solved.
+        """
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:
@@ -103,13 +105,13 @@ class PuppetStage:
         return None
 
     def wait(self) -> None:
-        """Wait for the ghost: for sessions without a window."""
+        """Waits for the ghost: for sessions without a window."""
         if self.ghost is None and self._wanted is not None:
             self._wanted[1].result()
 
     @property
     def standing(self) -> tuple[StandingPuppet, ...]:
-        """All puppets, in the project's order."""
+        """Returns all puppets, in the project's order."""
         editor, posing = self.editor, self.posing
         project = editor.project
         key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
@@ -123,11 +125,11 @@ class PuppetStage:
         return next((s for s in self.standing if s.id == puppet_id), None)
 
     def shown(self, puppet: RigBase) -> StandingPuppet:
-        """A puppet of the project."""
+        """Returns a puppet of the project."""
         return next(one for one in self.standing if one.id == puppet.id)
 
     def improve(self) -> None:
-        """Bring dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
+        """Brings dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1
@@ -154,7 +156,7 @@ class PuppetStage:
 
 
 def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
-    """Whether nothing changed: objects by identity, numbers by value."""
+    """Returns True if nothing changed: objects by identity, numbers by value."""
     return all(
         a is b or (isinstance(a, float | int) and isinstance(b, float | int) and a == b)
         for a, b in zip(before, after, strict=True)
@@ -162,7 +164,7 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
 
 
 def puppet_meshes() -> DrawnMeshes:
-    """The meshes of puppets, each as one rigid piece: where its vertices are is solved."""
+    """Returns the meshes of puppets, each as one rigid piece: where its vertices are is solved."""
     return DrawnMeshes(_rigid)
 
 

@@ -58,7 +58,7 @@ class PointSuggestions:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """The vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
+    """Returns the vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
     tree, reach = scipy.spatial.cKDTree(samples), _NEAR * size_of(mesh)

@@ -30,7 +30,8 @@ class PuppetSurfaces:
         self.version = 0
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """(V, 3) metres in the mesh's frame, the surface when the control points are at ``places`` (P, 3).
+        """Returns (V, 3) metres in the mesh's frame, the surface when the control points are at ``places``
+        (P, 3).
 
         At rest while the mesh is being prepared. Where the places cannot be meant, the last good surface.
 
@@ -40,14 +41,18 @@ class PuppetSurfaces:
         return self._solver(puppet).of(puppet, places, warm=warm)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """(V, 3) the settled surface at other places (P, 3), without a change to the drag; or None."""
+        """Returns (V, 3) the settled surface at other places (P, 3), without a change to the drag; or
+        None.
+        """
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
             return None
         return self._others.submit(surface.aside, places)
 
     def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
-        """(V, 3) the settled surface at each of some places (P, 3); None where that cannot be said yet."""
+        """Returns (V, 3) the settled surface at each of some places (P, 3); None where that cannot be said
+        yet.
+        """
         found = [self.aside(puppet, places) for places in many]
         try:
             return [future.result() for future in found if future is not None] if all(found) else None
@@ -55,22 +60,22 @@ class PuppetSurfaces:
             return None
 
     def improve(self) -> None:
-        """Bring dragged surfaces nearer to rest, and take those that were prepared."""
+        """Brings dragged surfaces nearer to rest, and takes those that were prepared."""
         moved = [solver.improve() or solver.came() for solver in self._known.values()]
         self.version += any(moved)
 
     def settle(self) -> None:
-        """Settle each surface from anew where it is asked for next: after a drag over many moments."""
+        """Settles each surface from anew where it is asked for next: after a drag over many moments."""
         for solver in self._known.values():
             solver.forget()
         self.version += 1
 
     def prepared(self, puppet: Puppet) -> bool:
-        """Whether the surface is prepared; asking begins the preparation."""
+        """Returns True if the surface is prepared; asking begins the preparation."""
         return self._solver(puppet).ready(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:
-        """Forget puppets that are gone."""
+        """Forgets puppets that are gone."""
         self._known = {name: solver for name, solver in self._known.items() if name in ids}
 
     def _solver(self, puppet: Puppet) -> Solver:

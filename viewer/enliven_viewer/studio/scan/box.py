@@ -55,7 +55,7 @@ class DraggedBox:
         self._held: tuple[int, int] | None = None
 
     def press(self, at: Point, lens: Lens) -> bool:
-        """The button went down; returns whether it takes a handle."""
+        """Returns the button went down; returns whether it takes a handle."""
         found = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
         self._held = min(found)[1] if found else None
         return self._held is not None
@@ -81,7 +81,7 @@ class DraggedBox:
         self._held = None
 
     def follow(self, before: Float, after: Float) -> None:
-        """Move with the scan when the edge places it elsewhere, as it does until it knows the floor.
+        """Moves with the scan when the edge places it elsewhere, as it does until it knows the floor.
 
         Args:
             before, after: (4, 4) from the scan's world to the stage. Both are upright, so that the sides

@@ -25,7 +25,7 @@ class GrowingMesh:
         self.picture: GrowingPicture | None = None
 
     def take(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
-        """Take in the newest message of each piece of a scan; returns whether anything changed."""
+        """Takes in the newest message of each piece of a scan; returns whether anything changed."""
         pieces = {key: one for key, one in newest.items() if one.number == number and one.seen}
         same = len(pieces) == len(self._pieces)
         if same and all(self._pieces.get(key) is one for key, one in pieces.items()):
@@ -36,7 +36,7 @@ class GrowingMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """(2, 3) metres, the scan's world, without what only strays about; None without a surface."""
+        """Returns (2, 3) metres, the scan's world, without what only strays about; None without a surface."""
         if self.picture is None:
             return None
         return np.asarray(np.quantile(self.picture.vertices, [0.02, 0.98], axis=0), float)

@@ -40,7 +40,9 @@ def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
 
 
 def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
-    """A camera as a pyramid of lines, its picture at the open end; ``axes`` (3, 3) right, down, ahead."""
+    """Returns a camera as a pyramid of lines, its picture at the open end; ``axes`` (3, 3) right, down,
+    ahead.
+    """
     right, down, ahead = axes.T
     across, up = _HALF
     corners = [eye + _AHEAD * ahead + x * across * right + y * up * down for x, y in _ROUND]
@@ -57,7 +59,7 @@ _ROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
 
 def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
-    """The way from an eye to another round a target, with a head."""
+    """Returns the way from an eye to another round a target, with a head."""
     one, two = start - target, end - target
     first, last = np.arctan2(one[0], one[2]), np.arctan2(two[0], two[2])
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
@@ -80,13 +82,15 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
 
 
 def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
-    """The pixels of places (N, 3); empty where one of them is behind the eye."""
+    """Returns the pixels of places (N, 3); empty where one of them is behind the eye."""
     found = lens.pixels_of(points)
     return tuple(found) if len(found) == len(points) else ()
 
 
 def _looking(eye: Float, target: Float) -> Float:
-    """(3, 3) the axes, right, down and ahead in columns, of an upright camera that looks at a target."""
+    """Returns (3, 3) the axes, right, down and ahead in columns, of an upright camera that looks at a
+    target.
+    """
     ahead = target - eye
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
     right = np.cross(ahead, [0.0, 1.0, 0.0])

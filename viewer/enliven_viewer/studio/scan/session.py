@@ -78,7 +78,7 @@ class ScanSession:
 
     @property
     def active(self) -> bool:
-        """Whether a scan is under way on the edge."""
+        """Returns True if a scan is under way on the edge."""
         return self.said.phase in ("scanning", "paused", "finishing", "failed")
 
     @property
@@ -94,7 +94,7 @@ class ScanSession:
 
     @property
     def stage_from_scan(self) -> Float:
-        """(4, 4) where the scan's world stands on the stage."""
+        """Returns (4, 4) where the scan's world stands on the stage."""
         place = np.vstack([np.array(self.said.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
         place[1, 3] += _ABOVE
         return place
@@ -125,11 +125,11 @@ class ScanSession:
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 
     def open(self) -> None:
-        """Show the panel, in the workspace where the stage is."""
+        """Shows the panel, in the workspace where the stage is."""
         self.perform.room, self.shown = "Perform", True
 
     def start(self) -> None:
-        """Begin a scan."""
+        """Begins a scan."""
         self.open()
         if lacking := self.lacks_stage():
             self.editor.toasts.say(*tr(lacking).split(". "))
@@ -141,20 +141,20 @@ class ScanSession:
         self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
-        """Pause it, or go on."""
+        """Pauses it, or goes on."""
         self._ask(Scan("pause" if self.said.phase == "scanning" else "go on"))
 
     def again(self) -> None:
-        """Go on with a scan that was done: what is seen now is added to it."""
+        """Goes on with a scan that was done: what is seen now is added to it."""
         self.open()
         self._ask(Scan("go on"))
 
     def undo(self) -> None:
-        """Take the last seconds back."""
+        """Takes the last seconds back."""
         self._ask(Scan("undo"))
 
     def done(self) -> None:
-        """Make a character of it."""
+        """Makes a character of it."""
         if self.keeps != "box":
             self._ask(Scan("done", whole=self.keeps == "all"))
             return
@@ -162,30 +162,30 @@ class ScanSession:
         self._ask(Scan("done", box=corners, stage_from_scan=list(self.said.stage_from_scan)))
 
     def cancel(self) -> None:
-        """Forget it."""
+        """Forgets it."""
         self._ask(Scan("cancel"))
 
     def keep(self, what: Kept) -> None:
-        """Choose what is kept; a box begins round what stands in the middle."""
+        """Chooses what is kept; a box begins round what stands in the middle."""
         if what == "box" and self.keeps != "box":
             self.fit_box()
         self.keeps = what
 
     def fit_box(self) -> None:
-        """Put the box round what stands in the middle of the stage."""
+        """Puts the box round what stands in the middle of the stage."""
         grown, place = self._growing.picture, self.stage_from_scan
         points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
         self.box.corners = box_about(points @ place[:3, :3].T + place[:3, 3])
 
     @property
     def boxed(self) -> bool:
-        """Whether the box is drawn and can be dragged."""
+        """Returns True if the box is drawn and can be dragged."""
         return self.active and self.said.phase != "finishing" and self.keeps == "box"
 
     # The box's handles over the picture -------------------------------------------------------------------
 
     def press(self, at: Point) -> bool:
-        """The left button went down over the picture; returns whether it takes a side of the box."""
+        """Returns the left button went down over the picture; returns whether it takes a side of the box."""
         return self.boxed and self.box.press(at, self.editor.lens)
 
     def drag(self, at: Point) -> None:
@@ -209,7 +209,7 @@ class ScanSession:
     # Once a picture ---------------------------------------------------------------------------------------
 
     def advance(self) -> None:
-        """Take in what the edge tells."""
+        """Takes in what the edge tells."""
         client = self.perform.client
         if client is None:
             self.said = _OFF
@@ -234,7 +234,7 @@ class ScanSession:
             self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
 
     def _end_when_round(self) -> None:
-        """Make a character of a person a moment after the last side was seen: the keys are out of reach."""
+        """Makes a character of a person a moment after the last side was seen: the keys are out of reach."""
         if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
             self._round_ns = None
         elif self._round_ns is None:
@@ -244,7 +244,7 @@ class ScanSession:
             self.done()
 
     def _frame(self, bounds: Float) -> None:
-        """Bring what grows into the picture."""
+        """Brings what grows into the picture."""
         place = self.stage_from_scan
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
         points = points @ place[:3, :3].T + place[:3, 3]
@@ -256,7 +256,7 @@ class ScanSession:
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
 
     def _keep(self, scanned: Character | None, name: str) -> None:
-        """Make what stands on the stage a character of the project: one edit, chosen and framed."""
+        """Makes what stands on the stage a character of the project: one edit, chosen and framed."""
         if scanned is None:
             return
         self._wanted = None

@@ -15,7 +15,7 @@ _MENU = "Sound"
 
 
 def sound_actions(player: SoundPlayer) -> Iterator[Action]:
-    """Hear the sounds, let them begin elsewhere, and remove them."""
+    """Plays the sounds, let them begin elsewhere, and removes them."""
     editor = player.editor
 
     def lacks() -> str:

@@ -12,7 +12,9 @@ _LOUDEST = 32767
 
 
 def envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
-    """(columns,) the loudest sample of each equal part of the project's time between two seconds, 0 to 1."""
+    """Returns (columns,) the loudest sample of each equal part of the project's time between two seconds, 0
+    to 1.
+    """
     edges = np.linspace(begin - sound.begin, end - sound.begin, columns + 1) * SOUND_RATE
     edges = np.clip(np.round(edges), 0, len(sound.samples)).astype(np.int64)
     loud = np.zeros(columns, np.float32)

@@ -28,7 +28,7 @@ Fill = Callable[[Any, int, Any, Any], None]
 
 
 def device(fill: Fill) -> Stream:
-    """The machine's own output.
+    """Returns the machine's own output.
 
     Raises:
         ImportError: where sounddevice is not installed.
@@ -61,11 +61,11 @@ class SoundPlayer:
         self._failed = False
 
     def toggle(self) -> None:
-        """Let them be heard, or not; a device that failed is tried again."""
+        """Lets them be heard, or not; a device that failed is tried again."""
         self.heard, self._failed = not self.heard, False
 
     def follow(self) -> None:
-        """Keep step with the editor; to be called once a picture."""
+        """Keeps step with the editor; to be called once a picture."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
         plays = editor.playing and editor.speed == 1.0 and not editor.scrubbing
@@ -82,13 +82,13 @@ class SoundPlayer:
                 self._next = wanted
 
     def stop(self) -> None:
-        """End the sound."""
+        """Ends the sound."""
         if self._stream is not None:
             self._stream.close()
         self._stream = None
 
     def _begin(self) -> Stream | None:
-        """Open what plays; where that fails it is said once, and the project plays on in silence."""
+        """Opens what plays; where that fails it is said once, and the project plays on in silence."""
         try:
             return self._opened(self._fill)
         except Exception as error:  # PortAudio's own errors are no OSErrors
@@ -99,6 +99,6 @@ class SoundPlayer:
             return None
 
     def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:
-        """Write the next samples; called by the device's thread."""
+        """Writes the next samples; called by the device's thread."""
         first, self._next = self._next, self._next + count
         out[:, 0] = mixed(self._sounds, first, count)

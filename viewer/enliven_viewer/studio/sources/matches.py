@@ -26,14 +26,15 @@ class Offer:
 
     @property
     def joints(self) -> Chain:
-        """All joints of the shape that would move."""
+        """Returns all joints of the shape that would move."""
         return tuple(sorted({joint for _, target in self.pairs for joint in target}))
 
 
 def offers(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
 ) -> list[Offer]:
-    """The best matches of a take's pose at a time on a shape with joints (N, 3), each seen as it is shown.
+    """Returns the best matches of a take's pose at a time on a shape with joints (N, 3), each seen as it is
+    shown.
 
     Raises:
         InputError: where one of the skeletons cannot be abstracted.
@@ -58,7 +59,7 @@ def offers(
 
 
 def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:
-    """The project with every chain of an offer driven."""
+    """Returns the project with every chain of an offer driven."""
     for source, target in offer.pairs:
         project = bind_chain(
             project,
@@ -77,5 +78,5 @@ def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop
 
 
 def matching_view(lens: Lens) -> MatchView:
-    """A lens as matching knows it."""
+    """Returns a lens as matching knows it."""
     return MatchView(lens.forward, lens.up, lens.view.eye)

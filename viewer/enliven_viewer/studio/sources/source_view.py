@@ -45,16 +45,16 @@ class SourceView:
 
     @property
     def clip(self) -> Clip | None:
-        """The take, or None."""
+        """Returns the take, or None."""
         return self.editor.project.takes.get(self.take or "")
 
     @property
     def lens(self) -> Lens:
-        """The camera and the view's size."""
+        """Returns the camera and the view's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     def show(self, take: str) -> None:
-        """Show another take, all of it in the picture."""
+        """Shows another take, all of it in the picture."""
         self.take, self.chain, self._start = take, (), None
         clip = self.clip
         if clip is None:
@@ -71,14 +71,16 @@ class SourceView:
             self.camera.advance(10.0)
 
     def posed(self) -> StandingCharacter | None:
-        """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
+        """Returns the take's skeleton at the project's time, begun again at its end; at its begin while it
+        rests.
+        """
         clip = self.clip
         if clip is None:
             return None
         return posed_take(clip, self.editor.time % max(clip.duration, clip.step))
 
     def press(self, at: Point) -> None:
-        """Choose the joint at which a chain begins, then the one at which it ends."""
+        """Chooses the joint at which a chain begins, then the one at which it ends."""
         hit = self._hit(at)
         clip = self.clip
         if hit is None or clip is None:
@@ -90,7 +92,7 @@ class SourceView:
             self._start = None
 
     def move(self, at: Point) -> None:
-        """Light what is under the pointer, or turn the view."""
+        """Lights what is under the pointer, or turns the view."""
         if self._last is not None:
             across, down = at[0] - self._last[0], at[1] - self._last[1]
             self.camera.orbit(-_TURN * across, _TURN * down)
@@ -103,21 +105,21 @@ class SourceView:
         self._last = None
 
     def forget(self) -> None:
-        """Choose anew."""
+        """Chooses anew."""
         self.chain, self._start = (), None
 
     @property
     def choosing(self) -> bool:
-        """Whether the end of the chain is still to be clicked."""
+        """Returns True if the end of the chain is still to be clicked."""
         return self._start is not None
 
     @property
     def selection(self) -> Selection:
-        """The selection with the chosen joint, for the picture."""
+        """Returns the selection with the chosen joint, for the picture."""
         return Selection(SOURCE, self._start)
 
     def overlay(self) -> Overlay:
-        """The overlay of the chain and the joint under the pointer."""
+        """Returns the overlay of the chain and the joint under the pointer."""
         hovered = (SOURCE, self._hovered.handle) if self._hovered else None
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
@@ -127,7 +129,7 @@ class SourceView:
 
 
 def posed_take(clip: Clip, time: float) -> StandingCharacter:
-    """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
+    """Returns a take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     one = clip.mapped(lambda track: track[frame : frame + 1])
     joints, shape = joint_places(one)[0], still_shape(SOURCE, clip.skeleton)

@@ -46,7 +46,7 @@ class Demonstration:
         self._origin: Point = (0.0, 0.0)
 
     def advance(self, seconds: float, target: Target, place: Point | None, origin: Point) -> None:
-        """Let time pass.
+        """Lets time pass.
 
         Args:
             target: where the part points now.
@@ -75,7 +75,7 @@ class Demonstration:
             self._end()
 
     def take_typed(self) -> str:
-        """The letters since the last call."""
+        """Returns the letters since the last call."""
         typed, self.typed = self.typed, ""
         return typed
 
@@ -87,13 +87,13 @@ class Demonstration:
         self._end()
 
     def _first(self, target: Target) -> Point | None:
-        """The begin of the path, in the window's pixels; None without a path."""
+        """Returns the begin of the path, in the window's pixels; None without a path."""
         if not target.path:
             return None
         return target.path[0][0] + self._origin[0], target.path[0][1] + self._origin[1]
 
     def _begin(self, target: Target) -> None:
-        """Press the button; what plays stands still from then on, so that the path stays right."""
+        """Presses the button; what plays stands still from then on, so that the path stays right."""
         self._path, self._at, self.shift = target.path, 0.0, self.part.shift
         hands = self._toured.desk.input
         hands.press(self._path[0], shift=False)
@@ -112,7 +112,7 @@ class Demonstration:
             self._end()
 
     def _type(self, before: float) -> None:
-        """Type the name a letter at a time."""
+        """Types the name a letter at a time."""
         since = _GLIDE_S + _PRESS_S
         count = int(max(self._at - since, 0.0) / _LETTER_S)
         known = int(max(before - since, 0.0) / _LETTER_S)
@@ -126,7 +126,7 @@ class Demonstration:
 
 
 def _free_name(toured: Toured, name: str) -> str:
-    """A name without a file yet: nothing is replaced."""
+    """Returns a name without a file yet: nothing is replaced."""
     browser, number, free = toured.desk.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1
@@ -139,13 +139,13 @@ def _between(start: Point, end: Point, share: float) -> Point:
 
 
 def _along(path: tuple[Point, ...], share: float) -> Point:
-    """The place at a share of a path, its parts being of equal time."""
+    """Returns the place at a share of a path, its parts being of equal time."""
     at = share * (len(path) - 1)
     index = min(int(at), len(path) - 2)
     return _between(path[index], path[index + 1], at - index)
 
 
 def _steps(start: Point, end: Point) -> list[Point]:
-    """The points of a way, near to each other."""
+    """Returns the points of a way, near to each other."""
     count = max(math.ceil(math.dist(start, end) / _APART), 1)
     return [_between(start, end, (k + 1) / count) for k in range(count)]

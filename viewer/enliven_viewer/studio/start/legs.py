@@ -71,7 +71,7 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
 
 
 def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
-    """The vertices of each connected part of the faces that lie low altogether."""
+    """Returns the vertices of each connected part of the faces that lie low altogether."""
     faces = mesh.faces[low[mesh.faces].all(1)]
     count = len(mesh.vertices)
     ends = np.concatenate([faces[:, :2], faces[:, 1:]])
@@ -101,7 +101,7 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
 
 
 def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
-    """(M, 3, 2) pixels of the triangles near a leg that do not belong to it; NaN behind the eye."""
+    """Returns (M, 3, 2) pixels of the triangles near a leg that do not belong to it; NaN behind the eye."""
     inside = np.zeros(len(mesh.vertices), bool)
     inside[leg] = True
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
@@ -114,7 +114,8 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
 
 
 def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Stroke | None:
-    """The ends of a stroke across a leg, at right angles to it; None where the leg is seen from its end.
+    """Returns the ends of a stroke across a leg, at right angles to it; None where the leg is seen from its
+    end.
 
     Args:
         heights: (N,) of its vertices at rest, metres.
@@ -180,7 +181,7 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
 
 
 def _pixels(editor: Editor, one: GraphShape) -> Float:
-    """(V, 2) pixels of the picture."""
+    """Returns (V, 2) pixels of the picture."""
     return editor.lens.project(editor.posed(one.id).vertices)[0]
 
 

@@ -45,7 +45,7 @@ class TourPart:
 
     @property
     def waits(self) -> bool:
-        """Whether it only waits for something that goes on by itself."""
+        """Returns True if it only waits for something that goes on by itself."""
         return self.command is _nothing and not self.types
 
 
@@ -68,7 +68,7 @@ class TourStep:
     begin: Callable[[Toured], object] = _nothing
 
     def part(self, toured: Toured, before: TourCounts) -> TourPart | None:
-        """The part that is to be done; None once the step is done."""
+        """Returns the part that is to be done; None once the step is done."""
         if self.parts[-1].done(toured, before):
             return None
         return next(part for part in self.parts if not part.done(toured, before))
@@ -109,13 +109,13 @@ def _piece(toured: Toured) -> Target:
 
 
 def _dance(toured: Toured) -> None:
-    """Let what was recorded play."""
+    """Lets what was recorded play."""
     if toured.dances:
         toured.desk.editor.playing = True
 
 
 def _look_at_chair(toured: Toured) -> None:
-    """Bring the dancing chair into the picture, with room to draw around it."""
+    """Brings the dancing chair into the picture, with room to draw around it."""
     _dance(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:
@@ -136,7 +136,7 @@ def _has_name(toured: Toured) -> bool:
 
 
 def _drag(toured: Toured) -> None:
-    """Drag along the path of the target."""
+    """Drags along the path of the target."""
 
 
 _WORKSHOP = TourPart(

@@ -43,7 +43,7 @@ class DrawnWidgets:
     _drawn: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
 
     def note(self, name: str, rectangle: Rectangle) -> None:
-        """Note where a widget is drawn in this picture."""
+        """Notes where a widget is drawn in this picture."""
         self._drawn[name] = self.picture, rectangle
 
     def want(self, names: tuple[str, ...]) -> None:

@@ -56,23 +56,23 @@ class Tour:
 
     @property
     def step(self) -> TourStep | None:
-        """The step that is to be done; None once all are."""
+        """Returns the step that is to be done; None once all are."""
         return TOUR[self.number] if self.number < len(TOUR) else None
 
     @property
     def part(self) -> TourPart | None:
-        """The part of the step that is to be done; None once it is done, or all are."""
+        """Returns the part of the step that is to be done; None once it is done, or all are."""
         step = self.step
         return None if step is None or self.ticked > 0.0 else step.part(self._toured, self._before)
 
     @property
     def title(self) -> str:
-        """The subject of the step, in a few words."""
+        """Returns the subject of the step, in a few words."""
         return ENDING[0] if self.step is None else self.step.title
 
     @property
     def text(self) -> str:
-        """The thing to do now: one sentence; empty while a tick is shown."""
+        """Returns the thing to do now: one sentence; empty while a tick is shown."""
         if self.step is None:
             return ENDING[1]
         part = self.part
@@ -80,16 +80,16 @@ class Tour:
 
     @property
     def wants_samples(self) -> bool:
-        """Whether the start page has to be shown, since a sample is to be clicked on it."""
+        """Returns True if the start page has to be shown, since a sample is to be clicked on it."""
         return any(name.startswith("do ") for name in self.target.widgets)
 
     @property
     def moves(self) -> bool:
-        """Whether something of it moves by itself, so that the window must not rest."""
+        """Returns True if something of it moves by itself, so that the window must not rest."""
         return self.shows or self.ticked > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
-        """Where what is meant is now, in the window's pixels; None where it cannot be seen.
+        """Returns where what is meant is now, in the window's pixels; None where it cannot be seen.
 
         Args:
             origin: the top left of the picture, in the window's pixels.
@@ -101,14 +101,16 @@ class Tour:
         return None if found is None else found[1]
 
     def covered(self, origin: Point) -> Rectangle | None:
-        """Where the chair is in the window's pixels, so that nothing is put over it; None without one."""
+        """Returns where the chair is in the window's pixels, so that nothing is put over it; None without
+        one.
+        """
         box = chair_in_picture(self._toured.desk.editor, self._toured.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
 
     def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
-        """Look whether the step was done; to be called once a picture, so long after the one before."""
+        """Looks whether the step was done; to be called once a picture, so long after the one before."""
         step = self.step
         if step is None:
             self.target = Target()
@@ -132,24 +134,24 @@ class Tour:
         self._show_on(seconds, origin)
 
     def skip(self) -> None:
-        """Go on with the next step that has what it needs."""
+        """Goes on with the next step that has what it needs."""
         self._go(self.number + 1)
         while self.number < len(TOUR) - 1 and not TOUR[self.number].ready(self._toured):
             self._go(self.number + 1)
 
     def back(self) -> None:
-        """Look at the step before; if it was done already it stays until :meth:`skip`."""
+        """Looks at the step before; if it was done already it stays until :meth:`skip`."""
         self._go(max(self.number - 1, 0))
         step = self.step
         self.reviewing = step is not None and self._is_done(step)
 
     def show(self, start: Point) -> None:
-        """Let the tour do the step; the hand begins at a pixel of the window."""
+        """Lets the tour do the step; the hand begins at a pixel of the window."""
         if self.part is not None and not self.shows:
             self.shows, self._hand, self._shown = True, start, None
 
     def _hold_still(self) -> None:
-        """Let what plays stand still while the pointer is near: a dancing leg is hard to hit."""
+        """Lets what plays stand still while the pointer is near: a dancing leg is hard to hit."""
         editor, hands = self._toured.desk.editor, self._toured.desk.input
         if hands.busy or self.demonstration is not None:
             return
@@ -161,12 +163,12 @@ class Tour:
             self._let_play()
 
     def _let_play(self) -> None:
-        """Let what was made to stand still play on."""
+        """Lets what was made to stand still play on."""
         if self._holds_still:
             self._toured.desk.editor.playing, self._holds_still = True, False
 
     def leave(self) -> None:
-        """Restore the studio: playing, pointer and widgets."""
+        """Restores the studio: playing, pointer and widgets."""
         self._stop_showing()
         self._let_play()
         self._widgets.want(())
@@ -185,7 +187,7 @@ class Tour:
         return step.part(self._toured, self._before) is None
 
     def _look_for_needs(self, step: TourStep, seconds: float) -> None:
-        """Go back where a step has lacked for a while what it needs."""
+        """Goes back where a step has lacked for a while what it needs."""
         self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
         if self._missing > _MISSING_S:
             number = self.number
@@ -208,7 +210,7 @@ class Tour:
             self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
 
     def _show_next(self, seconds: float) -> None:
-        """Begin with the next part of the step, once the last one had its effect."""
+        """Begins with the next part of the step, once the last one had its effect."""
         part, self._rested = self.part, self._rested + seconds
         if part is None or part.waits or (part is self._shown and self._rested < _AGAIN_S):
             return

@@ -52,7 +52,7 @@ class ClipDrag:
     def of(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
-        """The drag that begins at a handle; None where it is not of a clip."""
+        """Returns the drag that begins at a handle; None where it is not of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
         how = changed.get(handle.kind, handle.kind)
@@ -68,11 +68,13 @@ class ClipDrag:
 
     @property
     def clip(self) -> Segment:
-        """The clip as it was."""
+        """Returns the clip as it was."""
         return self.lane.clips[self.handle.item]
 
     def edit(self, moved: float) -> tuple[Edit, float | None]:
-        """The edit that moving the pointer by some seconds makes, and the second that it sticks to."""
+        """Returns the edit that moving the pointer by some seconds makes, and the second that it sticks
+        to.
+        """
         name, numbers, item, clip = self.handle.character, self.handle.layers, self.handle.item, self.clip
         if self.how == "slip":
             return lambda p: slip_clip(p, name, numbers, item, -moved * clip.speed), None

@@ -37,7 +37,7 @@ class ClipPictures:
         self._known: WeakKeyDictionary[object, Future[UInt8]] = WeakKeyDictionary()
 
     def sheet(self, project: Project, take: Clip | PoseStream) -> UInt8 | None:
-        """(R, C, 4) uint8 pixels, upper row first, or None until it is drawn."""
+        """Returns (R, C, 4) uint8 pixels, upper row first, or None until it is drawn."""
         future = self._known.get(take)
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
@@ -46,7 +46,7 @@ class ClipPictures:
         return future.result() if future.done() and future.exception() is None else None
 
     def finish(self) -> None:
-        """Wait for all of them."""
+        """Waits for all of them."""
         for future in list(self._known.values()):
             future.exception()
 
@@ -64,12 +64,12 @@ def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Fl
 
 
 def _frames(count: int) -> Int32:
-    """(P,) the frames that have a picture."""
+    """Returns (P,) the frames that have a picture."""
     return np.linspace(0, count - 1, POSES).round().astype(np.int32)
 
 
 def _joints(take: Clip, frames: Int32) -> Float:
-    """(P, N, 3) metres, the joints of a take at frames."""
+    """Returns (P, N, 3) metres, the joints of a take at frames."""
     return joint_places(take.mapped(lambda track: track[frames]))
 
 
@@ -79,14 +79,16 @@ def _bones(take: Clip) -> AnyArray:
 
 
 def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
-    """(L, 2) the lines between the nodes of a stream; a part plays its first nodes."""
+    """Returns (L, 2) the lines between the nodes of a stream; a part plays its first nodes."""
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
     return lines[:: max(len(lines) // _LINES, 1)]
 
 
 def drawn(points: Float, lines: AnyArray) -> UInt8:
-    """(R, C, 4) a sheet of figures with points (P, N, 3) in metres, each centred, seen from the front."""
+    """Returns (R, C, 4) a sheet of figures with points (P, N, 3) in metres, each centred, seen from the
+    front.
+    """
     flat = np.stack([points[..., 0], -points[..., 1]], -1)
     # A figure is centred where it is; all have one size, and one floor.
     low, high = flat.min(1), flat.max(1)
@@ -103,7 +105,9 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
 
 
 def _figure(points: Float, lines: AnyArray) -> UInt8:
-    """(TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels; of points without lines, dots."""
+    """Returns (TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels; of points without lines,
+    dots.
+    """
     if not len(lines):
         lines = np.stack([np.arange(len(points))] * 2, 1)
     across = np.arange(TILE) + 0.5

@@ -60,13 +60,13 @@ class TimelineInput:
 
     @property
     def layout(self) -> TimelineLayout:
-        """The layout at this moment."""
+        """Returns the layout at this moment."""
         editor = self.editor
         how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
         return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
 
     def follow(self, tall: float, recorded: str = "") -> None:
-        """Move the lanes up or down to those of what was recorded, or chosen, since the picture before.
+        """Moves the lanes up or down to those of what was recorded, or chosen, since the picture before.
 
         Args:
             tall: pixels that ruler and lanes have.
@@ -83,7 +83,7 @@ class TimelineInput:
 
     @property
     def busy(self) -> bool:
-        """Whether something is held."""
+        """Returns True if something is held."""
         return self._handle.kind != "nothing"
 
     @property
@@ -133,16 +133,16 @@ class TimelineInput:
             self.rows.press(handle, layout, x)
 
     def _layer(self, handle: LaneHandle) -> Playing:
-        """The first layer of the lane that is pressed."""
+        """Returns the first layer of the lane that is pressed."""
         return self.editor.project.characters[handle.character].playing[handle.number]
 
     def _bar(self, handle: LaneHandle) -> Lane:
-        """The lane that is pressed."""
+        """Returns the lane that is pressed."""
         here = (handle.character, handle.layers)
         return next(one for one in self.layout.bars() if (one.character.id, one.layers) == here)
 
     def _press_head(self, handle: LaneHandle) -> None:
-        """Fold a character's lanes, choose it, or let it play alone and again with the others."""
+        """Folds a character's lanes, choose it, or lets it play alone and again with the others."""
         if handle.kind == "fold":
             self.folded = self.folded ^ {handle.character}
         elif handle.kind == "solo":
@@ -174,7 +174,7 @@ class TimelineInput:
         self._handle, self._drag, self.stuck = _NOTHING, None, None
 
     def double(self, x: float, y: float) -> bool:
-        """The second click of two; whether it meant something."""
+        """Returns the second click of two; whether it meant something."""
         handle = self.layout.handle_at(x, y)
         if handle.kind == "marker":
             self.marker = handle.name
@@ -182,7 +182,7 @@ class TimelineInput:
         return self.rows.double(handle)
 
     def zoom(self, notches: float, x: float) -> None:
-        """Show less time around a pixel, or more."""
+        """Shows less time around a pixel, or more."""
         layout = self.layout
         at, most = layout.time(x), _BEYOND * layout.length
         span = min(max(layout.shown * _ZOOM**notches, _CLOSEST), most)
@@ -191,12 +191,12 @@ class TimelineInput:
         self._start_at(at - share * span)
 
     def pan(self, pixels: float) -> None:
-        """Show what is to the right of it by some pixels."""
+        """Shows what is to the right of it by some pixels."""
         layout = self.layout
         self._start_at(layout.start + pixels * layout.shown / layout.track)
 
     def show_all(self) -> None:
-        """Show the whole project."""
+        """Shows the whole project."""
         self.start = self.span = 0.0
 
     def _start_at(self, start: float) -> None:
@@ -211,7 +211,7 @@ class TimelineInput:
         return {"marker": later("move marker"), **DRAGGED}.get(self._handle.kind)
 
     def _change(self, x: float) -> Edit:
-        """The edit that dragging to ``x`` makes."""
+        """Returns the edit that dragging to ``x`` makes."""
         layout, handle = self._held_layout, self._handle
         moved = layout.time(x) - layout.time(self._from)
         if self._drag is not None:
@@ -227,7 +227,9 @@ class TimelineInput:
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
     def _span_to(self, x: float) -> tuple[float, float] | None:
-        """The marked span with an end, or all of it, dragged to a pixel; as it was where none is left."""
+        """Returns the marked span with an end, or all of it, dragged to a pixel; as it was where none is
+        left.
+        """
         layout, kind = self._held_layout, self._handle.kind
         span = layout.marked
         if span is None:
@@ -257,12 +259,12 @@ class TimelineInput:
 
 
 def _changing(handle: LaneHandle, **changes: Any) -> Edit:
-    """The edit that changes attributes of a lane's layers."""
+    """Returns the edit that changes attributes of a lane's layers."""
     return lambda project: change_layers(project, handle.character, handle.layers, **changes)
 
 
 def _alone(project: Project, name: str) -> Project:
-    """The project in which a character plays alone; or all, where the others are silent already."""
+    """Returns the project in which a character plays alone; or all, where the others are silent already."""
     playing = {key: one for key, one in project.characters.items() if one.playing}
     others = [one for key, one in playing.items() if key != name]
     silent = bool(others) and all(layer.muted for one in others for layer in one.playing)

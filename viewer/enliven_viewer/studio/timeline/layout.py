@@ -65,7 +65,7 @@ class LaneHandle:
 
     @property
     def number(self) -> int:
-        """The first of the layers."""
+        """Returns the first of the layers."""
         return self.layers[0]
 
 
@@ -91,12 +91,12 @@ class Lane:
 
     @property
     def layer(self) -> Playing:
-        """The first of its layers."""
+        """Returns the first of its layers."""
         return self.character.playing[self.layers[0]]
 
     @property
     def label(self) -> str:
-        """The limb that moves and what it plays, or the take and how many layers play it."""
+        """Returns the limb that moves and what it plays, or the take and how many layers play it."""
         if len(self.layers) > 1:
             return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
         return lane_name(self.character, self.layer)
@@ -106,7 +106,7 @@ class Details(Protocol):
     """What a rig shows under the bars of its layers."""
 
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
-        """The kinds and heights in pixels of the rows under a layer's bar."""
+        """Returns the kinds and heights in pixels of the rows under a layer's bar."""
 
     def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
         """What is at a pixel of such a row, and which; "nothing" where nothing is."""
@@ -142,39 +142,39 @@ class TimelineLayout:
 
     @property
     def track(self) -> float:
-        """Pixels of the track's width."""
+        """Returns pixels of the track's width."""
         return max(self.width - LABELS - END, 1.0)
 
     @property
     def shown(self) -> float:
-        """Seconds that the track shows."""
+        """Returns seconds that the track shows."""
         return self.span or self.length
 
     @property
     def height(self) -> float:
-        """Pixels that ruler and lanes take."""
+        """Returns pixels that ruler and lanes take."""
         lanes = self.lanes()
         return lanes[-1].top + lanes[-1].height + GAP + self.scrolled if lanes else RULER
 
     def x(self, time: float) -> float:
-        """The pixel of a time."""
+        """Returns the pixel of a time."""
         return LABELS + self.track * (time - self.start) / self.shown
 
     def time(self, x: float) -> float:
-        """The time of a pixel, seconds; outside the track it goes on."""
+        """Returns the time of a pixel, seconds; outside the track it goes on."""
         return self.start + (x - LABELS) / self.track * self.shown
 
     def x_of(self, lane: Lane, second: float) -> float:
-        """The pixel of a second of a lane's take."""
+        """Returns the pixel of a second of a lane's take."""
         return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
 
     def second(self, lane: Lane, x: float) -> float:
-        """The second of a lane's take at a pixel, within the take."""
+        """Returns the second of a lane's take at a pixel, within the take."""
         once = replace(lane.layer, loop=False)
         return once.played(self.time(x), self.project.length_of(once))[0]
 
     def lanes(self) -> tuple[Lane, ...]:
-        """All rows, from the top: of each layer a bar, and under it what its rig shows."""
+        """Returns all rows, from the top: of each layer a bar, and under it what its rig shows."""
         return self._lanes
 
     @cached_property
@@ -200,16 +200,16 @@ class TimelineLayout:
         return tuple(found)
 
     def bars(self) -> tuple[Lane, ...]:
-        """The lanes that are bars, from the top."""
+        """Returns the lanes that are bars, from the top."""
         return tuple(lane for lane in self.lanes() if lane.kind == "bar")
 
     def markers(self) -> tuple[tuple[Marker, float], ...]:
-        """Every marker with its pixel, in the order of time."""
+        """Returns every marker with its pixel, in the order of time."""
         ordered = sorted(self.project.markers.values(), key=lambda one: one.seconds)
         return tuple((one, self.x(one.seconds)) for one in ordered)
 
     def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
-        """The character and the numbers of its layers that share a bar, from the top."""
+        """Returns the character and the numbers of its layers that share a bar, from the top."""
         groups: dict[tuple[object, ...], list[int]] = {}
         for key, character in self.project.characters.items():
             playing = character.playing
@@ -224,14 +224,16 @@ class TimelineLayout:
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
     def takes(self, lane: Lane) -> tuple[int, int]:
-        """Which of its alternatives a lane is, from 1, and how many there are on its character."""
+        """Returns which of its alternatives a lane is, from 1, and how many there are on its character."""
         layer = lane.layer
         beside = [one for one in lane.character.playing if one.alternatives == layer.alternatives]
         names = list(dict.fromkeys(one.recorded for one in beside))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
     def _unheard(self, playing: Sequence[Playing]) -> set[int]:
-        """The layers that have no lane: takes that are not heard, where their alternatives are not opened."""
+        """Returns the layers that have no lane: takes that are not heard, where their alternatives are not
+        opened.
+        """
         beside: dict[str, dict[str, list[int]]] = {}
         for number, layer in enumerate(playing):
             if layer.alternatives and layer.alternatives not in self.opened:
@@ -252,7 +254,7 @@ class TimelineLayout:
         return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
-        """The handle under a pixel."""
+        """Returns the handle under a pixel."""
         if y < RULER:
             return self._on_ruler(x, y)
         for lane in self.lanes():
@@ -291,7 +293,9 @@ class TimelineLayout:
         return self._on_clips(lane, x)
 
     def _on_clips(self, lane: Lane, x: float) -> tuple[str, int]:
-        """The clip, or the end of one, at a pixel of a bar; of a narrow one its end and the middle."""
+        """Returns the clip, or the end of one, at a pixel of a bar; of a narrow one its end and the
+        middle.
+        """
         ends = [(self.x(one.begin), self.x(one.end)) for one in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
             if right - left > 2 * EDGE and left + EDGE < x < right - EDGE:

@@ -46,7 +46,7 @@ class PuppetRows:
 
     @property
     def details(self) -> PuppetDetails:
-        """The rows as they are now."""
+        """Returns the rows as they are now."""
         return PuppetDetails(self.editor.puppets.puppet, self._coverage, self._switches)
 
     def press(self, handle: LaneHandle, layout: TimelineLayout, x: float) -> None:
@@ -67,7 +67,7 @@ class PuppetRows:
             self.editor.scrub(layout.time(x))
 
     def double(self, handle: LaneHandle) -> bool:
-        """The second click of two: on contacts and flights it adds a switch there."""
+        """Returns the second click of two: on contacts and flights it adds a switch there."""
         if handle.kind != "band":
             return False
         take = self.editor.project.takes[self.details.layer(handle.number).take]
@@ -77,7 +77,7 @@ class PuppetRows:
         return True
 
     def type(self, key: str) -> bool:
-        """Delete takes away the switch or constraint that was clicked last."""
+        """Deletes takes away the switch or constraint that was clicked last."""
         (handle, self.marked), puppet = (self.marked, None), self.editor.puppets.puppet
         if handle is None or key not in ("delete", "backspace"):
             return False
@@ -94,7 +94,7 @@ class PuppetRows:
         return True
 
     def dragged(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
-        """The edit that dragging a mark to a second of the take makes; ``switches`` as it began."""
+        """Returns the edit that dragging a mark to a second of the take makes; ``switches`` as it began."""
         if handle.kind == "pose":
             return lambda project: retimed(project, handle.character, handle.item, seconds)
         take = self.editor.project.takes[self.details.layer(handle.number).take]

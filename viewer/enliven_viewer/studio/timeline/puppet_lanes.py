@@ -35,7 +35,7 @@ class PuppetDetails:
     switches: Callable[[int], Sequence[Switch]]
 
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
-        """The kinds and heights in pixels of the rows under a layer's bar."""
+        """Returns the kinds and heights in pixels of the rows under a layer's bar."""
         puppet = self.chosen
         if puppet is None or character is not puppet or number >= len(puppet.layers):
             return ()  # what moves its root has no rows
@@ -63,7 +63,7 @@ class PuppetDetails:
         return tuple((t, layout.x_of(lane, t)) for t in times if _plays(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
-        """Each switch with the pixels from which and up to which it holds."""
+        """Returns each switch with the pixels from which and up to which it holds."""
         take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
         ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
@@ -100,17 +100,17 @@ class PuppetDetails:
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:
-        """A layer of the chosen puppet."""
+        """Returns a layer of the chosen puppet."""
         assert self.chosen is not None
         return self.chosen.layers[number]
 
 
 def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
-    """Whether a second of the take was not trimmed off."""
+    """Returns True if a second of the take was not trimmed off."""
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 
 
 def _nearest(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
-    """Which of numbered pixels is nearest to one, within reach."""
+    """Returns which of numbered pixels is nearest to one, within reach."""
     near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
     return min(near)[1] if near else None

@@ -11,7 +11,9 @@ SNAP = 6.0
 
 
 def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
-    """The seconds that a drag sticks to: 0, the playhead, markers, and the ends of all clips but the held."""
+    """Returns the seconds that a drag sticks to: 0, the playhead, markers, and the ends of all clips but the
+    held.
+    """
     places = [0.0, playhead, *(one.seconds for one, _ in layout.markers() if one.id != held.name)]
     for lane in layout.bars():
         mine = (lane.character.id, lane.layers) == (held.character, held.layers)
@@ -24,7 +26,7 @@ def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list
 def snapped(
     layout: TimelineLayout, times: Sequence[float], places: Sequence[float], frame: float
 ) -> tuple[float, float | None]:
-    """How far to move so that one of ``times`` is at a place, or else the first at a whole frame.
+    """Returns how far to move so that one of ``times`` is at a place, or else the first at a whole frame.
 
     Args:
         times: seconds of what is dragged, such as both ends of a clip.

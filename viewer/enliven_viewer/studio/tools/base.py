@@ -80,7 +80,7 @@ class Tool:
         self.hovered = self.handle_at(pointer)
 
     def press(self, pointer: Pointer) -> bool:
-        """The left button went down; False leaves the drag to the camera."""
+        """Returns the left button went down; False leaves the drag to the camera."""
         return False
 
     def drag(self, pointer: Pointer) -> None:
@@ -90,15 +90,15 @@ class Tool:
         """The button went up."""
 
     def type(self, key: str) -> bool:
-        """A key was pressed; True where the tool took it."""
+        """Returns a key was pressed; True where the tool took it."""
         return False
 
     def cancel(self) -> None:
-        """Drop what was begun (Escape, or another tool)."""
+        """Drops what was begun (Escape, or another tool)."""
         self.editor.draft = None
 
     def overlay(self) -> Overlay:
-        """The marks that the tool draws over the viewport."""
+        """Returns the marks that the tool draws over the viewport."""
         hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
@@ -107,7 +107,7 @@ class Tool:
         return NOTHING
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """The handle under the pointer, or else the bone; of two as near, the chosen character's."""
+        """Returns the handle under the pointer, or else the bone; of two as near, the chosen character's."""
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
         chosen = [one for one in stage if one.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
@@ -117,13 +117,15 @@ class Tool:
         return None
 
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
-        """The handle, the bone or the surface of any character under the pointer, but for one's surface."""
+        """Returns the handle, the bone or the surface of any character under the pointer, but for one's
+        surface.
+        """
         hit = None if without else self.handle_at(pointer)
         stage = [one for one in self.editor.reachable if one.id != without]
         return hit or surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:
-        """The pixel of a place on a bone, while the bone is there."""
+        """Returns the pixel of a place on a bone, while the bone is there."""
         if hit is None or hit.character not in self.editor.project.characters:
             return None
         posed = self.editor.posed(hit.character)
@@ -149,7 +151,7 @@ class StrokeTool(Tool):
         self._stroke: list[Point] = []
 
     def taken(self) -> list[Point]:
-        """The points of the stroke, which begins anew."""
+        """Returns the points of the stroke, which begins anew."""
         stroke, self._stroke = self._stroke, []
         return stroke
 

@@ -70,7 +70,7 @@ class CarryTool(Tool):
             self._host = self._beneath(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
-        """Merge at the playhead's time, where nothing turns then and both go on moving; or let it stand."""
+        """Merges at the playhead's time, where nothing turns then and both go on moving; or let it stand."""
         (held, host), self._held, self._host = (self._held, self._host), None, None
         editor = self.editor
         if held is None or editor.draft is None:
@@ -106,7 +106,7 @@ class CarryTool(Tool):
         return self.character_at(pointer, without=held.character) or self._beside(held)
 
     def _beside(self, held: CharacterDrag) -> Hit | None:
-        """The character that the dragged one touches, or all but touches."""
+        """Returns the character that the dragged one touches, or all but touches."""
         vertices = self.editor.posed(held.character).vertices
         if not len(vertices):
             return None
@@ -126,7 +126,7 @@ class CarryTool(Tool):
         return Hit(name) if gap < near else None
 
     def _tell_apart(self, held: CharacterDrag) -> None:
-        """Say why a drop with Shift merged nothing."""
+        """Says why a drop with Shift merged nothing."""
         if held.several:
             what, mend = (
                 tr("Several were moved, and none merged"),

@@ -86,7 +86,7 @@ class ChooseTool(Tool):
         return Overlay(marks, plain.chain, plain.hovered)
 
     def _touched(self, box: tuple[Point, Point]) -> list[str]:
-        """The characters with a handle or a place of their surface in a box of the picture."""
+        """Returns the characters with a handle or a place of their surface in a box of the picture."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         found = []
         for one in self.editor.reachable:

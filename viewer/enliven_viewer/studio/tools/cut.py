@@ -83,7 +83,7 @@ class CutTool(StrokeTool):
             )
 
     def _others(self, stroke: list[Point]) -> list[str]:
-        """The characters without bones that a stroke may pass through: the chosen one, or all."""
+        """Returns the characters without bones that a stroke may pass through: the chosen one, or all."""
         if len(stroke) < 2:
             return []
         boneless = [one.id for one in self.editor.reachable if not one.bones]
@@ -91,7 +91,7 @@ class CutTool(StrokeTool):
         return [chosen] if chosen in boneless else boneless
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
-        """The stroke swept along the view; pixels, y up."""
+        """Returns the stroke swept along the view; pixels, y up."""
         lens = self.editor.lens
         wide, high = lens.size
         clip = lens.view.clip_from_world

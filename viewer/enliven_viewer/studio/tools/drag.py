@@ -55,7 +55,7 @@ class CharacterDrag:
 
     @property
     def several(self) -> bool:
-        """Whether more than one character is dragged."""
+        """Returns True if more than one character is dragged."""
         return len(self.characters) > 1
 
     @property
@@ -64,7 +64,7 @@ class CharacterDrag:
         return later("{0} shapes", len(self.characters)) if self.several else self.character
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
-        """The project with the character as far as the pointer went."""
+        """Returns the project with the character as far as the pointer went."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
         if self.editor.snapping.acts(pointer.ctrl):
@@ -72,7 +72,8 @@ class CharacterDrag:
         return self._carried(project, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
-        """The project with it turned by as much as the pointer went around its root, in the picture's plane.
+        """Returns the project with it turned by as much as the pointer went around its root, in the picture's
+        plane.
 
         With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
         """
@@ -82,14 +83,18 @@ class CharacterDrag:
     def _carried(
         self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
     ) -> Project:
-        """The project with them moved at all times, or by keys at the playhead while posing sets keys."""
+        """Returns the project with them moved at all times, or by keys at the playhead while posing sets
+        keys.
+        """
         centre = np.zeros(3) if about is None else about
         if self.editor.keying:
             return key_characters(project, self.characters, self.editor.time, way, turn, centre)
         return move_characters(project, self.characters, way, turn, centre)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
-        """The project with it put onto another; a handle of that, or a place on a bone, carries it."""
+        """Returns the project with it put onto another; a handle of that, or a place on a bone, carries
+        it.
+        """
         at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
         node = host.handle if host.handle >= 0 else None
         return merge_characters(
@@ -102,7 +107,7 @@ class CharacterDrag:
         return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
 
     def _turned(self, pointer: Pointer) -> tuple[Float, float]:
-        """The (3,) unit axis, and the radians that the pointer went."""
+        """Returns the (3,) unit axis, and the radians that the pointer went."""
         lens, start = self.editor.lens, self._start
         across = _TURN * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
@@ -115,6 +120,6 @@ class CharacterDrag:
 
 
 def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
-    """(3,) metres: the middle of characters, at the height of their lowest point."""
+    """Returns (3,) metres: the middle of characters, at the height of their lowest point."""
     low, high = bounds_of([one.extent for one in editor.standing if one.id in characters]) or EMPTY_BOX
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

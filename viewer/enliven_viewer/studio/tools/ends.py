@@ -55,7 +55,7 @@ class EndsTool(Tool):
 
     @property
     def marks(self) -> Int:
-        """(5,) the vertices at the ends; none while they are looked for, or nothing is chosen."""
+        """Returns (5,) the vertices at the ends; none while they are looked for, or nothing is chosen."""
         shape = self.editor.chosen(GraphShape)
         if shape is None:
             return np.empty(0, np.int64)
@@ -131,11 +131,11 @@ class EndsTool(Tool):
             self._found.result()
 
     def _pixels(self, character: str, vertices: Int) -> Float:
-        """(5, 2) pixels of vertices as the character stands now."""
+        """Returns (5, 2) pixels of vertices as the character stands now."""
         return self.editor.lens.project(self.editor.posed(character).vertices[vertices])[0]
 
     def _suggested(self, mesh: Mesh) -> Int:
-        """The vertices at the ends that the mesh itself tells; none while they are looked for."""
+        """Returns the vertices at the ends that the mesh itself tells; none while they are looked for."""
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")

@@ -127,7 +127,7 @@ class MapTool(Tool):
         return plain
 
     def rank(self) -> None:
-        """Offer the matches of the take's pose now with the chosen shape, as both are seen."""
+        """Offers the matches of the take's pose now with the chosen shape, as both are seen."""
         clip, shape = self.source.clip, self.editor.chosen(Shape)
         self.offered = []
         if clip is None or shape is None:
@@ -142,7 +142,7 @@ class MapTool(Tool):
             editor.toasts.complain(error)
 
     def map_whole(self) -> None:
-        """Map every limb of the take onto a limb of the chosen shape that suits it, at once."""
+        """Maps every limb of the take onto a limb of the chosen shape that suits it, at once."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
             editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
@@ -158,7 +158,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> Retargeted:
-            """The shape with the take in the place of all that moved it."""
+            """Returns the shape with the take in the place of all that moved it."""
             still = stilled(project, shape.id)
             known = still.shape(shape.id)
             if itself:
@@ -195,7 +195,7 @@ class MapTool(Tool):
         editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
     def accept(self, offer: Offer) -> None:
-        """Map every chain of an offer."""
+        """Maps every chain of an offer."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
@@ -214,7 +214,7 @@ class MapTool(Tool):
             )
 
     def _bind(self, wish: MappedChain) -> None:
-        """Map one chain onto one, as both are seen now."""
+        """Maps one chain onto one, as both are seen now."""
         lens, other = self.editor.lens, self.source.lens
 
         def change(project: Project) -> Project:
@@ -243,6 +243,8 @@ class MapTool(Tool):
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:
-    """A project in which a shape no longer plays a clip of its own: what is mapped next would add to it."""
+    """Returns a project in which a shape no longer plays a clip of its own: what is mapped next would add to
+    it.
+    """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return stilled(project, shape_id) if plays else project

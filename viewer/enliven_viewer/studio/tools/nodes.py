@@ -74,6 +74,6 @@ class RemoveTool(Tool):
 
 
 def remove_joint(editor: Editor, shape: str, joint: int) -> None:
-    """Take a joint out of a shape."""
+    """Takes a joint out of a shape."""
     if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
         editor.select(character=shape, handle=None, chain=())

@@ -85,17 +85,19 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """The plane between left and right of a mesh, known by its vertices; None where it has none."""
+        """Returns the plane between left and right of a mesh, known by its vertices; None where it has
+        none.
+        """
         if self._planes is None or self._planes[0] is not mesh.vertices:
             self._planes = mesh.vertices, plane_of_symmetry(mesh)
         return self._planes[1]
 
     def resize(self, factor: float) -> None:
-        """Make the brush larger or smaller."""
+        """Makes the brush larger or smaller."""
         self.radius = float(np.clip(self.radius * factor, SMALLEST, LARGEST))
 
     def clear(self) -> None:
-        """Take all paint off the chosen mesh."""
+        """Takes all paint off the chosen mesh."""
         name = self.editor.selection.character or ""
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
@@ -182,7 +184,7 @@ class PaintTool(Tool):
         return ToolPicture(shade=(seen, one.mesh.faces, shades(stiffness)))
 
     def _shown(self, one: RigBase, mesh: Mesh) -> Float32 | None:
-        """The stiffness as it would be after the stroke that is being drawn."""
+        """Returns the stiffness as it would be after the stroke that is being drawn."""
         if not self._stroke:
             return mesh.stiffness
         known = self._preview
@@ -200,7 +202,9 @@ class PaintTool(Tool):
         return opposite[self.brush] if pointer.ctrl else self.brush
 
     def _touched(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
-        """The mesh under the pointer, and the place on it at rest, metres; it measures the brush there."""
+        """Returns the mesh under the pointer, and the place on it at rest, metres; it measures the brush
+        there.
+        """
         lens = self.editor.lens
         hit = surface_at(self.editor.reachable, lens, pointer.at)
         if hit is None:
@@ -215,7 +219,7 @@ class PaintTool(Tool):
 
 
 def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> Float:
-    """(3,) metres, where a place on a face is at rest."""
+    """Returns (3,) metres, where a place on a face is at rest."""
     own = mesh.faces[face]
     share = barycentric(place[None], posed.vertices[own][None])[0]
     return np.asarray(share @ mesh.vertices[own])
@@ -229,7 +233,9 @@ def _ring(brush: Brush) -> Colour:
 
 
 def shades(stiffness: Float32) -> UInt8:
-    """(V, 4) sRGB and opacity: blue where it is stiffer, orange where it is softer, grey where it is 1."""
+    """Returns (V, 4) sRGB and opacity: blue where it is stiffer, orange where it is softer, grey where it is
+    1.
+    """
     doublings = np.log2(stiffness) / MOST_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))

@@ -73,7 +73,7 @@ class PoseTool(Tool):
         self._held = self._node = None
 
     def overlay(self) -> Overlay:
-        """The dots of possessed meshes, while posing sets keys; larger where a node has some."""
+        """Returns the dots of possessed meshes, while posing sets keys; larger where a node has some."""
         plain, editor = super().overlay(), self.editor
         dots = list[Disc]()
         for one in editor.reachable if editor.keying else ():
@@ -86,7 +86,7 @@ class PoseTool(Tool):
         return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
-        """The dot of a possessed mesh under the pointer: the character, the node, and where it is."""
+        """Returns the dot of a possessed mesh under the pointer: the character, the node, and where it is."""
         editor, found = self.editor, list[tuple[float, str, int, Float]]()
         for one in editor.reachable if editor.keying else ():
             nodes = np.asarray(one.nodes, np.float64)

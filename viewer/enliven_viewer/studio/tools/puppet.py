@@ -67,12 +67,12 @@ class PuppetTool(Tool):
 
     @property
     def warning(self) -> str:
-        """A line about parts that pass through one another while a key pose is edited; else empty."""
+        """Returns a line about parts that pass through one another while a key pose is edited; else empty."""
         return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
-        """The drag of a control point that goes on; None for none."""
+        """Returns the drag of a control point that goes on; None for none."""
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
@@ -160,7 +160,8 @@ class PuppetTool(Tool):
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Manipulator | None:
-        """The manipulator at the chosen control point; None while the puppet plays, or just after a click.
+        """Returns the manipulator at the chosen control point; None while the puppet plays, or just after a
+        click.
 
         There it would be in the way of the next click on the mesh.
         """
@@ -172,7 +173,7 @@ class PuppetTool(Tool):
         return Manipulator(standing.handles[point], self.editor.lens)
 
     def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
-        """The vertex of the chosen puppet under the pointer; a suggested one that is near."""
+        """Returns the vertex of the chosen puppet under the pointer; a suggested one that is near."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
@@ -187,7 +188,7 @@ class PuppetTool(Tool):
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
-        """Take a click: it adds a control point, chooses another puppet, or clears the choice of point."""
+        """Takes a click: it adds a control point, chooses another puppet, or clears the choice of point."""
         standing = self.puppets.shown
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:

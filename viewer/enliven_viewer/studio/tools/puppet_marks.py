@@ -77,10 +77,10 @@ class Pointing(Protocol):
 
     @property
     def held(self) -> PointDrag | None:
-        """The drag of a control point that goes on; None for none."""
+        """Returns the drag of a control point that goes on; None for none."""
 
     def manipulator(self) -> Manipulator | None:
-        """The arrows of the chosen control point."""
+        """Returns the arrows of the chosen control point."""
 
 
 def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
@@ -116,7 +116,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
 
 
 def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """A ring where a click would put a control point, and at its mirror image."""
+    """Returns a ring where a click would put a control point, and at its mirror image."""
     if tool.hovered_vertex is None:
         return []
     wanted = [tool.hovered_vertex]
@@ -131,7 +131,9 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
 
 
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
+    """Returns the names of the chosen control point and of the one under the pointer; a ring around the
+    chosen.
+    """
     found: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):

@@ -70,7 +70,9 @@ class SketchTool(StrokeTool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
-        """The plane parallel to the picture through the camera's target, and the stroke in it, metres."""
+        """Returns the plane parallel to the picture through the camera's target, and the stroke in it,
+        metres.
+        """
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up

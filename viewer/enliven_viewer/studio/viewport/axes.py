@@ -13,7 +13,9 @@ _LENGTH = 24.0
 
 
 def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
-    """The world's axes as a view sees them, from a place in its pixels; what points away is drawn first."""
+    """Returns the world's axes as a view sees them, from a place in its pixels; what points away is drawn
+    first.
+    """
     seen = lens.view.camera_from_world[:3, :3]
     found: list[Line | Disc | Label] = []
     for axis in sorted(range(3), key=lambda k: seen[2, k]):

@@ -14,7 +14,7 @@ from enliven_viewer.theme import DEFAULT_COLOURS, Paint, theme_in_use
 
 
 def default_colour(character_id: str) -> Paint:
-    """The sRGB of a mesh without colours of its own, always the same for a name."""
+    """Returns the sRGB of a mesh without colours of its own, always the same for a name."""
     colour: Paint = DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
     return colour
 
@@ -31,7 +31,7 @@ class DrawnMeshes:
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:
-        """The mesh, in its default colour where it brings none; None where it has no surface."""
+        """Returns the mesh, in its default colour where it brings none; None where it has no surface."""
         if character.mesh is None or not len(character.mesh.faces):
             return None
         parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])

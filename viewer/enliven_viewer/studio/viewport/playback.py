@@ -6,7 +6,8 @@ from enliven.document import Project, closing_time
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds that the project plays: until each layer and sound was played once, at least ``shortest``.
+    """Returns seconds that the project plays: until each layer and sound was played once, at least
+    ``shortest``.
 
     With looping layers it is a little longer, where all of them then begin again together.
     """

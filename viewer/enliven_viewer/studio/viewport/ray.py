@@ -17,13 +17,15 @@ NEAREST = 1e-3
 
 
 def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
-    """The nearest face on a ray and how far it is, metres (Moeller and Trumbore 1997); -1 for none."""
+    """Returns the nearest face on a ray and how far it is, metres (Moeller and Trumbore 1997); -1 for
+    none.
+    """
     face, distance = _first_hit(vertices, faces, np.asarray(eye, np.float64), np.asarray(way, np.float64))
     return int(face), float(distance)
 
 
 def vertex_hit(vertices: Float, face: Int, place: Float) -> int:
-    """The vertex of a face (3,) nearest to a place (3,)."""
+    """Returns the vertex of a face (3,) nearest to a place (3,)."""
     return int(face[np.linalg.norm(vertices[face] - place, axis=1).argmin()])
 
 

@@ -27,12 +27,12 @@ class Selection:
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """The ids of all chosen characters; the one that was chosen last comes last."""
+        """Returns the ids of all chosen characters; the one that was chosen last comes last."""
         return (*self.others, self.character) if self.character is not None else ()
 
     @property
     def several(self) -> bool:
-        """Whether more than one character is chosen."""
+        """Returns True if more than one character is chosen."""
         return bool(self.others)
 
     @classmethod
@@ -42,19 +42,19 @@ class Selection:
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
 
     def led_by(self, character: str) -> Selection:
-        """All that is chosen, another of them leading; that one alone where it was not chosen."""
+        """Returns all that is chosen, another of them leading; that one alone where it was not chosen."""
         if character == self.character:
             return self
         rest = tuple(one for one in self.characters if one != character)
         return Selection.of(*rest, character) if character in self.others else Selection(character)
 
     def changed(self, **changes: object) -> Selection:
-        """The selection with parts changed; another character forgets those of the one before."""
+        """Returns the selection with parts changed; another character forgets those of the one before."""
         fresh = changes.get("character", self.character) != self.character
         return replace(Selection() if fresh else self, **changes)  # type: ignore[arg-type]
 
     def within(self, project: Project) -> Selection:
-        """The selection without what a project no longer has."""
+        """Returns the selection without what a project no longer has."""
         character = project.characters.get(self.character or "")
         others = tuple(one for one in self.others if one in project.characters)
         if character is None:

@@ -28,11 +28,11 @@ class Snapping:
     angle: float = 15.0
 
     def acts(self, held: bool) -> bool:
-        """Whether it snaps now; ``held``: whether its key is down."""
+        """Returns True if it snaps now; ``held``: whether its key is down."""
         return self.on != held
 
     def way(self, start: Float, way: Float) -> Float:
-        """(3,) metres near ``way`` that lead from (3,) ``start`` to a place of the grid.
+        """Returns (3,) metres near ``way`` that lead from (3,) ``start`` to a place of the grid.
 
         The floor is a height of the grid: where ``start`` is the lowest point of what is moved, it stands.
         """
@@ -40,6 +40,6 @@ class Snapping:
         return np.where(np.abs(way) > _STILL, end - start, way)
 
     def turn(self, radians: float) -> float:
-        """Radians of the nearest step of the angle."""
+        """Returns radians of the nearest step of the angle."""
         step = math.radians(self.angle)
         return round(radians / step) * step

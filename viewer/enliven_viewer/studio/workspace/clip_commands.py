@@ -43,7 +43,7 @@ def _mirror(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 
 def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
-    """The last clip of a lane goes with its layers."""
+    """Returns the last clip of a lane goes with its layers."""
     if len(clips_of(project, name, numbers[0])) > 1:
         return remove_clip(project, name, numbers, clip)
     for number in sorted(numbers, reverse=True):
@@ -82,7 +82,7 @@ class ClipCommands:
         return ""
 
     def _edit(self, deed: str) -> Edit:
-        """The edit of every clip that is meant."""
+        """Returns the edit of every clip that is meant."""
         time, change = self.editor.time, _DEEDS[deed][1]
         found = [
             (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
@@ -98,12 +98,12 @@ class ClipCommands:
         return every
 
     def mark(self) -> None:
-        """Put a marker at the playhead."""
+        """Puts a marker at the playhead."""
         time = self.editor.time
         self.editor.edit("add marker", lambda project: add_marker(project, time)[0])
 
     def jump(self, way: int) -> None:
-        """Go to the next marker, or with a way of -1 to the one before."""
+        """Goes to the next marker, or with a way of -1 to the one before."""
         times = sorted(
             {0.0, self.editor.length, *(one.seconds for one in self.editor.project.markers.values())}
         )
@@ -112,7 +112,7 @@ class ClipCommands:
             self.editor.scrub(min(ahead) if way > 0 else max(ahead))
 
     def _lanes(self) -> list[Lane]:
-        """The chosen lane, or else all that are heard, where a clip is under the playhead."""
+        """Returns the chosen lane, or else all that are heard, where a clip is under the playhead."""
         editor, chosen = self.editor, self.editor.selection
         lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
         mine = [one for one in lanes if one.character.id == chosen.character and chosen.layer in one.layers]

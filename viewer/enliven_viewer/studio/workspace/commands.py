@@ -46,11 +46,11 @@ class Commands:
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
     def play(self) -> None:
-        """Start or stop playing."""
+        """Starts or stop playing."""
         self.editor.playing = not self.editor.playing
 
     def unmark(self) -> None:
-        """Take the in and out points away."""
+        """Takes the in and out points away."""
         self.editor.marked = None
 
     def lacks_marked(self) -> str:
@@ -58,15 +58,15 @@ class Commands:
         return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
 
     def step(self, count: int) -> None:
-        """Move the playhead by some frames."""
+        """Moves the playhead by some frames."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
-        """Show or hide the bones."""
+        """Shows or hide the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Remove the chosen joint, or else what is chosen."""
+        """Removes the chosen joint, or else what is chosen."""
         names, joint = self._names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
@@ -74,7 +74,7 @@ class Commands:
             self._take_away(later("delete {0}"))
 
     def copy(self) -> None:
-        """Remember what is chosen, with its motion."""
+        """Remembers what is chosen, with its motion."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
@@ -82,54 +82,54 @@ class Commands:
             )
 
     def cut_out(self) -> None:
-        """Remember what is chosen and take it away."""
+        """Remembers what is chosen and take it away."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), -1
             self._take_away(later("cut out {0}"))
 
     def paste(self) -> None:
-        """Paste a copy of what is remembered beside the others."""
+        """Pastes a copy of what is remembered beside the others."""
         if self._copied is not None:
             self._pasted += 1
             self._copy(later("paste {0}"), *self._copied, self._pasted)
 
     def duplicate(self) -> None:
-        """Put a copy of what is chosen beside it; the clipboard stays."""
+        """Puts a copy of what is chosen beside it; the clipboard stays."""
         if self._names:
             self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
 
     def mirror(self) -> None:
-        """Mirror what is chosen left to right, as it is seen."""
+        """Mirrors what is chosen left to right, as it is seen."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
         self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
 
     def scale(self, factor: float) -> None:
-        """Make what is chosen larger or smaller where it stands."""
+        """Makes what is chosen larger or smaller where it stands."""
         self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
 
     def turn(self, degrees: float) -> None:
-        """Turn what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
+        """Turns what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
         self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
-        """Let what is chosen do everything later, or earlier below 0."""
+        """Lets what is chosen do everything later, or earlier below 0."""
         self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
 
     def mute(self) -> None:
-        """Let no motion of what is chosen play, or all of it where none does."""
+        """Lets no motion of what is chosen play, or all of it where none does."""
         on = not self.muted()
         word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
     def muted(self) -> bool:
-        """Whether what is chosen has motion, and none of it plays."""
+        """Returns True if what is chosen has motion, and none of it plays."""
         layers = [layer for one in self.editor.chosen_all for layer in one.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
-        """Do an edit that adds a character, and choose that."""
+        """Does an edit that adds a character, and chooses that."""
         made: list[str] = []
 
         def alone(project: Project) -> Project:
@@ -143,7 +143,7 @@ class Commands:
         return True
 
     def spread(self) -> None:
-        """Give the motion of the chosen limb to the limbs that are equal to it."""
+        """Gives the motion of the chosen limb to the limbs that are equal to it."""
         limb = self._limb()
         if limb is None:
             return
@@ -158,7 +158,7 @@ class Commands:
             )
 
     def pin(self) -> None:
-        """Keep the chosen foot where it stands while it touches the floor, or let it go."""
+        """Keeps the chosen foot where it stands while it touches the floor, or lets it go."""
         shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
@@ -169,7 +169,7 @@ class Commands:
             self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
 
     def best_view(self) -> None:
-        """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
+        """Turns the camera to the direction from which most of the chosen shape's bones are seen."""
         shape = self.editor.chosen(Shape)
         if shape is None:
             return
@@ -183,7 +183,7 @@ class Commands:
         self.editor.camera.face(float(azimuth), float(elevation))
 
     def clear_motion(self) -> None:
-        """Take all motion off the chosen chain, or off the whole chosen shape."""
+        """Takes all motion off the chosen chain, or off the whole chosen shape."""
         shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
         if shape is None:
             return
@@ -264,12 +264,12 @@ class Commands:
         return tuple(one.id for one in self.editor.chosen_all)
 
     def _told(self, names: tuple[str, ...] | None = None) -> str:
-        """The name of what is chosen, or how many shapes it is."""
+        """Returns the name of what is chosen, or how many shapes it is."""
         names = self._names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
-        """The chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""
+        """Returns the chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""
         chosen, shape = self.editor.selection, self.editor.chosen(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
@@ -278,5 +278,5 @@ class Commands:
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
     def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
-        """(3,) metres, an offset to the right of the view by about the width of some characters."""
+        """Returns (3,) metres, an offset to the right of the view by about the width of some characters."""
         return aside(self.editor, [source.characters[name] for name in names])

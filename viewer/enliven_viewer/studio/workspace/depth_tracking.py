@@ -22,7 +22,7 @@ _LINES = 20
 
 
 def lacks_tracking(path: Path) -> bool:
-    """Whether a file is a recording of depth without the bodies of the people in it.
+    """Returns True if a file is a recording of depth without the bodies of the people in it.
 
     Raises:
         InputError: where it cannot be read as a recording.
@@ -51,11 +51,11 @@ class DepthTracking:
 
     @property
     def busy(self) -> bool:
-        """Whether something is tracked."""
+        """Returns True if something is tracked."""
         return self._child is not None
 
     def begin(self, path: Path) -> None:
-        """Track a recording; the window goes on meanwhile.
+        """Tracks a recording; the window goes on meanwhile.
 
         Raises:
             InputError: while another one is tracked.
@@ -75,13 +75,13 @@ class DepthTracking:
         self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
 
     def poll(self) -> None:
-        """Take what was found, or tell what went wrong; to be called once a picture."""
+        """Takes what was found, or tells what went wrong; to be called once a picture."""
         if self._child is None or self._child.poll() is None:
             return
         self.finish()
 
     def finish(self) -> None:
-        """Wait for it, and take what was found."""
+        """Waits for it, and takes what was found."""
         child, folder, name = self._child, self._folder, self.name
         if child is None or folder is None or self._reader is None:
             return
@@ -103,7 +103,7 @@ class DepthTracking:
                 self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
 
     def cancel(self) -> None:
-        """Stop it; nothing is added."""
+        """Stops it; nothing is added."""
         child, folder = self._child, self._folder
         if child is None or folder is None:
             return
@@ -114,7 +114,7 @@ class DepthTracking:
         folder.cleanup()
 
     def _read(self, child: subprocess.Popen[str]) -> None:
-        """Follow what the tracker says, in a thread of its own."""
+        """Follows what the tracker says, in a thread of its own."""
         assert child.stdout is not None
         for line in child.stdout:
             done, slash, total = line.strip().partition(" of ")

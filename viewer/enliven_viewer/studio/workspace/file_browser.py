@@ -115,7 +115,7 @@ class FileBrowser:
         return sorted(found, key=lambda path: -_status(path)[0]) if self.order == "largest" else found
 
     def make_folder(self) -> None:
-        """Make the folder that was named, and list it.
+        """Makes the folder that was named, and list it.
 
         Raises:
             InputError: for a name that no folder can have, or that is there already.
@@ -140,11 +140,11 @@ class FileBrowser:
         self.enter(made)
 
     def enter(self, folder: Path) -> None:
-        """List another folder."""
+        """Lists another folder."""
         self.folder, self.name = folder.resolve(), "" if not self.saving else self.name
 
     def chosen(self) -> Path:
-        """The path that is chosen.
+        """Returns the path that is chosen.
 
         Raises:
             InputError: where nothing is, or it is not there; once, where a file would be replaced.
@@ -178,7 +178,7 @@ class FileBrowser:
         return path
 
     def _listed(self) -> list[Path]:
-        """The entries of the folder, by name; none where it cannot be read."""
+        """Returns the entries of the folder, by name; none where it cannot be read."""
         self.problem = ""
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]

@@ -42,7 +42,7 @@ _BESIDE = 0.3
 
 
 def add_file(editor: Editor, path: Path) -> None:
-    """Add a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
+    """Adds a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
 
     Raises:
         InputError: where the file cannot be read, or is of no known kind.
@@ -74,7 +74,7 @@ def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Add a sample that ships with enliven: one that plays, one to step into, one to act by examples."""
+    """Adds a sample that ships with enliven: one that plays, one to step into, one to act by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
@@ -85,7 +85,7 @@ def add_sample(editor: Editor, name: str) -> None:
 
 
 def exportable(project: Project) -> list[RigBase]:
-    """The characters that have a surface and lack nothing to move.
+    """Returns the characters that have a surface and lack nothing to move.
 
     Raises:
         InputError: where there is none, with what the first one lacks.
@@ -100,7 +100,7 @@ def exportable(project: Project) -> list[RigBase]:
 
 
 def save_session(project: Project, puppet_id: str, path: Path) -> None:
-    """Write a puppet with its examples as a session, with a project file beside it for mesh and takes.
+    """Writes a puppet with its examples as a session, with a project file beside it for mesh and takes.
 
     Raises:
         InputError: where there is no such puppet.
@@ -136,7 +136,9 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
 
 def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
-    """A project with a model's clips, and the name of each there; one that is there already is not added."""
+    """Returns a project with a model's clips, and the name of each there; one that is there already is not
+    added.
+    """
     names = dict[str, str]()
     for clip in clips:
         known = project.takes.get(clip.id)
@@ -247,7 +249,7 @@ def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
-    """The project with the possessed meshes of a recorded take, and its performers as takes to map.
+    """Returns the project with the possessed meshes of a recorded take, and its performers as takes to map.
 
     Returns:
         The project, and the ids of all that was added.
@@ -295,7 +297,7 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
-    """Tell in one message what was opened and what was odd about it."""
+    """Tells in one message what was opened and what was odd about it."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."

@@ -30,7 +30,7 @@ class Fitting:
         return self._heights({one.id: one.vertices for one in self.editor.standing})
 
     def _heights(self, seen: Mapping[str, Float]) -> tuple[float, float] | None:
-        """The same, for the vertices (V, 3) of every character."""
+        """Returns the same, for the vertices (V, 3) of every character."""
         found = {name: float(np.ptp(one[:, 1])) for name, one in seen.items() if len(one)}
         own = found.pop(self.editor.selection.character or "", 0.0)
         others = [height for height in found.values() if height > 0.0]
@@ -45,7 +45,7 @@ class Fitting:
         return "It is as tall as the others. Choose one that is not." if same else ""
 
     def fit(self) -> None:
-        """Make the chosen character as tall as the others; it stands where it stood."""
+        """Makes the chosen character as tall as the others; it stands where it stood."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
         # What is shown of a puppet may be of a moment ago: it is solved beside the window.
         seen = {one: vertices_of(project, one, time) for one, each in project.characters.items() if each.mesh}
@@ -61,7 +61,7 @@ class Fitting:
         self.editor.edit("fit its size", change)
 
     def tell(self) -> None:
-        """Say that what was just opened is of another size than the others, and how it is fitted."""
+        """Says that what was just opened is of another size than the others, and how it is fitted."""
         heights = self.heights()
         if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
             return
@@ -70,7 +70,7 @@ class Fitting:
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:
-    """Fit the chosen character to the others."""
+    """Fits the chosen character to the others."""
     about = "As tall as what stands beside it."
     yield Action(
         "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about

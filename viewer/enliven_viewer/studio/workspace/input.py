@@ -23,7 +23,7 @@ class Handles(Protocol):
     """What lies over the picture and is dragged, whatever the tool is."""
 
     def press(self, at: Point) -> bool:
-        """The left button went down; returns whether it takes a handle."""
+        """Returns the left button went down; returns whether it takes a handle."""
 
     def drag(self, at: Point) -> None:
         """The pointer moved while a handle is held."""
@@ -55,7 +55,7 @@ class ViewportInput:
         self.over: Handles | None = None
 
     def take(self, name: str) -> None:
-        """Make another tool the active one."""
+        """Makes another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
 
@@ -100,20 +100,20 @@ class ViewportInput:
 
     @property
     def busy(self) -> bool:
-        """Whether a button is held."""
+        """Returns True if a button is held."""
         return self._held is not None
 
     def key(self, key: str) -> bool:
-        """Take a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
+        """Takes a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
         return self.first(key) or self.tool.type(key) or self.actions.press(key)
 
     def drop(self) -> None:
-        """Drop what was begun with a tool."""
+        """Drops what was begun with a tool."""
         self.tool.cancel()
         self._let_go()
 
     def _let_go(self) -> None:
-        """Forget the button; what played before a stroke of a tool goes on."""
+        """Forgets the button; what played before a stroke of a tool goes on."""
         if self._with_tool and self._plays_on:
             self.editor.playing = True
         self._held, self._with_tool, self._over, self._plays_on = None, False, False, False

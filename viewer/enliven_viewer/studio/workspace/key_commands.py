@@ -14,17 +14,17 @@ class KeyCommands:
         self.editor = editor
 
     def toggle(self) -> None:
-        """Let posing and moving set keys, or change all moments again."""
+        """Lets posing and moving set keys, or change all moments again."""
         self.editor.keying = not self.editor.keying
 
     def set(self) -> None:
-        """Set a key with what the thing is turned and moved by there."""
+        """Sets a key with what the thing is turned and moved by there."""
         (name, handle), time = self._thing(), self.editor.time
         if name:
             self.editor.edit("set key", lambda project: set_key(project, name, handle, time))
 
     def remove(self) -> None:
-        """Remove the key at the playhead."""
+        """Removes the key at the playhead."""
         (name, handle), number = self._thing(), self._here()
         if number is not None:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
@@ -39,7 +39,9 @@ class KeyCommands:
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 
     def _thing(self) -> tuple[str, int | None]:
-        """The chosen character, and the bone or node; a puppet's control points have key poses instead."""
+        """Returns the chosen character, and the bone or node; a puppet's control points have key poses
+        instead.
+        """
         chosen, handle = self.editor.chosen(), self.editor.selection.handle
         if chosen is None:
             return "", None

@@ -29,7 +29,7 @@ class MotionClipboard:
         self._performed: str | None = None
 
     def copy(self) -> None:
-        """Remember the motion of the chosen chain, or how the chosen mesh was performed."""
+        """Remembers the motion of the chosen chain, or how the chosen mesh was performed."""
         chain, mesh = chosen_chain(self.editor), self._chosen_performed()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
@@ -41,7 +41,9 @@ class MotionClipboard:
             self.editor.toasts.say(said, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
-        """Add the remembered motion to the chosen chain, or let the performers step into the chosen mesh."""
+        """Adds the remembered motion to the chosen chain, or lets the performers step into the chosen
+        mesh.
+        """
         if self._performed is not None and self.editor.chosen() is not None:
             self._give(self._performed)
         target, lens = chosen_chain(self.editor), self.editor.lens
@@ -51,7 +53,7 @@ class MotionClipboard:
             self.editor.edit("paste motion", lambda p: change(p, source, chain, *target))
 
     def solve_again(self) -> None:
-        """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
+        """Lets the performers take hold of the chosen mesh as it is now, as after a cut."""
         shape, project = self.editor.chosen(GraphShape), self.editor.project
         if shape is None:
             return
@@ -86,12 +88,12 @@ class MotionClipboard:
         return "" if chosen else "No possessed mesh is chosen. Click one first."
 
     def _chosen_performed(self) -> GraphShape | None:
-        """The chosen mesh, where performers moved it."""
+        """Returns the chosen mesh, where performers moved it."""
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
     def _give(self, source: str) -> None:
-        """Let the performers of a mesh step into the chosen character's, as it stands now."""
+        """Lets the performers of a mesh step into the chosen character's, as it stands now."""
         target, project, time = self.editor.chosen(), self.editor.project, self.editor.time
         performed = project.graphs.get(source)
         if target is None:
@@ -118,11 +120,11 @@ class MotionClipboard:
         )
 
     def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
-        """Begin to solve a mesh; it comes into the project as one edit unless ``guarded`` was changed."""
+        """Begins to solve a mesh; it comes into the project as one edit unless ``guarded`` was changed."""
         self.editor.beside.begin(said, work, partial(self._put, word, guarded))
 
     def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
-        """Put a mesh that was solved into the project."""
+        """Puts a mesh that was solved into the project."""
         made, name, notes = solved
         shape = made.graph(name)
 

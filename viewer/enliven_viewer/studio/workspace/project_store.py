@@ -69,42 +69,42 @@ class ProjectStore:
 
     @property
     def name(self) -> str:
-        """The name of the project: of its file, or "Untitled"."""
+        """Returns the name of the project: of its file, or "Untitled"."""
         return self.path.stem if self.path else _UNNAMED
 
     @property
     def named(self) -> bool:
-        """Whether the project has a file."""
+        """Returns True if the project has a file."""
         return self.path is not None
 
     @property
     def dirty(self) -> bool:
-        """Whether something is not saved: edits, or a recording that runs."""
+        """Returns True if something is not saved: edits, or a recording that runs."""
         return self.editor.history.project is not self._saved or self.records
 
     @property
     def records(self) -> bool:
-        """Whether a recording runs."""
+        """Returns True if a recording runs."""
         return self.recording is not None and self.recording.phase == "recording"
 
     @property
     def title(self) -> str:
-        """The title of the window: the file, with a star while something is not saved."""
+        """Returns the title of the window: the file, with a star while something is not saved."""
         return f"{'*' * self.dirty}{self.name} - enliven"
 
     def forget(self) -> None:
-        """Give up the unsaved changes, and a recording that runs."""
+        """Gives up the unsaved changes, and a recording that runs."""
         if self.recording is not None:
             self.recording.drop()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
-        """Begin another project; the one before is forgotten."""
+        """Begins another project; the one before is forgotten."""
         self.path, self._content = None, ""
         self._begin(project or Project())
 
     def open(self, path: Path) -> None:
-        """Go on with a project.
+        """Goes on with a project.
 
         Raises:
             InputError: where the file cannot be read; what is open stays.
@@ -122,14 +122,14 @@ class ProjectStore:
         return solve_lost(project_of(data, str(path))), _checksum(data)
 
     def take(self, path: Path, read: tuple[Project, str]) -> None:
-        """Go on with what :meth:`read` returned for a file."""
+        """Goes on with what :meth:`read` returned for a file."""
         project, content = read
         self.path, self._content = path, content
         self._begin(project)
         self.editor.toasts.say(tr("Opened {0}", path.name))
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
-        """Write the project to its file, or to another that is its file from then on.
+        """Writes the project to its file, or to another that is its file from then on.
 
         What a running recording has so far is written as well; the recording goes on.
 
@@ -159,7 +159,7 @@ class ProjectStore:
         self.editor.toasts.say(tr("Saved {0}", target.name))
 
     def saved_now(self) -> Project:
-        """Return the project that the file holds now, which another window may have saved.
+        """Returns the project that the file holds now, which another window may have saved.
 
         Raises:
             InputError: where the file cannot be read.
@@ -187,7 +187,9 @@ class ProjectStore:
             )
 
     def autosave(self, now: float | None = None) -> None:
-        """Begin to write the recovery file, beside the window, where it is time and something has changed."""
+        """Begins to write the recovery file, beside the window, where it is time and something has
+        changed.
+        """
         now = time.monotonic() if now is None else now
         if self._writing is not None:
             if self._writing[0].done():
@@ -197,7 +199,7 @@ class ProjectStore:
             self._begin_writing()
 
     def autosave_now(self) -> None:
-        """Write the recovery file where something has changed since the last, and wait for it."""
+        """Writes the recovery file where something has changed since the last, and waits for it."""
         self.settle()
         self._begin_writing()
         self.settle()
@@ -217,7 +219,7 @@ class ProjectStore:
         self._pause = (time.monotonic() - began) / _WRITING_SHARE
 
     def settle(self) -> None:
-        """Wait for the recovery file that is being written, and say where it cannot be."""
+        """Waits for the recovery file that is being written, and says where it cannot be."""
         if self._writing is None:
             return
         (written, project), self._writing = self._writing, None
@@ -244,7 +246,7 @@ class ProjectStore:
         return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
 
     def recover(self, path: Path) -> None:
-        """Go on with a recovery file's project, not saved yet.
+        """Goes on with a recovery file's project, not saved yet.
 
         Raises:
             InputError: where the file cannot be read; what is open stays.
@@ -259,13 +261,13 @@ class ProjectStore:
         path.replace(self._own())
 
     def discard(self, paths: list[Path]) -> None:
-        """Remove recovery files."""
+        """Removes recovery files."""
         for path in paths:
             with contextlib.suppress(OSError):
                 path.unlink()
 
     def close(self) -> None:
-        """Remove the recovery file, since the studio ends without fault."""
+        """Removes the recovery file, since the studio ends without fault."""
         self.settle()
         self._own().unlink(missing_ok=True)
 
@@ -302,7 +304,7 @@ def _is_same_file(one: Path, other: Path) -> bool:
 
 
 def _running(path: Path) -> bool:
-    """Whether the studio that wrote a recovery file still runs."""
+    """Returns True if the studio that wrote a recovery file still runs."""
     number = path.stem.removeprefix("recovery-")
     if not number.isdigit():
         return False

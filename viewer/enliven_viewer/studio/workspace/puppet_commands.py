@@ -33,7 +33,7 @@ class PuppetCommands:
         self.editor, self._add = editor, add
 
     def make(self) -> bool:
-        """Make a puppet of the chosen shape's mesh, as it stands now; the shape stays."""
+        """Makes a puppet of the chosen shape's mesh, as it stands now; the shape stays."""
         found = self._chosen_mesh()
         if found is None:
             return False
@@ -63,7 +63,7 @@ class PuppetCommands:
         )
 
     def warn(self) -> None:
-        """Show faces that pass through one another while a key pose is edited, or not."""
+        """Shows faces that pass through one another while a key pose is edited, or not."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
         self.editor.toasts.say(
@@ -73,7 +73,7 @@ class PuppetCommands:
         )
 
     def bake(self) -> bool:
-        """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
+        """Makes a possessed mesh of the puppet, which does what it does and can be merged with others."""
         puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
             return False
@@ -121,13 +121,13 @@ class PuppetCommands:
         return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
 
     def _solid(self) -> RigBase | None:
-        """The chosen character, where it has a surface and is no puppet."""
+        """Returns the chosen character, where it has a surface and is no puppet."""
         chosen = self.editor.chosen()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
         return chosen if solid and chosen is not self.editor.puppets.puppet else None
 
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
-        """The chosen character's name and its mesh as it stands now."""
+        """Returns the chosen character's name and its mesh as it stands now."""
         editor, chosen = self.editor, self._solid()
         if chosen is None or chosen.mesh is None:
             return None
@@ -136,7 +136,7 @@ class PuppetCommands:
 
 
 def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
-    """(3,) metres, an offset to the right of the view by about the width of some characters."""
+    """Returns (3,) metres, an offset to the right of the view by about the width of some characters."""
     right = editor.lens.view.camera_from_world[0, :3]
     wide = max(float(np.ptp(rig_of(one).rest(one) @ right)) for one in characters)
     apart = float(np.ptp([rig_of(one).centre(one) @ right for one in characters]))
@@ -146,7 +146,7 @@ def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
 
 
 def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
-    """The mesh over the origin, standing on the floor, and (3,) metres where it was.
+    """Returns the mesh over the origin, standing on the floor, and (3,) metres where it was.
 
     Raises:
         InputError: where it has no faces.

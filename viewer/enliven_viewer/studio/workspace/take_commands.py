@@ -21,7 +21,7 @@ class TakeCommands:
 
     @property
     def alternatives(self) -> str:
-        """The name of the takes that are meant; empty where nothing was taken again."""
+        """Returns the name of the takes that are meant; empty where nothing was taken again."""
         project, chosen = self.editor.project, self.editor.selection
         one = project.characters.get(chosen.character or "")
         if one is not None and chosen.layer is not None and chosen.layer < len(one.playing):
@@ -36,7 +36,7 @@ class TakeCommands:
 
     @property
     def heard(self) -> str:
-        """The take that is heard of those; empty where none is."""
+        """Returns the take that is heard of those; empty where none is."""
         known = takes_beside(self.editor.project, self.alternatives)
         return next((name for name, heard in known.items() if heard), "")
 
@@ -45,13 +45,13 @@ class TakeCommands:
         return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
 
     def step(self, way: int) -> None:
-        """Let the next one be heard, or with a way of -1 the one before."""
+        """Lets the next one be heard, or with a way of -1 the one before."""
         names = list(takes_beside(self.editor.project, self.alternatives))
         place = names.index(self.heard) if self.heard in names else -way
         self.choose(names[(place + way) % len(names)])
 
     def choose(self, recorded: str) -> None:
-        """Let one of them be heard."""
+        """Lets one of them be heard."""
         meant = self.alternatives
         if self.editor.edit(
             later("hear {0}", recorded), lambda project: choose_take(project, meant, recorded)
@@ -59,20 +59,20 @@ class TakeCommands:
             self._follow(meant, recorded)
 
     def keep(self) -> None:
-        """Keep the one that is heard, and drop the others."""
+        """Keeps the one that is heard, and drops the others."""
         meant, heard = self.alternatives, self.heard
         if self.editor.edit(later("keep {0}", heard), lambda project: keep_take(project, meant, heard)):
             self._follow(meant, heard)
 
     def drop(self, recorded: str = "") -> None:
-        """Drop one of them, or the one that is heard."""
+        """Drops one of them, or the one that is heard."""
         meant, gone = self.alternatives, recorded or self.heard
         if self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
             self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
             self._follow(meant, self.heard)
 
     def delete_row(self, name: str) -> None:
-        """Delete the take of a row of the list: an alternative of a lane, or one that nothing plays."""
+        """Deletes the take of a row of the list: an alternative of a lane, or one that nothing plays."""
         project = self.editor.project
         played = [layer for one in project.characters.values() for layer in one.playing]
         mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
@@ -84,13 +84,13 @@ class TakeCommands:
             self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
 
     def unused(self) -> list[str]:
-        """The takes that nothing plays."""
+        """Returns the takes that nothing plays."""
         project = self.editor.project
         used = set[str]().union(*(one.needed()["takes"] for one in project.characters.values()))
         return [name for name in project.takes if name not in used]
 
     def delete(self, *names: str) -> None:
-        """Delete takes that nothing plays."""
+        """Deletes takes that nothing plays."""
 
         def change(project: Project) -> Project:
             for name in names:
@@ -102,7 +102,7 @@ class TakeCommands:
             self.editor.toasts.say(tr("Deleted {0}", told), tr("Ctrl+Z brings it back."))
 
     def _follow(self, alternatives: str, recorded: str) -> None:
-        """Choose the lane of a take, where a lane of its alternatives was chosen."""
+        """Chooses the lane of a take, where a lane of its alternatives was chosen."""
         editor = self.editor
         one = editor.project.characters.get(editor.selection.character or "")
         if one is None or editor.selection.layer is None:
@@ -116,7 +116,7 @@ class TakeCommands:
 
 
 def take_actions(takes: TakeCommands) -> Iterator[Action]:
-    """Choose among the takes of a lane, and delete takes."""
+    """Chooses among the takes of a lane, and deletes takes."""
 
     def lacks_unused() -> str:
         return "" if takes.unused() else "Every take is played. Remove its clips first."

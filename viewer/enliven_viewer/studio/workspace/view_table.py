@@ -182,7 +182,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
 
 
 def ghost_action(ghosts: Ghosts) -> Action:
-    """The switch of ghosts and trails."""
+    """Returns the switch of ghosts and trails."""
     return Action(
         "view.ghosts",
         "View",
@@ -196,7 +196,7 @@ def ghost_action(ghosts: Ghosts) -> Action:
 
 
 def curve_action(curves: CurveInput) -> Action:
-    """The switch of the curves."""
+    """Returns the switch of the curves."""
     return Action(
         "view.curves",
         "View",

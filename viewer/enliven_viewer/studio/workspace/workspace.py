@@ -138,13 +138,13 @@ class Workspace:
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
-        """A workspace with an empty project and the library of motions."""
+        """Returns a workspace with an empty project and the library of motions."""
         workspace = cls(editor, folder)
         workspace.store.new(Project().with_takes(*library()))
         return workspace
 
     def ask(self, dialogue: str) -> None:
-        """Open a dialogue, or do at once what needs none."""
+        """Opens a dialogue, or does at once what needs none."""
         if dialogue in ("new", "quit") and self.store.dirty:
             self._after, self.asking = dialogue, "unsaved"
         elif dialogue == "new":
@@ -170,7 +170,7 @@ class Workspace:
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:
-        """Add a sample; a mesh to step into goes onto the stage, or onto the next one that is connected."""
+        """Adds a sample; a mesh to step into goes onto the stage, or onto the next one that is connected."""
         add_sample(self.editor, name)
         one = self.editor.chosen()
         if one is not None and one.kind == "graph":
@@ -178,7 +178,7 @@ class Workspace:
             self.perform.put_soon(one.id)
 
     def open(self, path: Path) -> None:
-        """Add a model or take, or open a project; asks first where work would be lost.
+        """Adds a model or take, or opens a project; asks first where work would be lost.
 
         Raises:
             InputError: where the file cannot be read.
@@ -201,7 +201,7 @@ class Workspace:
         self.preferences.opened(path)
 
     def _open_beside(self, path: Path) -> None:
-        """Read a large file in the background: the window goes on, and it can be cancelled."""
+        """Reads a large file in the background: the window goes on, and it can be cancelled."""
         progress = WorkProgress()
 
         def add(read: Any) -> None:
@@ -220,7 +220,7 @@ class Workspace:
         self.editor.beside.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
-        """Open files that were dropped onto the window, up to one that asks something."""
+        """Opens files that were dropped onto the window, up to one that asks something."""
         for path in paths:
             if not self.asking:
                 self.attempt(lambda path=path: self.open(path))
@@ -247,7 +247,7 @@ class Workspace:
             self.save(path)
 
     def go_on(self, *, discard: bool) -> None:
-        """Go on with the command that waited for unsaved work, with or without saving."""
+        """Goes on with the command that waited for unsaved work, with or without saving."""
         self.asking = ""
         if discard:
             self.store.forget()
@@ -260,7 +260,7 @@ class Workspace:
             self._browse("save as")
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
-        """Save the project, and go on with what waited for that; ask if another window saved its file.
+        """Saves the project, and goes on with what waited for that; asks if another window saved its file.
 
         Args:
             path: the file that is the project's from then on; None: the one that it has.
@@ -283,15 +283,15 @@ class Workspace:
             self._go_on()
 
     def ask_for_name(self) -> None:
-        """Open the dialogue that saves the project under another name; what waits goes on after it."""
+        """Opens the dialogue that saves the project under another name; what waits goes on after it."""
         self._browse("save as")
 
     def compare(self) -> None:
-        """Compare the project with the one that another window saved to its file."""
+        """Compares the project with the one that another window saved to its file."""
         self.attempt(lambda: setattr(self, "compared", self._differences()))
 
     def add_saved_items(self) -> None:
-        """Add the items to the project that only its file has, as one edit, and compare the two again."""
+        """Adds the items to the project that only its file has, as one edit, and compares the two again."""
 
         def add() -> None:
             saved = self.store.saved_now()
@@ -304,12 +304,12 @@ class Workspace:
         return compare_projects(self.editor.history.project, self.store.saved_now())
 
     def _begin_tour(self) -> None:
-        """Begin the tour, or resume it where it was left; begin it again while it is taken."""
+        """Begins the tour, or resume it where it was left; begins it again while it is taken."""
         number = 0 if self.tour is not None else self.preferences.tour_step
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
     def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Let the tour check its step; to be called once a picture.
+        """Lets the tour check its step; to be called once a picture.
 
         Args:
             seconds: since the last picture.
@@ -324,18 +324,18 @@ class Workspace:
             self.preferences.save()
 
     def end_tour(self) -> None:
-        """Put the tour away; it resumes where it was."""
+        """Puts the tour away; it resumes where it was."""
         if self.tour is not None:
             self.tour.leave()
         self.tour, self.preferences.toured = None, True
         self.preferences.save()
 
     def cancel(self) -> None:
-        """Close the dialogue; nothing goes on."""
+        """Closes the dialogue; nothing goes on."""
         self.asking, self._after, self._wanted = "", "", None
 
     def edit_pose(self, number: int) -> None:
-        """Edit a key pose at its moment: playhead, tool and second view go there together."""
+        """Edits a key pose at its moment: playhead, tool and second view go there together."""
         puppet = self.puppets.puppet
         if puppet is not None and 0 <= number < len(puppet.poses):
             self._go_to(puppet, puppet.poses[number].take, puppet.poses[number].time)
@@ -343,7 +343,7 @@ class Workspace:
             self._bring_into_view()
 
     def begin_pose(self, take: str, seconds: float) -> None:
-        """Make a key pose for a second of a take, and edit it."""
+        """Makes a key pose for a second of a take, and edits it."""
         clip, puppet = self.editor.project.takes[take], self.puppets.puppet
         frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
         if puppet is not None:
@@ -364,7 +364,7 @@ class Workspace:
         self.performer.show(take)
 
     def _bring_into_view(self) -> None:
-        """Move the camera to the puppet where it is not wholly in the picture: it may have walked away."""
+        """Moves the camera to the puppet where it is not wholly in the picture: it may have walked away."""
         editor, standing = self.editor, self.puppets.shown
         if standing is None:
             return
@@ -374,7 +374,7 @@ class Workspace:
             editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
     def attempt(self, command: Callable[[], object]) -> bool:
-        """Call a function; show its EnlivenError as a message and return False where it raises one."""
+        """Calls a function; shows its EnlivenError as a message and return False where it raises one."""
         try:
             command()
         except EnlivenError as error:
@@ -383,7 +383,7 @@ class Workspace:
         return True
 
     def widget(self, name: str) -> Rectangle:
-        """The rectangle where a widget was drawn last.
+        """Returns the rectangle where a widget was drawn last.
 
         Raises:
             InputError: where it has not been drawn.
@@ -395,7 +395,7 @@ class Workspace:
         return self.widgets[name]
 
     def remember(self, name: str) -> None:
-        """Note where the last widget is."""
+        """Notes where the last widget is."""
         from imgui_bundle import imgui
 
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
@@ -408,7 +408,7 @@ class Workspace:
                 imgui.set_scroll_here_y(0.5)  # what the tour or a script means is scrolled into sight
 
     def _export(self, path: Path) -> None:
-        """Write the file beside the window, since surfaces may have to be solved for it."""
+        """Writes the file beside the window, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
@@ -444,7 +444,7 @@ class Workspace:
         self.asking = dialogue
 
     def _go_on(self) -> None:
-        """Run the command that waited until the work was saved or given up."""
+        """Runs the command that waited until the work was saved or given up."""
         after, self._after = self._after, ""
         wanted, self._wanted = self._wanted, None
         if after == "open" and wanted is not None:

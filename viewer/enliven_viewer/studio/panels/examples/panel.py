@@ -32,7 +32,7 @@ _STATUS = 66.0
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
-    """Draw the panel of the chosen puppet at the right."""
+    """Draws the panel of the chosen puppet at the right."""
     puppet = workspace.editor.puppets.puppet
     with panel("side", area):
         if puppet is None:
@@ -52,7 +52,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
 
 
 def _head(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the button back to the side panel, and the puppet's name."""
+    """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
         workspace.editor.choose(None)
@@ -63,7 +63,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _next_step(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the button of what comes next, always in the same place and marked."""
+    """Draws the button of what comes next, always in the same place and marked."""
     label, about, act = _step_of(workspace, puppet)
     with filled(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
@@ -73,7 +73,7 @@ def _next_step(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
-    """Return what comes next for a puppet: the label, what it does, and the command."""
+    """Returns what comes next for a puppet: the label, what it does, and the command."""
     editor, take = workspace.editor, workspace.performer.take
     if editor.puppets.number is not None:
         return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
@@ -93,7 +93,7 @@ def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
-    """Show what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
+    """Shows what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
@@ -107,7 +107,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
-    """The sentences, those about pairing in one: five of them would push the points off the panel."""
+    """Returns the sentences, those about pairing in one: five of them would push the points off the panel."""
     pairs = [line for line in lacking if line.startswith("Pair ")]
     if len(pairs) < 3:
         return lacking

@@ -21,7 +21,7 @@ _LINKED = "\uf0c1"
 
 
 def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
-    """Draw the performer, the choice of take, and the name of the joint under the pointer."""
+    """Draws the performer, the choice of take, and the name of the joint under the pointer."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("performer", area, flags):
@@ -36,7 +36,7 @@ def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> Non
 
 
 def _bar(workspace: Workspace, area: Area) -> None:
-    """Draw the choice of take, and the switches for playing it and for turning both views together."""
+    """Draws the choice of take, and the switches for playing it and for turning both views together."""
     view, puppet = workspace.performer, workspace.editor.puppets.puppet
     takes = workspace.editor.project.takes
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
@@ -97,7 +97,7 @@ def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | No
 
 
 def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
-    """Write the moment at the lower left and the joint beside it, or what to do where there is none."""
+    """Writes the moment at the lower left and the joint beside it, or what to do where there is none."""
     view, moment = workspace.performer, workspace.performer.moment
     draw = imgui.get_window_draw_list()
     if moment is not None:

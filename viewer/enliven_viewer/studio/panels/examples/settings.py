@@ -27,7 +27,7 @@ NUMBERS = (
 
 
 def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the sliders, folded away at first."""
+    """Draws the sliders, folded away at first."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header(labelled(tr("Settings"), "Settings"))
@@ -48,7 +48,7 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _changing(puppet: str, group: str, name: str) -> Change:
-    """The edit that gives a setting a value."""
+    """Returns the edit that gives a setting a value."""
     return lambda project, value: with_setting(project, puppet, group, name, value)
 
 
@@ -59,7 +59,7 @@ def sentence_of(settings: object, name: str) -> str:
 
 
 def _doc(settings: object, name: str) -> str:
-    """The sentence of a setting, broken into lines."""
+    """Returns the sentence of a setting, broken into lines."""
     words, lines = tr(sentence_of(settings, name)).split(), [""]
     for word in words:
         if len(lines[-1]) + len(word) > 56:

@@ -12,7 +12,7 @@ from enliven_viewer.studio.places import Area
 
 
 def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: int) -> None:
-    """Draw a stick figure from its front right, scaled so that its rest pose fits the room."""
+    """Draws a stick figure from its front right, scaled so that its rest pose fits the room."""
     joints, parents, tall = figure.joints, figure.skeleton.parents, figure.height
     across = joints[:, 0] * math.cos(SIDE) - joints[:, 2] * math.sin(SIDE)
     scale = room.height / (1.12 * tall)

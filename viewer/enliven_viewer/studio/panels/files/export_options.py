@@ -20,7 +20,7 @@ _CHARACTERS = 74.0
 
 
 def draw_export_options(workspace: Workspace, *, film: bool) -> None:
-    """Draw the options of an export, or of a film."""
+    """Draws the options of an export, or of a film."""
     options, editor = workspace.exporting, workspace.editor
     solid = [one for one in editor.project.characters.values() if one.mesh is not None]
     if len(solid) > 1:

@@ -25,7 +25,7 @@ _FLAGS = (
 
 
 def draw_working(workspace: Workspace, area: Area) -> None:
-    """Draw the work that can be cancelled, at the upper right of the picture."""
+    """Draws the work that can be cancelled, at the upper right of the picture."""
     beside = workspace.editor.beside
     progress = beside.progress
     if progress is None:

@@ -22,7 +22,7 @@ _FIELD = 67.0
 
 
 def draw_numbers(workspace: Workspace) -> None:
-    """Draw the fields of what is chosen."""
+    """Draws the fields of what is chosen."""
     figures = workspace.figures
     place, height = figures.place, figures.height
     if place is None or height is None:

@@ -36,7 +36,7 @@ _DRAGGED = "character"
 
 
 def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
-    """Split the right side: the tree above with its share of the height, what is chosen below."""
+    """Splits the right side: the tree above with its share of the height, what is chosen below."""
     high = round(share * side.height)
     return (
         Area(side.x, side.y, side.width, high),
@@ -45,7 +45,7 @@ def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
 
 
 def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
-    """Draw the tree; the line below it is dragged to give it more of the side, or less."""
+    """Draws the tree; the line below it is dragged to give it more of the side, or less."""
     outliner = workspace.outliner
     leading = workspace.editor.selection.character
     outliner.followed, follow = leading, leading != outliner.followed
@@ -166,7 +166,7 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
 
 
 def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
-    """Fold a row, show a take beside the shapes, or choose what it stands for."""
+    """Folds a row, show a take beside the shapes, or chooses what it stands for."""
     io = imgui.get_io()
     if fold and row.folds:
         outliner.fold(row)
@@ -223,7 +223,7 @@ def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
 
 
 def _drag(outliner: Outliner, row: Row) -> None:
-    """Let a row be dragged onto another, and take its place."""
+    """Lets a row be dragged onto another, and take its place."""
     if imgui.begin_drag_drop_source():
         imgui.set_drag_drop_payload_py_id(_DRAGGED, outliner.place_of(row.id))
         imgui.text_unformatted(row.id)

@@ -20,7 +20,7 @@ _SIDES = {
 
 
 def draw_changed_file(workspace: Workspace) -> None:
-    """Draw the dialogue."""
+    """Draws the dialogue."""
     if workspace.store.path is None:
         workspace.cancel()
         return

@@ -20,7 +20,7 @@ _ABOVE = 72.0
 
 
 def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
-    """Draw over the whole picture; ``words`` say that the stage is away, and are empty while it is not."""
+    """Draws over the whole picture; ``words`` say that the stage is away, and are empty while it is not."""
     live = workspace.perform.live
     draw = imgui.get_background_draw_list()
     if not workspace.asking:
@@ -35,7 +35,7 @@ def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
 
 
 def _sentence(draw: imgui.ImDrawList, area: Area, text: str) -> None:
-    """Draw one sentence in the middle of the lower border."""
+    """Draws one sentence in the middle of the lower border."""
     wide = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))
     left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _ABOVE

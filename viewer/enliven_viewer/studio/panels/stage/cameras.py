@@ -27,7 +27,7 @@ class _Shown:
 
 
 def draw_cameras(workspace: Workspace) -> None:
-    """Draw the list of cameras; the first time it is shown, they are looked for."""
+    """Draws the list of cameras; the first time it is shown, they are looked for."""
     search = workspace.perform.cameras
     if search.cameras is None and not search.searching:
         search.begin()
@@ -87,7 +87,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
 
 
 def _look(search: CameraSearch) -> None:
-    """Draw the picture of the last look, or what went wrong."""
+    """Draws the picture of the last look, or what went wrong."""
     assert search.looked is not None
     picture = search.picture
     if picture is not None:

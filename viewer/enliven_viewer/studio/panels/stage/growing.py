@@ -12,7 +12,7 @@ from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 
 def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
-    """Draw it below the last lane, or at the bottom where that is out of sight, ``tall`` pixels down.
+    """Draws it below the last lane, or at the bottom where that is out of sight, ``tall`` pixels down.
 
     Returns:
         Whether something is recorded.

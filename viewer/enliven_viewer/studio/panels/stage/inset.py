@@ -41,7 +41,7 @@ _TEXT = 13.0
 
 
 def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures: GlancePictures) -> None:
-    """Draw the inset over the viewport, where it is wanted and performers can be seen."""
+    """Draws the inset over the viewport, where it is wanted and performers can be seen."""
     perform = workspace.perform
     views = views_of(perform) if workspace.preferences.performer else []
     workspace.widgets.pop("performer inset", None)
@@ -91,7 +91,7 @@ def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> Camera
 
 
 def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
-    """Where what is live, and what is in the project, is seen."""
+    """Returns where what is live, and what is in the project, is seen."""
     editor, found = workspace.editor, []
     lens, own = editor.lens, bounds_of([one.extent for one in editor.seen])
     for box in (editor.beside_box, own):
@@ -148,7 +148,7 @@ def _figure(
 
 
 def _explain(workspace: Workspace, area: Area) -> None:
-    """Say what it is, and which key hides it, once the pointer is over it."""
+    """Says what it is, and which key hides it, once the pointer is over it."""
     io = imgui.get_io()
     if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
         imgui.set_tooltip(workspace.actions.tip(workspace.actions["view.performer"]))

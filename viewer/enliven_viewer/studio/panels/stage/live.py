@@ -42,7 +42,7 @@ _LEAST = 240.0
 
 
 def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
-    """Draw over the viewport; ``pace`` is the pictures a second."""
+    """Draws over the viewport; ``pace`` is the pictures a second."""
     perform = workspace.perform
     live = perform.live
     if live is None:
@@ -88,7 +88,7 @@ def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
 
 
 def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
-    """Let the pointer drag the playhead along the live timeline."""
+    """Lets the pointer drag the playhead along the live timeline."""
     io = imgui.get_io()
     x, y = io.mouse_pos.x - area.x, io.mouse_pos.y - area.y
     near = timeline_fraction(x, y, size, 1.0)
@@ -101,7 +101,9 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
 
 
 def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
-    """The part of the picture that the performers in a corner at the bottom leave free at its side."""
+    """Returns the part of the picture that the performers in a corner at the bottom leave free at its
+    side.
+    """
     if inset is None or inset[3] < area.y + area.height / 2:
         return area
     left, _, right, _ = inset
@@ -113,7 +115,7 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
 
 
 def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw what a press of Possess waits for, and who holds what, a line each."""
+    """Draws what a press of Possess waits for, and who holds what, a line each."""
     bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     if perform.stepping_in.words:
         _line(draw, area, bottom, perform.stepping_in.words, WAIT)
@@ -132,7 +134,7 @@ def heard_below(*, is_scanned: bool) -> float:
 
 
 def draw_heard(perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _HEARD) -> None:
-    """Draw what the microphone heard in large words below the top; nothing else moves for them."""
+    """Draws what the microphone heard in large words below the top; nothing else moves for them."""
     words = perform.voice.words
     if words:
         _line(draw, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
@@ -151,7 +153,7 @@ def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Co
 
 
 def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
+    """Draws the beat of the count-in in the middle, or how long is recorded at the top."""
     if perform.recording.counted:
         text = str(perform.recording.counted)
         x = area.x + (area.width - _wide(text, _COUNT)) / 2
@@ -170,7 +172,7 @@ def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> N
 
 
 def draw_size(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw at the left how large hands make a character, and what they do, beside the character."""
+    """Draws at the left how large hands make a character, and what they do, beside the character."""
     if perform.sizes.words is None:
         return
     left, top = area.x + _LEFT, area.y + _LEFT

@@ -33,7 +33,7 @@ _LOCAL = "127.0.0.1"
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
-    """Draw the panel at the right: the two buttons that count stay at its top, the rest scrolls."""
+    """Draws the panel at the right: the two buttons that count stay at its top, the rest scrolls."""
     perform = workspace.perform
     with panel("perform", area):
         live = perform.live
@@ -94,7 +94,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
-    """The state of the link in plain words, and its colour."""
+    """Returns the state of the link in plain words, and its colour."""
     live = perform.live
     if live is None:
         return tr("No stage is connected"), QUIET

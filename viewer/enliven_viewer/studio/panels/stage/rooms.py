@@ -31,7 +31,7 @@ def rooms_width(*, narrow: bool = False) -> float:
 
 
 def draw_rooms(workspace: Workspace) -> None:
-    """Draw a tab a workspace in the middle of the menu bar; that of Perform has a dot while it records."""
+    """Draws a tab a workspace in the middle of the menu bar; that of Perform has a dot while it records."""
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform

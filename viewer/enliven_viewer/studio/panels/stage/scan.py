@@ -58,7 +58,7 @@ _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
 
 def draw_scan(workspace: Workspace, area: Area) -> None:
-    """Draw the panel at the right."""
+    """Draws the panel at the right."""
     scan = workspace.scan
     with panel("scan", area):
         if scan.active:
@@ -182,7 +182,7 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def draw_scan_over(workspace: Workspace, area: Area) -> None:
-    """Draw the camera, the arrow and the words over the picture."""
+    """Draws the camera, the arrow and the words over the picture."""
     scan = workspace.scan
     if not scan.active:
         return

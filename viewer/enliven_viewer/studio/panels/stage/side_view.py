@@ -25,7 +25,7 @@ _TEXT = 13.0
 
 
 def place_of_side_view(workspace: Workspace, area: Area) -> Area:
-    """Where it is in the window: at the top right, or below the performers where they are there."""
+    """Returns where it is in the window: at the top right, or below the performers where they are there."""
     tall = min(max(_SHARE * area.height, _LEAST), _MOST, max(area.height / 2 - _MARGIN, 1.0))
     wide, top = _WIDE * tall, area.y + _MARGIN
     left = area.x + area.width - wide - _MARGIN
@@ -36,7 +36,7 @@ def place_of_side_view(workspace: Workspace, area: Area) -> Area:
 
 
 def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
-    """Draw the picture that the window made of it."""
+    """Draws the picture that the window made of it."""
     draw, place = imgui.get_background_draw_list(), place_of_side_view(workspace, area)
     low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
     white = packed(UNTINTED)

@@ -48,7 +48,7 @@ _PHRASES = "phrases"
 
 
 def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the switch of the microphone, what it heard, and the list of phrases."""
+    """Draws the switch of the microphone, what it heard, and the list of phrases."""
     voice = perform.voice
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.begin_child("##voice row", ImVec2(0, _ROW), 0, flags)
@@ -97,7 +97,7 @@ def command_words(action: str) -> str:
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the choice of loose objects and their requirements, in space that never grows."""
+    """Draws the choice of loose objects and their requirements, in space that never grows."""
     physics = perform.physics
     heading("Physics")
     imgui.begin_disabled(physics.state is None)

@@ -37,7 +37,9 @@ _FIRST = ("perform.stand", "tool.sketch", "file.open", "help.tour")
 
 
 def draw_start(workspace: Workspace, area: Area) -> None:
-    """Draw the start page where it is open or the tour points at it, and else the words on an empty stage."""
+    """Draws the start page where it is open or the tour points at it, and else the words on an empty
+    stage.
+    """
     tour = workspace.tour
     if tour is not None and tour.wants_samples:
         _page(workspace, area)

@@ -56,7 +56,7 @@ def place_card(
 
 
 def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
-    """The top left of a card in each corner of an area, those at the right first."""
+    """Returns the top left of a card in each corner of an area, those at the right first."""
     left, top, right, bottom = area
     across = max(right - size[0] - _EDGE, left + _EDGE), left + _EDGE
     down = max(bottom - size[1] - _EDGE, top + _EDGE), top + _EDGE
@@ -69,7 +69,7 @@ def _cost(
     meant: Rectangle | None,
     others: Sequence[Rectangle],
 ) -> float:
-    """Pixels squared that a card would cover; those of its target cost by far the most."""
+    """Returns pixels squared that a card would cover; those of its target cost by far the most."""
     card = at[0], at[1], at[0] + size[0], at[1] + size[1]
     cost = sum(_common(card, one) for one in others)
     return round(cost + (_MEANT * _common(card, meant) if meant is not None else 0.0))

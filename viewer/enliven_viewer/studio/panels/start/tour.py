@@ -62,7 +62,7 @@ _SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
 
 
 def draw_tour(workspace: Workspace, places: Places) -> None:
-    """Draw the tour over everything."""
+    """Draws the tour over everything."""
     area = places.viewport
     tour = workspace.tour
     workspace.drawn.picture += 1
@@ -91,7 +91,7 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
 
 
 def _grown(meant: Rectangle) -> Rectangle:
-    """The outline around a rectangle, within the window."""
+    """Returns the outline around a rectangle, within the window."""
     size = imgui.get_io().display_size
     left, top, right, bottom = meant
     return (
@@ -103,7 +103,7 @@ def _grown(meant: Rectangle) -> Rectangle:
 
 
 def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
-    """Draw the card, next to its target."""
+    """Draws the card, next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
     wide = min(_CARD, size.x - 20)
@@ -143,7 +143,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
 
 
 def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
-    """The outline together with the way to drag."""
+    """Returns the outline together with the way to drag."""
     if shape is None or not tour.target.path:
         return shape
     across = [area.x + x for x, _ in tour.target.path]
@@ -158,7 +158,7 @@ def _sentence(tour: Tour) -> str:
 
 
 def _height(tour: Tour, wide: float) -> float:
-    """Pixels of the height of the card; ImGui's own way knows it one picture late, and cuts it."""
+    """Returns pixels of the height of the card; ImGui's own way knows it one picture late, and cuts it."""
     style = imgui.get_style()
     room = wide - 2 * style.window_padding.x
     grown = _SENTENCE / imgui.get_font_size()
@@ -199,7 +199,7 @@ def _dots(tour: Tour) -> None:
 
 
 def _buttons(workspace: Workspace, tour: Tour) -> None:
-    """Show me, back, skip or next, and later."""
+    """Shows me, back, skip or next, and later."""
     spacing = imgui.get_style().item_spacing.x
     each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
     size = ImVec2(each, _BUTTON)
@@ -234,7 +234,7 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
 
 
 def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draw the sentence alone, next to its target in a dialogue: windows below cannot be clicked."""
+    """Draws the sentence alone, next to its target in a dialogue: windows below cannot be clicked."""
     if shape is None:
         return None
     draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
@@ -252,7 +252,7 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
 
 
 def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
-    """Draw an outline that pulses, with a soft glow."""
+    """Draws an outline that pulses, with a soft glow."""
     swell = 0.0 if calm else 0.5 + 0.5 * math.sin(2 * math.pi * imgui.get_time() / _PULSE_S)
     left, top, right, bottom = shape
     for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
@@ -262,7 +262,7 @@ def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
 
 
 def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
-    """Draw an arrow from the card to the outline."""
+    """Draws an arrow from the card to the outline."""
     start, end = _nearest(card, shape)
     length = math.dist(start, end)
     if length < _HEAD:
@@ -275,7 +275,7 @@ def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
 
 
 def _nearest(card: Rectangle, shape: Rectangle) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The nearest places of two rectangles to each other."""
+    """Returns the nearest places of two rectangles to each other."""
     start, end = [0.0, 0.0], [0.0, 0.0]
     for axis in (0, 1):
         low, high = max(card[axis], shape[axis]), min(card[axis + 2], shape[axis + 2])
@@ -298,7 +298,7 @@ def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[f
 
 
 def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
-    """Draw the way to drag: dashes, with a dot where it begins and an arrow where it ends."""
+    """Draws the way to drag: dashes, with a dot where it begins and an arrow where it ends."""
     for start, end in itertools.pairwise(points):
         length = math.dist((start.x, start.y), (end.x, end.y))
         if length < 1.0:
@@ -318,7 +318,7 @@ def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
 
 
 def _hand(workspace: Workspace, tour: Tour) -> None:
-    """Draw the hand that shows a step, and pass on the letters that it types."""
+    """Draws the hand that shows a step, and passes on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
         return
