@@ -141,7 +141,7 @@ def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     """Returns the settings with a size such as "1280x720".
 
     Raises:
-        InputError: where it is none.
+        InputError: if it is none.
     """
     if size is None:
         return settings

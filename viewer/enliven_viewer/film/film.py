@@ -35,7 +35,7 @@ class FilmSource(Protocol):
     """Brings what a film shows into a document: every feed, and performances that were sampled."""
 
     def poll(self, document: Document) -> int:
-        """Applies what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies what has arrived since the last call, without waiting; 0 if nothing had."""
         ...
 
 
@@ -70,7 +70,7 @@ def make_film(
         sound: samples from the film's first picture on, and how many a second.
 
     Raises:
-        ResourceError: where no edge appears in time, OpenGL is missing, or a file cannot be written.
+        ResourceError: if no edge appears in time, OpenGL is missing, or a file cannot be written.
     """
     studio = _Studio(document, settings or ViewerSettings(), caption)
     with ExitStack() as stack:

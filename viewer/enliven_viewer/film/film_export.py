@@ -53,14 +53,14 @@ def write_film(
     Args:
         name: the title.
         size: of the pictures, such as "1920x1080"; empty: as the settings say.
-        rate: frames a second; 0: as the settings say.
+        rate: frames per second; 0: as the settings say.
         look: one of the stage's; empty: as the settings say.
         progress: is called with the share of the film that is done; what it raises ends the film.
         sound: (N,) samples from the first pose on, :data:`enliven.sounds.SOUND_RATE` a second.
 
     Raises:
         InputError: for no such size.
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     settings = sized(ViewerSettings(), size or None)
     if rate:

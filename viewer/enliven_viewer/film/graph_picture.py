@@ -162,7 +162,7 @@ def write_graph_picture(
     """Draws the graph and write the picture, in the format that the path's ending names.
 
     Raises:
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     counts = counts_of(graph)
     sheet = composed(draw_graph(character, graph, panel), title, counts)

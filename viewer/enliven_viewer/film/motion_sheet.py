@@ -38,7 +38,7 @@ class MotionRow:
 
     Attributes:
         azimuth: radians about +Y.
-        surfaces: (V, 3) float32 metres in the world for each pose; None where the transforms make them.
+        surfaces: (V, 3) float32 metres in the world for each pose; None if the transforms make them.
     """
 
     character: Character
@@ -57,7 +57,7 @@ def write_motion_sheet(
         size: of each picture in pixels.
 
     Raises:
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(0.0, made.duration, frames)
     rows = [_take(made, times), _model(made, times)]

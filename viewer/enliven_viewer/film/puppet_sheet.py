@@ -31,8 +31,8 @@ def write_puppet_sheet(
         size: of each picture in pixels.
 
     Raises:
-        InputError: where the puppet lacks something to move.
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        InputError: if the puppet lacks something to move.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
     rows = [_performer(project, puppet, times), _puppet(project, puppet, times)]

@@ -82,7 +82,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
     """Writes the sheet as PNG.
 
     Raises:
-        ResourceError: where the file cannot be written.
+        ResourceError: if the file cannot be written.
     """
     if not tiles:
         return

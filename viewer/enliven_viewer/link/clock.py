@@ -41,7 +41,7 @@ class ClockEstimate:
 
     @property
     def offset_ns(self) -> int:
-        """Nanoseconds, the middle of the possible offsets; 0 where that is possible, or nothing is known."""
+        """Nanoseconds, the middle of the possible offsets; 0 if that is possible, or nothing is known."""
         if not self.known:
             return 0
         low, high = max(self._lower), min(self._upper)

@@ -18,7 +18,7 @@ class Feed(Protocol):
     """
 
     def poll(self, document: Document) -> int:
-        """Applies what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies what has arrived since the last call, without waiting; 0 if nothing had."""
         ...
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:

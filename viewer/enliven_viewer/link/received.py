@@ -74,7 +74,7 @@ class ReceivedCues:
         strengths: (K,) float32 in [0, 1].
         body: the performer's id, the first of several; -1 for none.
         time_ns: the sensor's clock.
-        owners: (K,) ids of the performers that hold the nodes; empty where the edge does not tell.
+        owners: (K,) ids of the performers that hold the nodes; empty if the edge does not tell.
         held: how many of the first nodes are held, the others would be; None: all or, in a preview, none.
     """
 

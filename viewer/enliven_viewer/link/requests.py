@@ -61,7 +61,7 @@ class Requests:
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Send, without waiting; False where there is no edge to take it.
+        """Send, without waiting; False if there is no edge to take it.
 
         Args:
             key: what it is about, see :meth:`under_way`.

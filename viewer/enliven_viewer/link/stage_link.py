@@ -28,7 +28,7 @@ from enliven.wire import (
 )
 
 _PARTS_UNDER_WAY = 8
-"""Parts that wait for their answers: 15 MB a second where an edge answers at each of 30 frames a second."""
+"""Parts that wait for their answers: 15 MB a second where an edge answers at each of 30 frames per second."""
 _ASK_AGAIN = 0.03
 """Seconds between two questions whether a character stands on the stage: about a frame."""
 _ANSWER_WITHIN = 5.0

@@ -40,7 +40,7 @@ class TakeFeed:
     character: where the first is damaged, poses are read by any other of their revision.
 
     Raises:
-        InputError: where the file is no recording, or holds no poses.
+        InputError: if the file is no recording, or holds no poses.
     """
 
     def __init__(self, path: Path) -> None:

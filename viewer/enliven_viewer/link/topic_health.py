@@ -68,7 +68,7 @@ class TopicWatch:
         """Returns the health now.
 
         Args:
-            fps: frames a second that the edge says it has; 0: it does not say.
+            fps: frames per second that the edge says it has; 0: it does not say.
         """
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0][0] > RATE_OVER:

@@ -21,7 +21,7 @@ _FELT_MS = 150.0
 _DISTURBING_MS = 350.0
 """Delay above which people overshoot, since they wait for the picture."""
 _SMOOTH = 20.0
-"""Pictures a second below which movement is seen to jerk, and it is said."""
+"""Frames per second below which movement is seen to jerk, and it is said."""
 _NOTICE = 84.0
 """Pixels from the top at which a notice stands over characters: below the hint of the tool in hand."""
 SIGNAL: dict[str, Colour] = {
@@ -40,7 +40,7 @@ class HudState:
     Attributes:
         edge: state of the link; None when a take is played.
         title: the take's name, or the edge's address.
-        fps: pictures a second.
+        fps: frames per second.
         fraction: place on the timeline, 0..1.
         shown_s, length_s: seconds since the timeline's start, and its length.
         live, paused, speed: of the playhead.
@@ -76,7 +76,7 @@ def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, fl
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """Returns the place of a pixel on the timeline, 0..1; None where it is not near the track."""
+    """Returns the place of a pixel on the timeline, 0..1; None if it is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):

@@ -1,4 +1,4 @@
-"""What comes from an edge or a take, as a scene: polled once a picture, played back, and told what to do."""
+"""What comes from an edge or a take, as a scene: polled once per frame, played back, and told what to do."""
 
 from __future__ import annotations
 
@@ -77,8 +77,9 @@ class LiveStage:
 
     @property
     def present(self) -> tuple[str, ...]:
-        """What a camera is to be turned to anew when it changes: the characters, and whether a person is
-        there."""
+        """What a camera is to be turned to again when it changes: the characters, and whether a person is
+        there.
+        """
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
     def possess(self, mode: Mode = "alone") -> None:

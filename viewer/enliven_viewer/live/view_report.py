@@ -28,7 +28,7 @@ class ViewReporter:
         self._when = -math.inf
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
-        """Returns the view to report at a time of the wall clock, seconds; None where it has not changed."""
+        """Returns the view to report at a time of the wall clock, seconds; None if it has not changed."""
         if seconds - self._when < _EVERY:
             return None
         if self._told is not None:

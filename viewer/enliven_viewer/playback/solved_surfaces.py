@@ -191,7 +191,7 @@ def carry(local: Float32, by: Float, world: Float32) -> None:
 
 
 def _frame(pose: Pose) -> tuple[Float, Float] | None:
-    """Returns (3, 3) and (3,) of the first transform; None where it has no inverse."""
+    """Returns (3, 3) and (3,) of the first transform; None if it has no inverse."""
     linear, position = pose.linear[0].astype(np.float64), pose.positions[0].astype(np.float64)
     whole = np.isfinite(linear).all() and np.isfinite(position).all()
     return (linear, position) if whole and abs(np.linalg.det(linear)) > 1e-9 else None

@@ -29,7 +29,7 @@ class CueFrame:
         nodes: (A,) int32 pivots that the body is attached to.
         strengths: (A,) float32 in [0, 1], how firmly.
         state: "possessed"; or "preview", what would be held if the body took hold now.
-        owners: (A,) ids of the performers that hold the pivots; empty where one performer holds all.
+        owners: (A,) ids of the performers that hold the pivots; empty if one performer holds all.
         held: how many of the first pivots are held, the others are a preview; None: as the state says.
     """
 
@@ -249,7 +249,7 @@ class Timeline:
         return props if props is not None and self._fresh(props.time_ns, time_ns) else None
 
     def _put(self, moment: TimelineMoment) -> None:
-        """Inserts or replace; starts anew where the clock went back; drops the oldest beyond the bounds."""
+        """Inserts or replace; starts again where the clock went back; drops the oldest beyond the bounds."""
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()
         index = bisect.bisect_left(self._times, moment.time_ns)

@@ -26,7 +26,7 @@ PER_ROW = 256
 
 
 def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
-    """Returns (J, 3) linear light on each transform of an actor; None where nothing is held.
+    """Returns (J, 3) linear light on each transform of an actor; None if nothing is held.
 
     Args:
         bodies: the ids of those in the picture, in the order of their tints.

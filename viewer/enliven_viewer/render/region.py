@@ -15,7 +15,7 @@ from enliven_viewer.render.scene import Scene, corners
 ROOM = 6
 """Pixels around what was projected: for marks that are never smaller than some pixels, and for rounding."""
 _NEAREST = 1e-3
-"""Metres before the eye; what comes closer may be anywhere in the picture."""
+"""Metres in front of the camera; what comes closer may be anywhere in the picture."""
 _UNIT = corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 

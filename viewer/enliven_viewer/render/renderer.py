@@ -88,7 +88,7 @@ class Renderer:
         """Changes the picture's size; sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
+            self.picture.drawn.use()  # moderngl binds again what was bound, so that must still be there
             before.release()
 
     def draw(self, scene: Scene, view: CameraView) -> None:

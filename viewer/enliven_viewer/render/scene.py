@@ -47,8 +47,8 @@ class SceneCharacter:
     """One character in one pose.
 
     Attributes:
-        vertices: (V, 3) float32 metres in the world, where the surface was solved; None where the
-            character's transforms move it.
+        vertices: (V, 3) float32 metres in the world, where the surface was solved; None if the character's
+            transforms move it.
     """
 
     character: Character
@@ -76,7 +76,7 @@ class Scene:
 
     @property
     def box(self) -> Box | None:
-        """Returns the box that a camera should show; None where the scene is empty."""
+        """Returns the box that a camera should show; None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
 

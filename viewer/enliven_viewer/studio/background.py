@@ -1,4 +1,4 @@
-"""Work that takes long, done in a thread beside the window."""
+"""Work that takes long, done in a thread in the background."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class BackgroundTask:
         )
 
     def poll(self) -> None:
-        """Takes a finished result, or tells what went wrong; to be called once a picture."""
+        """Takes a finished result, or tells what went wrong; to be called once per frame."""
         if self._work is None or not self._work[0].done():
             return
         (work, then), self._work = self._work, None

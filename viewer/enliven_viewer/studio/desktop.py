@@ -35,7 +35,7 @@ class Desktop:
         self._fit()
 
     def follow(self) -> None:
-        """Opens what was dropped, and shows the project's name; to be called once a picture."""
+        """Opens what was dropped, and shows the project's name; to be called once per frame."""
         dropped, self._dropped = self._dropped, []
         self._workspace.drop(dropped)
         title = self._workspace.store.title

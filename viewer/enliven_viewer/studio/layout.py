@@ -74,7 +74,7 @@ def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) 
 
 
 def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
-    """Draws the outliner, and below it what is chosen."""
+    """Draws the outliner, and below it the selection."""
     tool, column = workspace.input.tool, places.side
     if isinstance(tool, MapTool):
         column, below = split_side(column)

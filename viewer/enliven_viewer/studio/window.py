@@ -72,7 +72,7 @@ class StudioWindow:
         self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
-        self.pace = 0.0  # pictures a second of late
+        self.pace = 0.0  # frames per second of late
         # Where F11 goes back to; a window that begins full screen has no place of its own yet.
         settings = workspace.editor.settings
         self._windowed: Place | None = (
@@ -202,7 +202,7 @@ class StudioWindow:
 
     @property
     def _idle(self) -> bool:
-        """Returns True if nothing moves, so that few pictures a second are enough."""
+        """Returns True if nothing moves, so that few frames per second are enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
         still = still and not self._idle_loop.loss

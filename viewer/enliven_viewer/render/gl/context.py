@@ -21,7 +21,7 @@ def offscreen_context() -> moderngl.Context:
     """Returns a context that draws into memory: EGL on Linux, the system's own elsewhere.
 
     Raises:
-        ResourceError: where OpenGL 3.3 is missing.
+        ResourceError: if OpenGL 3.3 is missing.
     """
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
@@ -34,7 +34,7 @@ def window_context() -> moderngl.Context:
     """Returns the context of the window that is current in this thread.
 
     Raises:
-        ResourceError: where it is older than OpenGL 3.3.
+        ResourceError: if it is older than OpenGL 3.3.
     """
     try:
         return moderngl.create_context(require=GL_VERSION)

@@ -121,7 +121,7 @@ def _map(value: dict[str, Any], name: str) -> Map | None:
 
 
 def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """Returns an object within an object; empty where it is something else."""
+    """Returns an object within an object; empty if it is something else."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 

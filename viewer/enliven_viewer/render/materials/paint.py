@@ -36,7 +36,7 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """Returns (3 F, K) bits by which two corners of one vertex are drawn as two; None where all corners are
+    """Returns (3 F, K) bits by which two corners of one vertex are drawn as two; None if all corners are
     alike.
     """
     own = character.materials

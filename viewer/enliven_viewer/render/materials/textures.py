@@ -80,7 +80,7 @@ class Textures:
         return self._held[key]
 
     def arrive(self) -> None:
-        """Takes the pictures that were decoded meanwhile; to be called once a picture."""
+        """Takes the pictures that were decoded meanwhile; to be called once per frame."""
         for (_, colours), held in self._held.items():
             if held.decoding is not None and held.decoding.done():
                 pixels, held.decoding = held.decoding.result(), None

@@ -32,7 +32,7 @@ def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
 
 
 def meant_rows(board: Board) -> tuple[MatchRow, ...]:
-    """What drives the character, or the match that would; none where no choice is made."""
+    """What drives the character, or the match that would; none if no choice is made."""
     if board.state == "off" or board.shown < 0:
         return ()
     return board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]

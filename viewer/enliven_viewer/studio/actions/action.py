@@ -21,7 +21,7 @@ class Action:
         label: its name in menus, in the palette and on buttons.
         keys: its keys until the artist gives it others; the first is shown.
         do: does it; an EnlivenError that it raises is shown.
-        why_not: why it cannot be done now, and what to do about it; empty where it can.
+        why_not: why it cannot be done now, and what to do about it; empty if it can.
         on: for a switch, whether it is on.
         about: one sentence of what it does, for its tooltip.
         icon: its glyph in Font Awesome 4, for buttons.

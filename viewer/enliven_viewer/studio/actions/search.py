@@ -18,7 +18,7 @@ _ELSEWHERE = 50.0
 
 
 def likeness(typed: str, name: str) -> float | None:
-    """Returns how well typed letters fit a name, larger is better; None where they are not in it in their
+    """Returns how well typed letters fit a name, larger is better; None if they are not in it in their
     order.
     """
     wanted, text = typed.lower().replace(" ", ""), name.lower()

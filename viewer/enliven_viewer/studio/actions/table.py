@@ -27,7 +27,7 @@ class ActionTable:
 
     Attributes:
         recent: ids of the actions that were done last, the newest first.
-        room: the workspace that has keys of its own, which come first; empty where none has.
+        room: the workspace that has keys of its own, which come first; empty if none has.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
@@ -40,7 +40,7 @@ class ActionTable:
         """Adds actions to their menus.
 
         Raises:
-            InputError: where an id is there already, or a key is another's.
+            InputError: if an id is there already, or a key is another's.
         """
         for action in actions:
             rivals = [other for other in self if other.rivals(action)]
@@ -99,7 +99,7 @@ class ActionTable:
         return self._preferences.keys.get(action.id, action.keys)
 
     def shown_key(self, action: Action) -> str:
-        """Returns the first key of an action as people read it; empty where it has none."""
+        """Returns the first key of an action as people read it; empty if it has none."""
         return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def holder(self, key: str, room: str = "") -> Action | None:

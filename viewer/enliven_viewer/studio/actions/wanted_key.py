@@ -12,7 +12,7 @@ class WantedKey:
     """The action that is to have another key, and the key that was pressed for it.
 
     Attributes:
-        action: its id; empty where none waits.
+        action: its id; empty if none waits.
         key: a key that is another action's, until it is taken or left; else empty.
     """
 
@@ -20,7 +20,7 @@ class WantedKey:
     key: str = ""
 
     def begin(self, action: str) -> None:
-        """Waits for the key of an action; of none where it is empty."""
+        """Waits for the key of an action; of none if it is empty."""
         self.action, self.key = action, ""
 
     def press(self, table: ActionTable, key: str) -> None:

@@ -1,4 +1,4 @@
-"""The curves of what is chosen: groups of channels of one unit, sampled at even times."""
+"""The curves of the selection: groups of channels of one unit, sampled at even times."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Dot:
         axis: the channel.
         time: seconds of the project.
         value: in the group's unit.
-        ease: how it goes over into the next; empty where examples decide that.
+        ease: how it goes over into the next; empty if examples decide that.
     """
 
     number: int
@@ -76,7 +76,7 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
     """Returns the curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
 
     Raises:
-        EnlivenError: where it cannot be played.
+        EnlivenError: if it cannot be played.
     """
     character = project.character(thing.character)
     found = list[CurveGroup]()
@@ -179,7 +179,7 @@ def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
 
 
 def layer_number(project: Project, thing: Thing) -> int | None:
-    """Returns the number of that layer; None where nothing is heard."""
+    """Returns the number of that layer; None if nothing is heard."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
@@ -190,7 +190,7 @@ def layer_number(project: Project, thing: Thing) -> int | None:
 def _moving(
     project: Project, character: RigBase, thing: Thing
 ) -> Callable[[float], tuple[Float, Float]] | None:
-    """What gives the turn (4,) and the place (3,) of a thing at a time; None where none is chosen."""
+    """What gives the turn (4,) and the place (3,) of a thing at a time; None if none is chosen."""
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
         if thing.handle is not None:
@@ -248,7 +248,7 @@ def _unwrapped(turns: Float) -> Float:
 
 
 def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
-    """Returns seconds of the take for a second of the project at a time; 0 where it stands."""
+    """Returns seconds of the take for a second of the project at a time; 0 if it stands."""
     one, other = layer.moment(time, length), layer.moment(time + wide, length)
     if one.rounds != other.rounds:
         return float("nan")

@@ -1,4 +1,4 @@
-"""The curves of what is chosen, and the pointer over them: keys are dragged, added, removed and eased."""
+"""The curves of the selection, and the pointer over them: keys are dragged, added, removed and eased."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class CurveInput:
         return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
 
     def refresh(self) -> None:
-        """Takes curves that were sampled, and begins with the newest; once a picture, and it never waits."""
+        """Takes curves that were sampled, and begins with the newest; once per frame, and it never waits."""
         thing = self.thing
         if thing is None:
             return
@@ -116,7 +116,7 @@ class CurveInput:
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
-        """Returns every group of curves of what is chosen, as far as it is known."""
+        """Returns every group of curves of the selection, as far as it is known."""
         thing, project = self.thing, self.editor.project
         if thing is None:
             return {}

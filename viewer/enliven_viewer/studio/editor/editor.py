@@ -103,12 +103,12 @@ class Editor:
         """One character as it is shown now.
 
         Raises:
-            InputError: where there is none of the id.
+            InputError: if there is none of the id.
         """
         return self._stage.of(character_id)
 
     def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
-        """Returns the chosen character, where it has that rig; None where none is chosen, or another."""
+        """Returns the chosen character, where it has that rig; None if none is chosen, or another."""
         found = self.project.characters.get(self.selection.character or "")
         return found if isinstance(found, rig) else None
 
@@ -250,7 +250,7 @@ class Editor:
         self._frame(self.box(), at_once=at_once, reset=reset)
 
     def frame_way(self) -> None:
-        """Brings into the picture what is there, and the whole way of what is chosen, or else of all."""
+        """Brings into the picture what is there, and the whole way of the selection, or else of all."""
         box = self.box()
         if box is None:
             self._frame(None)
@@ -264,8 +264,8 @@ class Editor:
         self._frame(bounds_of(ways))
 
     def _solved(self, name: str) -> tuple[Project, RigBase]:
-        """Returns a character with the motion that is shown of it: that of a puppet is solved beside the
-        window.
+        """Returns a character with the motion that is shown of it: that of a puppet is solved in the
+        background.
         """
         if name in self.project.puppets:
             return self.solving.shown(self.project, name)
@@ -282,9 +282,7 @@ class Editor:
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
-        """Returns the box around what the camera follows: the chosen character, or all; None where it
-        stays.
-        """
+        """Returns the box around what the camera follows: the chosen character, or all; None if it stays."""
         if not self.moves.follow:
             return None
         seen = self.seen
@@ -292,7 +290,7 @@ class Editor:
         return bounds_of([one.extent for one in chosen or seen])
 
     def box(self) -> Box | None:
-        """Returns the box around all that is seen now, and what is live; None where there is nothing."""
+        """Returns the box around all that is seen now, and what is live; None if there is nothing."""
         points = [seen_points(one.handles, one.vertices) for one in self.seen]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:

@@ -26,7 +26,7 @@ class StudioStage:
 
     Args:
         editor: what is shown.
-        solved: for rigs with surfaces that are solved beside the window, what shows them; by kind.
+        solved: for rigs with surfaces that are solved in the background, what shows them; by kind.
     """
 
     def __init__(self, editor: Shown, solved: Mapping[str, Callable[[RigBase], StandingCharacter]]) -> None:
@@ -44,7 +44,7 @@ class StudioStage:
         """One of them.
 
         Raises:
-            InputError: where there is none of the id.
+            InputError: if there is none of the id.
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)

@@ -59,7 +59,7 @@ class CoverageCache:
         self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
 
     def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
-        """Returns the coverage of a take by the puppet's examples; None where the performer never moves."""
+        """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
@@ -117,9 +117,7 @@ def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
 
 
 def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
-    """Returns (n, P, 3) the examples and (F, P, 3) a take as they see it; None where it does not play it
-    yet.
-    """
+    """Returns (n, P, 3) the examples and (F, P, 3) a take as they see it; None if it does not play it yet."""
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
     if number is None or missing(project, puppet):
         return None

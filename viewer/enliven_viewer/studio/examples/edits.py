@@ -74,7 +74,7 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
             to the front.
 
     Raises:
-        InputError: where it has control points: what was shown for them would be lost.
+        InputError: if it has control points: what was shown for them would be lost.
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:

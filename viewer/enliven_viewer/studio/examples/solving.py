@@ -1,4 +1,4 @@
-"""Solves the motions of puppets beside the window; meanwhile the last good motion is shown.
+"""Solves the motions of puppets in the background; meanwhile the last good motion is shown.
 
 solving = Solving(editor.toasts)
 project, puppet = solving.shown(project, "cactus")       # the newest with solved motions
@@ -47,7 +47,7 @@ class _Solved:
 
 
 class Solving:
-    """Solves in a thread of its own, one puppet after the other, always the newest that was asked for.
+    """Solves in a separate thread, one puppet after the other, always the newest that was asked for.
 
     Args:
         toasts: where errors are told, each once.
@@ -81,7 +81,7 @@ class Solving:
         return known.good.project, known.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """Returns the error of a puppet's newest motions; None where they can be solved."""
+        """Returns the error of a puppet's newest motions; None if they can be solved."""
         known = self._known.get(puppet_id)
         return known.problem if known else None
 

@@ -1,4 +1,4 @@
-"""Chooses what of a character leaves a trail: the ends of its limbs, and what is chosen."""
+"""Chooses what of a character leaves a trail: the ends of its limbs, and the selection."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _APART = 0.12
 
 
 def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the points of a character that leave a trail: what is chosen of it, or else its far ends.
+    """Returns the points of a character that leave a trail: the selection of it, or else its far ends.
 
     Args:
         rest: (N, 3) metres, its points at one moment: joints, nodes or control points.

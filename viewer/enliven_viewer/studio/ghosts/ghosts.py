@@ -1,4 +1,4 @@
-"""Ghosts and trails of an editor's characters: one switch, worked out beside the window."""
+"""Ghosts and trails of an editor's characters: one switch, worked out in the background."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Ghosts:
         return Wanted(project, character, first, last, step, moments)
 
     def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
-        """Returns the moments of the keys of what is chosen of a character."""
+        """Returns the moments of the keys of the selection of a character."""
         chosen = self.editor.selection
         if chosen.character != character.id:
             return key_moments(project, character)

@@ -21,7 +21,7 @@ def key_moments(
     examples.
 
     Args:
-        handle, layer: numbers of what is chosen of it, or None.
+        handle, layer: numbers of the selection of it, or None.
     """
     keyed = _chosen_keys(project, character, handle, layer)
     if keyed is not None:
@@ -43,7 +43,7 @@ def key_moments(
 def _chosen_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> Playing | None:
-    """Returns the layer of keys that is meant by what is chosen; None where none is heard."""
+    """Returns the layer of keys that is meant by the selection; None if none is heard."""
     playing, number = character.playing, layer
     keyed = [k for k, one in enumerate(playing) if getattr(project, one.source)[one.take].keys]
     if number not in keyed:

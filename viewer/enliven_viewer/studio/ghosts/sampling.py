@@ -95,7 +95,7 @@ def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
     """Samples what is wanted, with what of it is known from before.
 
     Raises:
-        EnlivenError: where the character cannot be played.
+        EnlivenError: if the character cannot be played.
     """
     if before is not None and wanted.alike(before.wanted):
         made = Sampled(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)

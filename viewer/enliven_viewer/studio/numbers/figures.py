@@ -1,4 +1,4 @@
-"""Where what is chosen stands, how large it is, and edits that give it other numbers."""
+"""Where the selection stands, how large it is, and edits that give it other numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LARGEST = 1000.0
 
 
 class Figures:
-    """The numbers of what is chosen, as it is seen now."""
+    """The numbers of the selection, as seen on screen now."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -29,7 +29,7 @@ class Figures:
 
     @property
     def box(self) -> tuple[Float, Float] | None:
-        """Returns the lowest and the highest (3,) metres of what is chosen; None where nothing is."""
+        """Returns the lowest and the highest (3,) metres of the selection; None if nothing is."""
         editor, known = self.editor, self._known
         same = known is not None and known[0] is editor.project and known[1] == editor.selection
         if known is None or not same or not (editor.playing or known[2] == editor.time):
@@ -47,7 +47,7 @@ class Figures:
 
     @property
     def place(self) -> Float | None:
-        """Returns (3,) metres: the middle of what is chosen, on the height of its lowest point."""
+        """Returns (3,) metres: the middle of the selection, on the height of its lowest point."""
         box = self.box
         if box is None:
             return None
@@ -56,22 +56,22 @@ class Figures:
 
     @property
     def height(self) -> float | None:
-        """Returns metres from its lowest to its highest point; None where nothing is chosen."""
+        """Returns metres from its lowest to its highest point; None if nothing is chosen."""
         box = self.box
         return None if box is None else float(box[1][1] - box[0][1])
 
     def move_to(self, axis: int, metres: float) -> None:
-        """Moves what is chosen along one axis of the world, to a place."""
+        """Moves the selection along one axis of the world, to a place."""
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             way = np.eye(3)[axis] * (metres - place[axis])
             self.editor.edit(later("place {0}", self._told), lambda p: move_characters(p, names, way))
 
     def make_tall(self, metres: float) -> None:
-        """Makes what is chosen so tall; it goes on standing where it stands.
+        """Makes the selection so tall; it goes on standing where it stands.
 
         Raises:
-            InputError: where it is flat, or the height is none.
+            InputError: if it is flat, or the height is none.
         """
         tall = self.height
         if tall is None:
@@ -82,7 +82,7 @@ class Figures:
         self.scale(metres / tall)
 
     def scale(self, factor: float) -> None:
-        """Makes what is chosen larger; it goes on standing where it stands."""
+        """Makes the selection larger; it goes on standing where it stands."""
         place, names = self.place, self.editor.selection.characters
         if place is None:
             return
@@ -95,7 +95,7 @@ class Figures:
         self.editor.edit(later("size of {0}", self._told), change)
 
     def turn(self, axis: int, degrees: float) -> None:
-        """Turns what is chosen about an axis of the world through where it stands."""
+        """Turns the selection about an axis of the world through where it stands."""
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))

@@ -43,7 +43,7 @@ class Quantity:
             more: what one of a further unit is; "percent" is the sign %.
 
         Raises:
-            InputError: where it is no number, or divides by zero.
+            InputError: if it is no number, or divides by zero.
         """
         units = {**self.units, **{{"percent": "%"}.get(name, name): one for name, one in more.items()}}
         reader = _Reader(_tokens(typed), {name.lower(): one for name, one in units.items()})

@@ -44,7 +44,7 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
 
 
 def outliner_actions(outliner: Outliner) -> Iterator[Action]:
-    """Renames, hide, lock and order what is chosen."""
+    """Renames, hide, lock and order the selection."""
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
 
 _SHARE = 0.46
-"""Of the height of the side: eight rows at 1280x720, and the rest for what is chosen."""
+"""Of the height of the side: eight rows at 1280x720, and the rest for the selection."""
 
 
 class Outliner:

@@ -1,4 +1,4 @@
-"""The curves of what is chosen, above the timeline and on its time; all from a draw list."""
+"""The curves of the selection, above the timeline and on its time; all from a draw list."""
 
 from __future__ import annotations
 

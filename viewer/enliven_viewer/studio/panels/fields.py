@@ -52,7 +52,7 @@ def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str 
 
 
 def name_field(workspace: Workspace, key: str, name: str, rename: Callable[[str], object]) -> None:
-    """A name that can be typed anew; ``rename`` is called with another one."""
+    """A name that can be typed again; ``rename`` is called with another one."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text(f"##{key}", name, flags)
@@ -62,7 +62,7 @@ def name_field(workspace: Workspace, key: str, name: str, rename: Callable[[str]
 
 
 def character_name(workspace: Workspace, character: RigBase) -> None:
-    """The field of a character's name; what is chosen of it stays chosen."""
+    """The field of a character's name; the selection of it stays chosen."""
     editor, before = workspace.editor, workspace.editor.selection
 
     def rename(wanted: str) -> None:

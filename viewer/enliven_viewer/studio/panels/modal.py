@@ -17,7 +17,7 @@ _MARGIN = 24.0
 
 @contextmanager
 def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
-    """A dialogue in the middle, of a size in pixels; 0: fits its contents; True where drawn."""
+    """A dialogue in the middle, of a size in pixels; 0: fits its contents; True if drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()

@@ -61,7 +61,7 @@ def _do(workspace: Workspace) -> None:
 
 
 def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
-    """One action: its name, its menu or why it cannot be done, and its key; True where it is clicked."""
+    """One action: its name, its menu or why it cannot be done, and its key; True if it is clicked."""
     reason, key = action.why_not(), workspace.actions.shown_key(action)
     at, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]

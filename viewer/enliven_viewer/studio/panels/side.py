@@ -1,4 +1,4 @@
-"""The panel at the right: what is chosen, and its layer."""
+"""The panel at the right: the selection, and its layer."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class PerformAction:
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Why it cannot be done now, and what to do about it; empty where it can."""
+        """Returns why it cannot be done now, and what to do about it; empty if it can."""
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 

@@ -29,7 +29,7 @@ class CloseUp:
 
     Attributes:
         on: whether the view goes there.
-        box: around the limb, metres; None where none is about to be held.
+        box: around the limb, metres; None if none is about to be held.
     """
 
     def __init__(self, editor: Editor) -> None:

@@ -21,7 +21,7 @@ APART = 100
 
 
 def camera_of(client: EdgeClient) -> CameraMessage | None:
-    """What an edge told last of its camera; None where it has not."""
+    """What an edge told last of its camera; None if it has not."""
     client.take(CAMERA)
     return next(iter(client.latest(CAMERA).values()), None)
 
@@ -40,7 +40,7 @@ class Guest:
         recorder: hears everything that arrives from it.
 
     Raises:
-        InputError: where that is no address.
+        InputError: if that is no address.
     """
 
     def __init__(self, address: str, number: int, settings: PlaybackSettings | None = None) -> None:
@@ -75,12 +75,12 @@ class Guest:
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns where its camera stands and what it sees; None where it does not tell."""
+        """Returns where its camera stands and what it sees; None if it does not tell."""
         return camera_of(self._client)
 
     @property
     def delay_ns(self) -> int:
-        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 where it is not
+        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 if it is not
         known.
         """
         edge = self.live.document.edge

@@ -36,7 +36,7 @@ _BELOW = 62.0
 _BETTER = 0.25
 """Share of the inset by which another corner has to cover less, so that it does not leap about."""
 _LOOKED = 20
-"""Pictures after which it is looked anew which corner is free, since that costs the characters' vertices."""
+"""Pictures after which it is looked again which corner is free, since that costs the characters' vertices."""
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, width and height, pixels."""
@@ -136,7 +136,7 @@ class PerformerInset:
 
 
 def rectangle_of(pixels: Float) -> Rectangle | None:
-    """Returns the rectangle around places (N, 2) in pixels; None where one is behind the camera."""
+    """Returns the rectangle around places (N, 2) in pixels; None if one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
     low, high = pixels.min(0), pixels.max(0)

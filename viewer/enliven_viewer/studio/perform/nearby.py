@@ -27,7 +27,7 @@ class NearbyEdge:
         endpoint: where it listens, or will.
 
     Raises:
-        ResourceError: where the edge's program is not installed.
+        ResourceError: if the edge's program is not installed.
     """
 
     def __init__(self, *words: str) -> None:
@@ -42,7 +42,7 @@ class NearbyEdge:
 
     @property
     def ended(self) -> str | None:
-        """Why it ended, its last words; None while it runs."""
+        """Returns why it ended, its last words; None while it runs."""
         if self._process.poll() is None:
             return None
         self._log.seek(0)

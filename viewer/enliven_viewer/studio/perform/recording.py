@@ -36,7 +36,7 @@ class StageRecording:
         live: what is followed; None without a link.
         connected: whether an edge is heard.
         may: says what is lacking, as a text that is not empty, and returns whether nothing is.
-        lacks: why nothing can be asked of the edge; empty where it can.
+        lacks: why nothing can be asked of the edge; empty if it can.
         guests: other edges that are recorded as well, each by its own clock.
 
     Attributes:
@@ -77,7 +77,7 @@ class StageRecording:
             if self._left <= 0.0:
                 self._begin()
         elif self.phase == "recording":
-            # What plays keeps step with the sensor's clock, however many pictures a second there are.
+            # What plays keeps step with the sensor's clock, however many frames per second there are.
             self.editor.growing = self.editor.time = self._start + self.seconds
             heard = self._connected() or any(guest.connected for guest in self._guests)
             self._silent = 0.0 if heard else self._silent + seconds
@@ -98,12 +98,12 @@ class StageRecording:
 
     @property
     def counted(self) -> int:
-        """Returns the beat of the count-in: 3, 2, 1; 0 where none is counted."""
+        """Returns the beat of the count-in: 3, 2, 1; 0 if none is counted."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
     @property
     def clip(self) -> tuple[float, float] | None:
-        """First and last second, on the timeline, of what is being recorded; None where nothing is."""
+        """First and last second, on the timeline, of what is being recorded; None if nothing is."""
         return (self._start, self.editor.growing) if self.phase == "recording" else None
 
     @property
@@ -125,7 +125,7 @@ class StageRecording:
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
     def again(self, *, beside: bool = False) -> None:
-        """Begins anew where the recording began: what is being recorded is dropped, the last one undone.
+        """Begins again where the recording began: what is being recorded is dropped, the last one undone.
 
         Args:
             beside: whether the last one is kept, silent, as an alternative of what is recorded now.
@@ -149,7 +149,7 @@ class StageRecording:
 
     @property
     def recorded(self) -> str:
-        """Returns the name of the recording that the last edit was; empty where that was another."""
+        """Returns the name of the recording that the last edit was; empty if that was another."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
 
@@ -220,7 +220,7 @@ class StageRecording:
             self.editor.undo()
 
     def seen(self) -> str:
-        """Returns the character that was recorded last, once; empty where it was asked for already."""
+        """Returns the character that was recorded last, once; empty if it was asked for already."""
         fresh, self._fresh = self._fresh, ""
         return fresh
 
@@ -252,7 +252,7 @@ class StageRecording:
         live.playhead.go_live()
 
     def _delay_ns(self) -> int:
-        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 where it is not
+        """Returns nanoseconds from a performer's movement until it is here, as measured; 0 if it is not
         known.
         """
         live = self._live()
@@ -275,7 +275,7 @@ def _recorded(
     """Returns a project with a recording inserted at a second, and the ids of its new items.
 
     Raises:
-        InputError: where nothing moved.
+        InputError: if nothing moved.
     """
     after, names = project, list[str]()
     for one in performed:

@@ -71,7 +71,7 @@ class StageSender:
                 self.put(stage, project, name)
 
     def again(self, stage: StageLink, project: Project) -> None:
-        """Sends everything anew: the edge was started again, and its stage is empty."""
+        """Sends everything again: the edge was started again, and its stage is empty."""
         for name in [name for name in self._sent if name in project.characters]:
             self.put(stage, project, name)
 

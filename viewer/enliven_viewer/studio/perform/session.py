@@ -92,7 +92,7 @@ class PerformSession:
         """Follows the edge at an address, HOST or HOST:PORT.
 
         Raises:
-            InputError: where that is no address.
+            InputError: if that is no address.
         """
         self._follow(address.strip(), settings)
         self.addresses.remember(address.strip())
@@ -109,7 +109,7 @@ class PerformSession:
         """Follows one edge more: who performs there is seen, and recorded, beside the others.
 
         Raises:
-            InputError: where that is no address, or is followed already.
+            InputError: if that is no address, or is followed already.
         """
         wanted = address.strip()
         if self._client is None:
@@ -143,7 +143,7 @@ class PerformSession:
         """Starts an edge on this machine and follow it; ``words`` are of its command line.
 
         Raises:
-            ResourceError: where the edge's program is not installed.
+            ResourceError: if the edge's program is not installed.
         """
         edge = NearbyEdge(*words)
         self._follow(str(edge.endpoint))
@@ -155,7 +155,7 @@ class PerformSession:
         """Plays a take as it was recorded: poses, performers, who held what.
 
         Raises:
-            InputError: where the file is no take.
+            InputError: if the file is no take.
         """
         feed = TakeFeed(path)
         self.disconnect()
@@ -208,7 +208,7 @@ class PerformSession:
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Returns where the edge's camera stands and what it sees; None where it does not tell."""
+        """Returns where the edge's camera stands and what it sees; None if it does not tell."""
         return None if self._client is None else camera_of(self._client)
 
     @property
@@ -251,7 +251,7 @@ class PerformSession:
 
     @property
     def meant(self) -> str | None:
-        """Returns the character on the stage that orders are about: the chosen one; None where that is not
+        """Returns the character on the stage that orders are about: the chosen one; None if that is not
         there.
         """
         chosen = self.editor.selection.character or self.there
@@ -316,7 +316,7 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Why nothing can be asked of an edge, and what to do about it; empty where it can."""
+        """Returns why nothing can be asked of an edge, and what to do about it; empty if it can."""
         if self.connected:
             return ""
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
@@ -334,12 +334,12 @@ class PerformSession:
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Why nothing can be recorded beside the last recording, and what to do about it."""
+        """Returns why nothing can be recorded beside the last recording, and what to do about it."""
         last = self.recording.recorded or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "There is no recording to take again. Record first")
 
     def lacks_to_put(self) -> str:
-        """Why the chosen character cannot be put on the stage, and what to do about it."""
+        """Returns why the chosen character cannot be put on the stage, and what to do about it."""
         one = self.editor.chosen()
         if one is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
@@ -347,7 +347,7 @@ class PerformSession:
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
-        """Why the chosen character cannot be taken from the stage, and what to do about it."""
+        """Returns why the chosen character cannot be taken from the stage, and what to do about it."""
         there = self.editor.selection.character in self.standing
         return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
 

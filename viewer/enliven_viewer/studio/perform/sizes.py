@@ -82,7 +82,7 @@ class StageSizes:
             ask(Resize("set", name))
 
     def lacks_size(self, name: str | None) -> str:
-        """Why a character has its own size already, and what to do about it; empty where it has not."""
+        """Returns why a character has its own size already, and what to do about it; empty if it has not."""
         if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SAME:
             return ""
         return "It has its own size. Scale it with both hands first"

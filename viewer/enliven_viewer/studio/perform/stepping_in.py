@@ -48,7 +48,7 @@ class FollowedStage(Protocol):
         """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
-        """Why nothing can be asked of an edge; empty if it can."""
+        """Returns why nothing can be asked of an edge; empty if it can."""
 
 
 @dataclass
@@ -113,7 +113,7 @@ class SteppingIn:
         self._press, self.words = None, ""
 
     def advance(self) -> None:
-        """Goes on with a press as far as it can: call it once a picture."""
+        """Goes on with a press as far as it can: call it once per frame."""
         press = self._press
         if press is None:
             return

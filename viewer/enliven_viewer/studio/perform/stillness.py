@@ -18,8 +18,8 @@ class Stillness:
     """Follows the performers in view; one who has not moved since it began cannot end anything yet.
 
     Attributes:
-        since_ns: the sensor's clock when the last one of them came to rest; None where one moves or none is
-            in view.
+        since_ns: the sensor's clock when the last one of them came to rest; None if one moves or none is in
+            view.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Small pictures of key poses: solved beside the window, drawn one a frame by the viewer's renderer, kept."""
+"""Small pictures of key poses: solved in the background, drawn one a frame by the viewer's renderer, kept."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Thumbnails:
 
     Args:
         ctx: an OpenGL context that is current in this thread.
-        surfaces: solves them beside the window.
+        surfaces: solves them in the background.
     """
 
     def __init__(self, ctx: moderngl.Context, surfaces: PuppetSurfaces) -> None:
@@ -68,7 +68,7 @@ class Thumbnails:
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
     def work(self) -> None:
-        """Draws one that is solved; to be called once a picture."""
+        """Draws one that is solved; to be called once per frame."""
         for key, (puppet, future) in list(self._solving.items()):
             if not future.done():
                 continue

@@ -1,4 +1,4 @@
-"""Finds the faces of a posed puppet that pass through one another, in a thread beside the window."""
+"""Finds the faces of a posed puppet that pass through one another, in a thread in the background."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SelfCrossing:
         self._finder: SelfIntersection | None = None
 
     def look(self, puppet: Puppet, surface: Float) -> None:
-        """Looks at a surface (V, 3) metres; called once a picture, it never waits."""
+        """Looks at a surface (V, 3) metres; called once per frame, it never waits."""
         if puppet.mesh is not self._mesh:
             self.forget()
             self._mesh, self._finder = puppet.mesh, None

@@ -30,7 +30,7 @@ class Editing(Protocol):
         """Returns the project as it is shown."""
 
     def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
-        """Does an edit and remember it; False where it cannot be done."""
+        """Does an edit and remember it; False if it cannot be done."""
 
     def select(self, **changes: object) -> None:
         """Changes parts of the selection."""

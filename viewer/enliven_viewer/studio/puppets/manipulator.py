@@ -73,7 +73,7 @@ class Manipulator:
         """Returns (3,) metres in the world, the movement of the place when a part is dragged between two
         pixels.
 
-        None where a pixel is beyond the horizon of the part's plane.
+        None if a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
             way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
@@ -183,7 +183,7 @@ class Manipulator:
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _on_plane(self, normal: Float, at: Point) -> Float | None:
-        """Returns (3,) where a pixel's ray meets the plane through the place; None where it does not."""
+        """Returns (3,) where a pixel's ray meets the plane through the place; None if it does not."""
         ray, eye = self.lens.ray(at), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)
         if abs(steep) < 1e-3 or away / steep <= 0.0:

@@ -55,7 +55,7 @@ def normals_of(mesh: Mesh) -> Float:
 
 @by_mesh
 def plane_of(mesh: Mesh) -> Plane | None:
-    """Returns its plane of symmetry, or None where it has none."""
+    """Returns its plane of symmetry, or None if it has none."""
     return plane_of_symmetry(mesh)
 
 

@@ -14,7 +14,7 @@ _OFF = 0.05
 
 
 def plane_for(puppet: Puppet) -> Plane | None:
-    """Returns the plane of symmetry that the puppet has, or else its mesh's; None where it has none."""
+    """Returns the plane of symmetry that the puppet has, or else its mesh's; None if it has none."""
     return puppet.symmetry if puppet.symmetry is not None else plane_of(puppet.mesh)
 
 

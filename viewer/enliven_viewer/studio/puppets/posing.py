@@ -170,7 +170,7 @@ class PuppetEditor(KeyPoses):
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
 
     def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
-        """Returns the take and the second of it that are shown; None where no take is."""
+        """Returns the take and the second of it that are shown; None if no take is."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]

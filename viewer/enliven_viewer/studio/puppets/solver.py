@@ -17,7 +17,7 @@ from enliven_viewer.studio.toasts import Toasts
 AT_ONCE = 4000
 """Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
 LARGE = 30_000
-"""Vertices from which other control points are taken up beside the window too."""
+"""Vertices from which other control points are taken up in the background too."""
 TOLD = 150_000
 """Vertices from which preparing is worth telling, and scrubbing does not settle every frame."""
 _STILL = 1e-4
@@ -143,7 +143,7 @@ class Solver:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _hold(self, held: Held) -> None:
-        """Other control points; beside the window where that takes long."""
+        """Other control points; in the background where that takes long."""
         surface, self._held, self._places = self._surface, held, None
         assert surface is not None
 

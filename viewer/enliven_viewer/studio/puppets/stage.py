@@ -129,7 +129,7 @@ class PuppetStage:
         return next(one for one in self.standing if one.id == puppet.id)
 
     def improve(self) -> None:
-        """Brings dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
+        """Brings dragged surfaces nearer to rest and take solved ones; to be called once per frame."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1

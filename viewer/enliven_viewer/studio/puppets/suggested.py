@@ -1,4 +1,4 @@
-"""Suggests control points at the ends of the mesh's limbs, found in a thread beside the window."""
+"""Suggests control points at the ends of the mesh's limbs, found in a thread in the background."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class PuppetSurfaces:
         return self._others.submit(surface.aside, places)
 
     def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
-        """Returns (V, 3) the settled surface at each of some places (P, 3); None where that cannot be said
+        """Returns (V, 3) the settled surface at each of some places (P, 3); None if that cannot be said
         yet.
         """
         found = [self.aside(puppet, places) for places in many]
@@ -65,7 +65,7 @@ class PuppetSurfaces:
         self.version += any(moved)
 
     def settle(self) -> None:
-        """Settles each surface from anew where it is asked for next: after a drag over many moments."""
+        """Settles each surface from again where it is asked for next: after a drag over many moments."""
         for solver in self._known.values():
             solver.forget()
         self.version += 1

@@ -117,7 +117,7 @@ class DraggedBox:
         return middle
 
     def _away(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
-        """Returns each handle that is before the eye, with its pixels from a place."""
+        """Returns each handle that is in front of the camera, with its pixels from a place."""
         found = []
         for side in product((0, 1), range(3)):
             for pixel in lens.pixels_of(self._handle(*side)[None]):

@@ -82,7 +82,7 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
 
 
 def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
-    """Returns the pixels of places (N, 3); empty where one of them is behind the eye."""
+    """Returns the pixels of places (N, 3); empty if one of them is behind the eye."""
     found = lens.pixels_of(points)
     return tuple(found) if len(found) == len(points) else ()
 

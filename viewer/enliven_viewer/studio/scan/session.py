@@ -83,7 +83,7 @@ class ScanSession:
 
     @property
     def surface(self) -> tuple[GrowingPicture, Float] | None:
-        """What grows and (4, 4) where it stands on the stage; None where nothing does."""
+        """What grows and (4, 4) where it stands on the stage; None if nothing does."""
         if not self.active or self._growing.picture is None:
             return None
         return self._growing.picture, self.stage_from_scan
@@ -102,25 +102,25 @@ class ScanSession:
     # Orders -----------------------------------------------------------------------------------------------
 
     def lacks_stage(self) -> str:
-        """Why nothing can be scanned, and what to do about it; empty where it can."""
+        """Returns why nothing can be scanned, and what to do about it; empty if it can."""
         if self.perform.client is None:
             return NO_STAGE
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
-        """Why the scan cannot be told anything; empty where it can."""
+        """Returns why the scan cannot be told anything; empty if it can."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = "It is being made. Wait until it stands there" if self.said.phase == "finishing" else ""
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
-        """Why nothing can be taken back; empty where it can."""
+        """Returns why nothing can be taken back; empty if it can."""
         return self.lacks_scan() or (
             "" if self.said.undoable > 0 else "There is nothing to take back. Scan on"
         )
 
     def lacks_again(self) -> str:
-        """Why nothing can be added to a scan; empty where it can."""
+        """Returns why nothing can be added to a scan; empty if it can."""
         there = self.said.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 

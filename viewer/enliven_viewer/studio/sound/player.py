@@ -1,4 +1,4 @@
-"""Plays a project's sounds beside the window, in step with its playhead."""
+"""Plays a project's sounds in the background, in step with its playhead."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _APART = 0.08
 
 
 class Stream(Protocol):
-    """What asks for samples, in a thread of its own."""
+    """What asks for samples, in a separate thread."""
 
     latency: float
 
@@ -31,8 +31,8 @@ def device(fill: Fill) -> Stream:
     """Returns the machine's own output.
 
     Raises:
-        ImportError: where sounddevice is not installed.
-        OSError: where PortAudio is not installed.
+        ImportError: if sounddevice is not installed.
+        OSError: if PortAudio is not installed.
         Exception: of PortAudio, where nothing can play.
     """
     import sounddevice
@@ -65,7 +65,7 @@ class SoundPlayer:
         self.heard, self._failed = not self.heard, False
 
     def follow(self) -> None:
-        """Keeps step with the editor; to be called once a picture."""
+        """Keeps step with the editor; to be called once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
         plays = editor.playing and editor.speed == 1.0 and not editor.scrubbing

@@ -23,7 +23,7 @@ def read_sound(path: Path) -> Sound:
     """Returns the sound of a file, as one channel of :data:`SOUND_RATE`.
 
     Raises:
-        InputError: where it is none, is damaged before its first sample, or longer than 20 minutes.
+        InputError: if it is none, is damaged before its first sample, or longer than 20 minutes.
     """
     import av  # 0.1 s to load, which a window without sounds does without
 

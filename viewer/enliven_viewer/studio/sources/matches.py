@@ -37,7 +37,7 @@ def offers(
     shown.
 
     Raises:
-        InputError: where one of the skeletons cannot be abstracted.
+        InputError: if one of the skeletons cannot be abstracted.
     """
     source = source_of_skeleton(clip.skeleton)
     pose = posed_take(clip, time).handles

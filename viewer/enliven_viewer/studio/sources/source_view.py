@@ -66,7 +66,7 @@ class SourceView:
             self.camera.frame(
                 (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, room=1.25
             )
-            # From the front: a chain is mapped as it is seen.
+            # From the front: a chain is mapped as seen on screen.
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
@@ -105,7 +105,7 @@ class SourceView:
         self._last = None
 
     def forget(self) -> None:
-        """Chooses anew."""
+        """Chooses again."""
         self.chain, self._start = (), None
 
     @property

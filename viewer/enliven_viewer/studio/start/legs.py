@@ -114,8 +114,7 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
 
 
 def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Stroke | None:
-    """Returns the ends of a stroke across a leg, at right angles to it; None where the leg is seen from its
-    end.
+    """Returns the ends of a stroke across a leg, at right angles to it; None if the leg is seen from its end.
 
     Args:
         heights: (N,) of its vertices at rest, metres.

@@ -89,7 +89,7 @@ class Tour:
         return self.shows or self.ticked > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
-        """Returns where what is meant is now, in the window's pixels; None where it cannot be seen.
+        """Returns where what is meant is now, in the window's pixels; None if it cannot be seen.
 
         Args:
             origin: the top left of the picture, in the window's pixels.
@@ -110,7 +110,7 @@ class Tour:
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
 
     def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
-        """Looks whether the step was done; to be called once a picture, so long after the one before."""
+        """Looks whether the step was done; to be called once per frame, so long after the one before."""
         step = self.step
         if step is None:
             self.target = Target()

@@ -52,7 +52,7 @@ class ClipDrag:
     def of(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
-        """Returns the drag that begins at a handle; None where it is not of a clip."""
+        """Returns the drag that begins at a handle; None if it is not of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
         how = changed.get(handle.kind, handle.kind)

@@ -1,4 +1,4 @@
-"""Small pictures of what takes do, for the clips of the timeline: drawn beside the window, kept."""
+"""Small pictures of what takes do, for the clips of the timeline: drawn in the background, kept."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class TimelineInput:
         snapping: whether what is dragged sticks to clips, markers, the playhead and frames.
         stuck: the second that the drag sticks to now, or None.
         clip: which clip of the chosen layer is chosen.
-        marker: the marker that is named anew, or empty.
+        marker: the marker that is named again, or empty.
         pictures: of what the takes do.
     """
 

@@ -72,7 +72,7 @@ class Tool:
 
     @property
     def warning(self) -> str:
-        """What is wrong with the work just now, one line; empty where nothing is."""
+        """What is wrong with the work just now, one line; empty if nothing is."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:
@@ -90,7 +90,7 @@ class Tool:
         """The button went up."""
 
     def type(self, key: str) -> bool:
-        """Returns a key was pressed; True where the tool took it."""
+        """Returns a key was pressed; True if the tool took it."""
         return False
 
     def cancel(self) -> None:
@@ -151,7 +151,7 @@ class StrokeTool(Tool):
         self._stroke: list[Point] = []
 
     def taken(self) -> list[Point]:
-        """Returns the points of the stroke, which begins anew."""
+        """Returns the points of the stroke, which begins again."""
         stroke, self._stroke = self._stroke, []
         return stroke
 

@@ -70,7 +70,7 @@ class CarryTool(Tool):
             self._host = self._beneath(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
-        """Merges at the playhead's time, where nothing turns then and both go on moving; or let it stand."""
+        """Merges at the playhead, where nothing turns then and both go on moving; or let it stand."""
         (held, host), self._held, self._host = (self._held, self._host), None, None
         editor = self.editor
         if held is None or editor.draft is None:

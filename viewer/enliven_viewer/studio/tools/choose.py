@@ -18,7 +18,7 @@ _SAMPLE = 500
 class ChooseTool(Tool):
     """Click chooses; with Ctrl beside the others; with Shift also, or the chain to the clicked joint.
 
-    A drag with Ctrl draws a box, which chooses all that it touches; with Shift beside what is chosen.
+    A drag with Ctrl draws a box, which chooses all that it touches; with Shift beside the selection.
     """
 
     name, label, key, icon = "choose", "Choose", "q", "\uf245"

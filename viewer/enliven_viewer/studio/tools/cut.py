@@ -16,7 +16,7 @@ from enliven_viewer.theme import CUT
 
 
 class CutTool(StrokeTool):
-    """A stroke; every bone that it crosses is cut there, at the playhead's time."""
+    """A stroke; every bone that it crosses is cut there, at the playhead."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
 

@@ -29,7 +29,7 @@ class CharacterDrag:
 
     Attributes:
         character: its id.
-        characters: the ids of all that go with it: what is chosen, where it is one of them.
+        characters: the ids of all that go with it: the selection, where it is one of them.
         rooted: whether its first handle is shown, and goes with the pointer.
         handles: (H, 3) metres in the world, where its handles were at the start.
     """

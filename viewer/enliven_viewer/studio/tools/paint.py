@@ -85,9 +85,7 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the plane between left and right of a mesh, known by its vertices; None where it has
-        none.
-        """
+        """Returns the plane between left and right of a mesh, known by its vertices; None if it has none."""
         if self._planes is None or self._planes[0] is not mesh.vertices:
             self._planes = mesh.vertices, plane_of_symmetry(mesh)
         return self._planes[1]
@@ -102,7 +100,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Why there is no paint to be cleared, and what to do about it; empty where there is."""
+        """Returns why there is no paint to be cleared, and what to do about it; empty if there is."""
         one = self.editor.chosen()
         if one is None or one.mesh is None or one.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"

@@ -31,7 +31,7 @@ class DrawnMeshes:
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:
-        """Returns the mesh, in its default colour where it brings none; None where it has no surface."""
+        """Returns the mesh, in its default colour where it brings none; None if it has no surface."""
         if character.mesh is None or not len(character.mesh.faces):
             return None
         parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])

@@ -26,7 +26,7 @@ class Lens:
     size: tuple[float, float]
 
     def project(self, points: Float) -> tuple[Float, Float]:
-        """Returns (N, 2) pixels and (N,) metres before the eye of (N, 3) points; not finite where behind
+        """Returns (N, 2) pixels and (N,) metres in front of the camera of (N, 3) points; not finite if behind
         it.
         """
         clip = np.c_[points, np.ones(len(points))] @ self.view.clip_from_world.T
@@ -48,7 +48,7 @@ class Lens:
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
     def pixels_of(self, points: Float) -> list[Point]:
-        """Returns the pixels of places (N, 3) that are before the eye."""
+        """Returns the pixels of places (N, 3) that are in front of the camera."""
         if not len(points):
             return []
         return [(float(x), float(y)) for x, y in self.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
@@ -78,7 +78,7 @@ class Hit:
         handle: the joint or control point, or that at the end of a bone; -1 on the surface.
         along: where on the bone, 0 at its begin and 1 at the handle.
         pixels: how far the pointer is from it.
-        depth: metres before the eye.
+        depth: metres in front of the camera.
         face: of the mesh, on the surface; else -1.
     """
 
@@ -160,7 +160,7 @@ def _in_space(share: float, near: float, far: float) -> float:
 
 
 def _crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
-    """Returns the share of the way from a to b where it crosses the way from c to d, all (2,); None where
+    """Returns the share of the way from a to b where it crosses the way from c to d, all (2,); None if
     not.
     """
     first, second = b - a, d - c

@@ -13,7 +13,7 @@ from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.kernels import njit
 
 NEAREST = 1e-3
-"""Metres before the eye: what is nearer, or behind it, cannot be picked."""
+"""Metres in front of the camera: what is nearer, or behind it, cannot be picked."""
 
 
 def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:

@@ -19,7 +19,7 @@ class StandingCharacter:
 
     Attributes:
         character: as it is shown; an older value while its newest motion is being solved.
-        drawn: its mesh for the renderer, or None where it has no surface.
+        drawn: its mesh for the renderer, or None if it has no surface.
         pose: its transforms.
         handles: (H, 3) metres in the world, where its handles are: joints or control points.
     """
@@ -66,7 +66,7 @@ class StandingCharacter:
 
     @property
     def nodes(self) -> Float | Float32:
-        """Returns (N, 3) metres in the world of the nodes that can have keys; none where its handles have
+        """Returns (N, 3) metres in the world of the nodes that can have keys; none if its handles have
         them.
         """
         count = 0 if len(self.handles) else self.character.keyable

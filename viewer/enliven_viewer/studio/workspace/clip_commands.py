@@ -72,7 +72,7 @@ class ClipCommands:
         self.editor.edit(_DEEDS[deed][0], self._edit(deed))
 
     def lacks(self, deed: str) -> str:
-        """Why that cannot be done now, and what to do about it; empty where it can."""
+        """Returns why that cannot be done now, and what to do about it; empty if it can."""
         if not self._lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:

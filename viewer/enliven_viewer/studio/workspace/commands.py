@@ -54,7 +54,7 @@ class Commands:
         self.editor.marked = None
 
     def lacks_marked(self) -> str:
-        """Why no points can be taken away, and what to do about it."""
+        """Returns why no points can be taken away, and what to do about it."""
         return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
 
     def step(self, count: int) -> None:
@@ -66,7 +66,7 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Removes the chosen joint, or else what is chosen."""
+        """Removes the chosen joint, or else the selection."""
         names, joint = self._names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
@@ -74,7 +74,7 @@ class Commands:
             self._take_away(later("delete {0}"))
 
     def copy(self) -> None:
-        """Remembers what is chosen, with its motion."""
+        """Remembers the selection, with its motion."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
@@ -82,7 +82,7 @@ class Commands:
             )
 
     def cut_out(self) -> None:
-        """Remembers what is chosen and take it away."""
+        """Remembers the selection and take it away."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), -1
             self._take_away(later("cut out {0}"))
@@ -94,37 +94,37 @@ class Commands:
             self._copy(later("paste {0}"), *self._copied, self._pasted)
 
     def duplicate(self) -> None:
-        """Puts a copy of what is chosen beside it; the clipboard stays."""
+        """Puts a copy of the selection beside it; the clipboard stays."""
         if self._names:
             self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
 
     def mirror(self) -> None:
-        """Mirrors what is chosen left to right, as it is seen."""
+        """Mirrors the selection left to right, as seen on screen."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
         self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
 
     def scale(self, factor: float) -> None:
-        """Makes what is chosen larger or smaller where it stands."""
+        """Makes the selection larger or smaller where it stands."""
         self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
 
     def turn(self, degrees: float) -> None:
-        """Turns what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
+        """Turns the selection where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
         self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
-        """Lets what is chosen do everything later, or earlier below 0."""
+        """Lets the selection do everything later, or earlier below 0."""
         self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
 
     def mute(self) -> None:
-        """Lets no motion of what is chosen play, or all of it where none does."""
+        """Lets no motion of the selection play, or all of it where none does."""
         on = not self.muted()
         word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
     def muted(self) -> bool:
-        """Returns True if what is chosen has motion, and none of it plays."""
+        """Returns True if the selection has motion, and none of it plays."""
         layers = [layer for one in self.editor.chosen_all for layer in one.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
@@ -226,37 +226,37 @@ class Commands:
             self.editor.choose_all(*made)
 
     def lacks_character(self) -> str:
-        """What a command on a character lacks."""
+        """Returns why a command on a character is unavailable; empty if it is available."""
         return "" if self._names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
-        """What a command on the motion of what is chosen lacks."""
+        """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
         moves = any(one.playing for one in self.editor.chosen_all)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
-        """What a command on a shape with bones lacks."""
+        """Returns why a command on a shape with bones is unavailable; empty if it is available."""
         return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
-        """What pasting a character lacks."""
+        """Returns why pasting a character is unavailable; empty if it is available."""
         return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
 
     def lacks_limb(self) -> str:
-        """What a command on a limb lacks."""
+        """Returns why a command on a limb is unavailable; empty if it is available."""
         return "" if self._limb() else "No limb is chosen. Click a node of the limb that moves."
 
     def lacks_foot(self) -> str:
-        """What pinning a foot lacks."""
+        """Returns why pinning a foot is unavailable; empty if it is available."""
         chosen = self.editor.chosen(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
-        """What undo lacks."""
+        """Returns why undo is unavailable; empty if it is available."""
         return "" if self.editor.history.undo_name else "Nothing is left to be undone."
 
     def lacks_redo(self) -> str:
-        """What redo lacks."""
+        """Returns why redo is unavailable; empty if it is available."""
         return "" if self.editor.history.redo_name else "Nothing is left to be done again."
 
     @property
@@ -264,7 +264,7 @@ class Commands:
         return tuple(one.id for one in self.editor.chosen_all)
 
     def _told(self, names: tuple[str, ...] | None = None) -> str:
-        """Returns the name of what is chosen, or how many shapes it is."""
+        """Returns the name of the selection, or how many shapes it is."""
         names = self._names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 

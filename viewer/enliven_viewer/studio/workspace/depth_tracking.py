@@ -1,4 +1,4 @@
-"""Depth that is opened in the studio: ``enliven track`` finds the people in it, beside the window."""
+"""Depth that is opened in the studio: ``enliven track`` finds the people in it, in the background."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def lacks_tracking(path: Path) -> bool:
     """Returns True if a file is a recording of depth without the bodies of the people in it.
 
     Raises:
-        InputError: where it cannot be read as a recording.
+        InputError: if it cannot be read as a recording.
     """
     if path.suffix.lower() != ".mcap":
         return False
@@ -34,7 +34,7 @@ def lacks_tracking(path: Path) -> bool:
 
 
 class DepthTracking:
-    """A run of the tracker in a process of its own; what it finds becomes takes of the project.
+    """A run of the tracker in a separate process; what it finds becomes takes of the project.
 
     Attributes:
         name: of the file, or empty while nothing is tracked.
@@ -75,7 +75,7 @@ class DepthTracking:
         self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
 
     def poll(self) -> None:
-        """Takes what was found, or tells what went wrong; to be called once a picture."""
+        """Takes what was found, or tells what went wrong; to be called once per frame."""
         if self._child is None or self._child.poll() is None:
             return
         self.finish()
@@ -114,7 +114,7 @@ class DepthTracking:
         folder.cleanup()
 
     def _read(self, child: subprocess.Popen[str]) -> None:
-        """Follows what the tracker says, in a thread of its own."""
+        """Follows what the tracker says, in a separate thread."""
         assert child.stdout is not None
         for line in child.stdout:
             done, slash, total = line.strip().partition(" of ")

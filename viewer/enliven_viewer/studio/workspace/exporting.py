@@ -17,7 +17,7 @@ from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.workspace.files import exportable
 
 RATES = (12, 15, 24, 25, 30, 48, 50, 60)
-"""Frames a second that are offered."""
+"""Frames per second that are offered."""
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
 """Sizes of films that are offered: screens, a square and an upright telephone."""
 _SAMPLED = 0.3
@@ -31,7 +31,7 @@ class ExportOptions:
     Attributes:
         left_out: characters that are not written.
         first, last: seconds of the project; a last of 0 is its end.
-        rate: frames a second.
+        rate: frames per second.
         size: of a film.
         look: of a film; empty for the stage's own.
         morphs: whether puppets become morph targets of a .glb, and not bones.
@@ -89,7 +89,7 @@ def write_export(
     Raises:
         Cancelled: if the artist has cancelled it; an older file is unchanged.
         InputError: for options that make no sense.
-        ResourceError: where the file cannot be written.
+        ResourceError: if the file cannot be written.
     """
     chosen, (first, last) = options.chosen(characters), options.checked_range(length)
     more = format_options(path, options, chosen)
@@ -120,8 +120,8 @@ def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None
         What was written, as a sentence.
 
     Raises:
-        InputError: where there is none.
-        ResourceError: where the file cannot be written.
+        InputError: if there is none.
+        ResourceError: if the file cannot be written.
     """
     characters = chosen or exportable(project)
     return write_export(project, path, characters, ExportOptions(), 0.0, WorkProgress())

@@ -119,7 +119,7 @@ class FileBrowser:
 
         Raises:
             InputError: for a name that no folder can have, or that is there already.
-            ResourceError: where it cannot be made.
+            ResourceError: if it cannot be made.
         """
         name = (self.new or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
@@ -147,7 +147,7 @@ class FileBrowser:
         """Returns the path that is chosen.
 
         Raises:
-            InputError: where nothing is, or it is not there; once, where a file would be replaced.
+            InputError: if nothing is, or it is not there; once, where a file would be replaced.
         """
         name = self.name.strip()
         if not name:
@@ -178,7 +178,7 @@ class FileBrowser:
         return path
 
     def _listed(self) -> list[Path]:
-        """Returns the entries of the folder, by name; none where it cannot be read."""
+        """Returns the entries of the folder, by name; none if it cannot be read."""
         self.problem = ""
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]

@@ -45,7 +45,7 @@ def add_file(editor: Editor, path: Path) -> None:
     """Adds a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
 
     Raises:
-        InputError: where the file cannot be read, or is of no known kind.
+        InputError: if the file cannot be read, or is of no known kind.
     """
     add, value = read_to_add(path)
     add(editor, path, value)
@@ -55,7 +55,7 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     """Returns what adds a file to the project, and what was read of it; reading may be done in a thread.
 
     Raises:
-        InputError: where the file cannot be read, or is of no known kind.
+        InputError: if the file cannot be read, or is of no known kind.
     """
     ending = path.suffix.lower()
     for endings, read, add in _KINDS:
@@ -88,7 +88,7 @@ def exportable(project: Project) -> list[RigBase]:
     """Returns the characters that have a surface and lack nothing to move.
 
     Raises:
-        InputError: where there is none, with what the first one lacks.
+        InputError: if there is none, with what the first one lacks.
     """
     solid = [one for one in project.characters.values() if one.mesh is not None]
     lacking = [rig_of(one).lacking(project, one) for one in solid]
@@ -103,8 +103,8 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
     """Writes a puppet with its examples as a session, with a project file beside it for mesh and takes.
 
     Raises:
-        InputError: where there is no such puppet.
-        ResourceError: where the file cannot be written.
+        InputError: if there is no such puppet.
+        ResourceError: if the file cannot be written.
     """
     write_session(path, project, puppet_id)
 
@@ -255,7 +255,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
         The project, and the ids of all that was added.
 
     Raises:
-        InputError: where the file is no recording, or nothing in it moves.
+        InputError: if the file is no recording, or nothing in it moves.
     """
     return _with_performed(project, path, _read_performance(path))
 

@@ -37,7 +37,7 @@ class Fitting:
         return (own, float(np.median(others))) if own > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Why nothing can be fitted, and what to do about it."""
+        """Returns why nothing can be fitted, and what to do about it."""
         heights = self.heights()
         if heights is None:
             return "Nothing is there to fit it to. Choose one thing that stands beside others."
@@ -47,7 +47,7 @@ class Fitting:
     def fit(self) -> None:
         """Makes the chosen character as tall as the others; it stands where it stood."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
-        # What is shown of a puppet may be of a moment ago: it is solved beside the window.
+        # What is shown of a puppet may be of a moment ago: it is solved in the background.
         seen = {one: vertices_of(project, one, time) for one, each in project.characters.items() if each.mesh}
         heights = self._heights(seen)
         if name is None or heights is None:

@@ -40,7 +40,7 @@ class ViewportInput:
         actions: what keys do where the tool has no use for them.
 
     Attributes:
-        first: asked about every key before the tool is; True where it took it.
+        first: asked about every key before the tool is; True if it took it.
         over: handles that are asked about the left button before the tool is, or None.
     """
 

@@ -8,7 +8,7 @@ from enliven_viewer.studio.editor import Editor
 
 
 class KeyCommands:
-    """Commands on the keys of what is chosen at the playhead: a bone, a node, or else the whole."""
+    """Commands on the keys of the selection at the playhead: a bone, a node, or else the whole."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -30,11 +30,11 @@ class KeyCommands:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
     def lacks(self) -> str:
-        """What a key lacks."""
+        """Returns why a key is unavailable; empty if it is available."""
         return "" if self._thing()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
-        """Why there is no key to remove."""
+        """Returns why there is no key to remove."""
         found = self.lacks()
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 

@@ -21,7 +21,7 @@ _Solved = tuple[Project, str, list[str]]
 
 
 class MotionClipboard:
-    """What was copied, and what it is pasted onto; meshes are solved beside the window."""
+    """What was copied, and what it is pasted onto; meshes are solved in the background."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -65,7 +65,7 @@ class MotionClipboard:
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
-        """What copying motion lacks."""
+        """Returns why copying motion is unavailable; empty if it is available."""
         if self._chosen_performed() is not None or chosen_chain(self.editor):
             return ""
         return (
@@ -74,7 +74,7 @@ class MotionClipboard:
         )
 
     def lacks_paste(self) -> str:
-        """What pasting motion lacks."""
+        """Returns why pasting motion is unavailable; empty if it is available."""
         if self._performed is not None:
             return "" if self.editor.chosen() else "No character is chosen. Click the one that is to perform."
         if self._copied is None:
@@ -83,7 +83,7 @@ class MotionClipboard:
         return "" if chosen_chain(self.editor) else said
 
     def lacks_possessed(self) -> str:
-        """What solving a possession again lacks."""
+        """Returns why solving a possession again is unavailable; empty if it is available."""
         chosen = self.editor.chosen(GraphShape)
         return "" if chosen else "No possessed mesh is chosen. Click one first."
 

@@ -107,7 +107,7 @@ class ProjectStore:
         """Goes on with a project.
 
         Raises:
-            InputError: where the file cannot be read; what is open stays.
+            InputError: if the file cannot be read; what is open stays.
         """
         self.take(path, self.read(path))
 
@@ -116,7 +116,7 @@ class ProjectStore:
         """Returns the project of a file and the checksum of its content; may be called in a thread.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         data = read_file(path)
         return solve_lost(project_of(data, str(path))), _checksum(data)
@@ -137,9 +137,9 @@ class ProjectStore:
             over: also where another window or program has saved the file since.
 
         Raises:
-            FileChangedError: where another window or program has; nothing is written.
+            FileChangedError: if another window or program has; nothing is written.
             LaterVersionError: if the file is a project of a later version; nothing is written.
-            ResourceError: where it cannot be written; the file from before stays.
+            ResourceError: if it cannot be written; the file from before stays.
         """
         target = path or self.path
         assert target is not None, "a project without a file is saved with a path"
@@ -162,7 +162,7 @@ class ProjectStore:
         """Returns the project that the file holds now, which another window may have saved.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         assert self.path is not None, "only a project with a file has one that is saved"
         return solve_lost(read_project(self.path))
@@ -187,7 +187,7 @@ class ProjectStore:
             )
 
     def autosave(self, now: float | None = None) -> None:
-        """Begins to write the recovery file, beside the window, where it is time and something has
+        """Begins to write the recovery file, in the background, where it is time and something has
         changed.
         """
         now = time.monotonic() if now is None else now
@@ -249,7 +249,7 @@ class ProjectStore:
         """Goes on with a recovery file's project, not saved yet.
 
         Raises:
-            InputError: where the file cannot be read; what is open stays.
+            InputError: if the file cannot be read; what is open stays.
         """
         project = solve_lost(read_project(path))
         self.new()

@@ -106,15 +106,15 @@ class PuppetCommands:
         return put
 
     def lacks_mesh(self) -> str:
-        """What making a puppet lacks."""
+        """Returns why making a puppet is unavailable; empty if it is available."""
         return "" if self._solid() else "No shape with a surface is chosen. Click one first."
 
     def lacks_puppet(self) -> str:
-        """What a command on a puppet lacks."""
+        """Returns why a command on a puppet is unavailable; empty if it is available."""
         return "" if self.editor.puppets.puppet else "No puppet is chosen. Click one first."
 
     def lacks_examples(self) -> str:
-        """What baking a puppet lacks."""
+        """Returns why baking a puppet is unavailable; empty if it is available."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return self.lacks_puppet()
@@ -149,7 +149,7 @@ def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
     """Returns the mesh over the origin, standing on the floor, and (3,) metres where it was.
 
     Raises:
-        InputError: where it has no faces.
+        InputError: if it has no faces.
     """
     if not len(mesh.faces):
         raise InputError(

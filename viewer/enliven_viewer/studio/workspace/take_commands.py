@@ -21,7 +21,7 @@ class TakeCommands:
 
     @property
     def alternatives(self) -> str:
-        """Returns the name of the takes that are meant; empty where nothing was taken again."""
+        """Returns the name of the takes that are meant; empty if nothing was taken again."""
         project, chosen = self.editor.project, self.editor.selection
         one = project.characters.get(chosen.character or "")
         if one is not None and chosen.layer is not None and chosen.layer < len(one.playing):
@@ -36,12 +36,12 @@ class TakeCommands:
 
     @property
     def heard(self) -> str:
-        """Returns the take that is heard of those; empty where none is."""
+        """Returns the take that is heard of those; empty if none is."""
         known = takes_beside(self.editor.project, self.alternatives)
         return next((name for name, heard in known.items() if heard), "")
 
     def lacks(self) -> str:
-        """Why none can be chosen, and what to do about it."""
+        """Returns why none can be chosen, and what to do about it."""
         return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
 
     def step(self, way: int) -> None:

@@ -69,9 +69,9 @@ class Workspace:
         preferences: what the artist chose once and for all.
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
-        ghosts: where characters were and will be; curves: what is chosen, over time.
+        ghosts: where characters were and will be; curves: the selection, over time.
         outliner: the tree of all things.
-        figures: where what is chosen stands and how large it is; typing: what is typed into its fields.
+        figures: where the selection stands and how large it is; typing: what is typed into its fields.
         depth: the tracker of depth that was opened.
         sound: plays what is performed along.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
@@ -181,7 +181,7 @@ class Workspace:
         """Adds a model or take, or opens a project; asks first where work would be lost.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         if path.suffix.lower() == PROJECT and self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
@@ -229,7 +229,7 @@ class Workspace:
         """A file was chosen in the dialogue.
 
         Raises:
-            EnlivenError: where it cannot be read or written.
+            EnlivenError: if it cannot be read or written.
         """
         dialogue, self.asking = self.asking, ""
         if dialogue == "open":
@@ -267,7 +267,7 @@ class Workspace:
             over: also where another window has saved the file since.
 
         Raises:
-            EnlivenError: where it cannot be written; what waited does not go on later.
+            EnlivenError: if it cannot be written; what waited does not go on later.
         """
         self.asking = ""
         try:
@@ -309,7 +309,7 @@ class Workspace:
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
     def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Lets the tour check its step; to be called once a picture.
+        """Lets the tour check its step; to be called once per frame.
 
         Args:
             seconds: since the last picture.
@@ -374,7 +374,7 @@ class Workspace:
             editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
     def attempt(self, command: Callable[[], object]) -> bool:
-        """Calls a function; shows its EnlivenError as a message and return False where it raises one."""
+        """Calls a function; shows its EnlivenError as a message and return False if it raises one."""
         try:
             command()
         except EnlivenError as error:
@@ -386,7 +386,7 @@ class Workspace:
         """Returns the rectangle where a widget was drawn last.
 
         Raises:
-            InputError: where it has not been drawn.
+            InputError: if it has not been drawn.
         """
         if name not in self.widgets:
             known = ", ".join(sorted(self.widgets))
@@ -408,7 +408,7 @@ class Workspace:
                 imgui.set_scroll_here_y(0.5)  # what the tour or a script means is scrolled into sight
 
     def _export(self, path: Path) -> None:
-        """Writes the file beside the window, since surfaces may have to be solved for it."""
+        """Writes the file in the background, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()

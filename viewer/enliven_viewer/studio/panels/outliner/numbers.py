@@ -1,4 +1,4 @@
-"""Draws the numbers of what is chosen: its place, its size, turns, and when its motion begins."""
+"""Draws the numbers of the selection: its place, its size, turns, and when its motion begins."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FIELD = 67.0
 
 
 def draw_numbers(workspace: Workspace) -> None:
-    """Draws the fields of what is chosen."""
+    """Draws the fields of the selection."""
     figures = workspace.figures
     place, height = figures.place, figures.height
     if place is None or height is None:

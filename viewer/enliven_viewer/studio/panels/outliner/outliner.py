@@ -17,9 +17,9 @@ from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 _LEAST = 0.12
 """Of the height of the side that the tree keeps: its filter, and a row where the window is high."""
 _MOST = 0.85
-"""Of the height of the side that the tree takes at most: the name of what is chosen stays in view."""
+"""Of the height of the side that the tree takes at most: the name of the selection stays in view."""
 _GRIP = 7.0
-"""Pixels of the line between the tree and what is chosen, by which it is dragged."""
+"""Pixels of the line between the tree and the selection, by which it is dragged."""
 _INDENT = 14.0
 """Pixels by which a row stands further right than the one that it belongs to."""
 _FOLD = 16.0
@@ -36,7 +36,7 @@ _DRAGGED = "character"
 
 
 def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
-    """Splits the right side: the tree above with its share of the height, what is chosen below."""
+    """Splits the right side: the tree above with its share of the height, the selection below."""
     high = round(share * side.height)
     return (
         Area(side.x, side.y, side.width, high),
@@ -70,7 +70,7 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
 
 
 def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
-    """The line between the tree and what is chosen."""
+    """The line between the tree and the selection."""
     imgui.set_cursor_pos(ImVec2(0, area.height - _GRIP))
     imgui.invisible_button("##grip", ImVec2(area.width, _GRIP))
     workspace.remember("grip")

@@ -42,7 +42,7 @@ _LEAST = 240.0
 
 
 def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
-    """Draws over the viewport; ``pace`` is the pictures a second."""
+    """Draws over the viewport; ``pace`` is the frames per second."""
     perform = workspace.perform
     live = perform.live
     if live is None:

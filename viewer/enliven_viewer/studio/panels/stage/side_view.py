@@ -1,4 +1,4 @@
-"""Draws the limb that is about to be held as it is seen from the side, in a corner of the picture."""
+"""Draws the limb that is about to be held as seen on screen from the side, in a corner of the picture."""
 
 from __future__ import annotations
 
