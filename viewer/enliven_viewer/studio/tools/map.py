@@ -1,4 +1,6 @@
-"""Mapping: a chain of a take, then one of a shape, by clicking; or one of the matches on offer."""
+"""The retargeting tool: maps a chain of a take to a chain of a shape by clicks, or accepts a suggested
+match.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ class MappedChain:
 
 @dataclass
 class WholeBody:
-    """How a whole body is mapped: settings of a :class:`Plan`."""
+    """The settings of a whole-body retargeting, as in :class:`Plan`."""
 
     floor: bool = True
     steps: bool = True
@@ -53,15 +55,15 @@ class WholeBody:
 
 
 class MapTool(Tool):
-    """Gives a chain of a shape the motion of a chain of a take.
+    """Transfers the motion of a chain of a take to a chain of a shape.
 
     Attributes:
         source: the view of the take.
-        loop: whether what is mapped next begins again at its end.
-        whole: how a whole body is mapped.
-        gentle: whether limbs that would stretch the surface are then moved by less.
-        made: the shape and the take that were mapped whole last, how, and how good it is.
-        offered: matches that can be accepted with one click; the first is lit where nothing else is.
+        loop: whether newly mapped motion loops.
+        whole: settings of whole-body retargeting.
+        gentle: if True, limbs that would stretch the surface move less.
+        made: the last whole-body retargeting: shape, take, plan, and quality.
+        offered: suggested matches that one click accepts. The first is highlighted unless another one is.
     """
 
     name, label, key, icon = "map", "Map motion", "m", "\uf0ec"
@@ -127,7 +129,9 @@ class MapTool(Tool):
         return plain
 
     def rank(self) -> None:
-        """Offers the matches of the take's pose now with the chosen shape, as both are seen."""
+        """Finds matches between the take's current pose and the selected shape, as both appear in their
+        views.
+        """
         clip, shape = self.source.clip, self.editor.chosen(Shape)
         self.offered = []
         if clip is None or shape is None:
@@ -142,7 +146,7 @@ class MapTool(Tool):
             editor.toasts.complain(error)
 
     def map_whole(self) -> None:
-        """Maps every limb of the take onto a limb of the chosen shape that suits it, at once."""
+        """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
             editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
@@ -158,7 +162,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> Retargeted:
-            """Returns the shape with the take in the place of all that moved it."""
+            """Returns the shape with the take in place of all its previous motion."""
             still = stilled(project, shape.id)
             known = still.shape(shape.id)
             if itself:
@@ -195,7 +199,7 @@ class MapTool(Tool):
         editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
     def accept(self, offer: Offer) -> None:
-        """Maps every chain of an offer."""
+        """Maps every chain of a suggested match."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
@@ -214,7 +218,7 @@ class MapTool(Tool):
             )
 
     def _bind(self, wish: MappedChain) -> None:
-        """Maps one chain onto one, as both are seen now."""
+        """Maps one chain to another, as both appear in their views now."""
         lens, other = self.editor.lens, self.source.lens
 
         def change(project: Project) -> Project:
@@ -243,7 +247,7 @@ class MapTool(Tool):
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:
-    """Returns a project in which a shape no longer plays a clip of its own: what is mapped next would add to
+    """Returns a project in which a shape no longer plays its own clip, since new motion would be added to
     it.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
