@@ -1,4 +1,6 @@
-"""The first minutes: a tour that points at each step, sees it done by the artist, or shows it."""
+"""The first minutes: a tour that points at each step, and detects when the artist has done it or demonstrates
+it.
+"""
 
 import lazy_loader
 
