@@ -1,4 +1,4 @@
-"""Checks what the viewer needs of a machine: OpenGL, a display, a film encoder."""
+"""Checks the viewer's requirements: OpenGL, a display, a film encoder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.errors import EnlivenError
 
 
 def checks() -> list[Check]:
-    """OpenGL off-screen, a window, films."""
+    """Returns the checks of off-screen OpenGL, the window and the film encoder."""
     return [_offscreen(), _window(), _encoder()]
 
 
@@ -37,7 +37,7 @@ def _offscreen() -> Check:
 
 
 def _window() -> Check:
-    """Returns a display, and whether glfw can open it; a machine without one still makes films."""
+    """Checks if glfw can open the display. A machine without a display can still make films."""
     name = "window"
     if not has_display():
         return Check(name, True, "there is no display, so 'enliven view' needs --film")

@@ -26,12 +26,12 @@ def write_puppet_sheet(
     """Draws the sheet as PNG.
 
     Args:
-        span: seconds of the project from when to when.
-        frames: how many times, evenly over them.
-        size: of each picture in pixels.
+        span: start and end in seconds of the project.
+        frames: number of times, evenly distributed over the span.
+        size: size of each image in pixels.
 
     Raises:
-        InputError: if the puppet lacks something to move.
+        InputError: if the puppet lacks something that it needs to move.
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
