@@ -37,7 +37,7 @@ class NearbyEdge:
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
         ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
-        self._log = tempfile.TemporaryFile("w+")  # it must live as long as the edge; noqa: SIM115
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it must live as long as the edge
         self._process = start_process(["edge", *words, *ports], stderr=self._log)
 
     @property

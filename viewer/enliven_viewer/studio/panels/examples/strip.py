@@ -1,4 +1,4 @@
-"""The strip of key poses: thumbnails of the puppet, each beside the performer at that moment."""
+"""The strip of key poses: thumbnails of the puppet, each with the performer at that time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLUS = "\uf067"
 
 
 def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
-    """Draws all key poses by time, the suggested ones after them, and buttons for the edited one."""
+    """Draws all key poses in order of time, then the suggested ones, and buttons for the edited one."""
     puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
@@ -49,7 +49,7 @@ def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None
 
 
 def _wheel() -> None:
-    """Scrolls the strip sideways by the wheel."""
+    """Scrolls the strip sideways with the wheel."""
     if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
@@ -112,7 +112,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
 
 
 def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: str) -> None:
-    """Runs the command of a button or a line of the menu on a key pose."""
+    """Runs the command of a button or menu entry on a key pose."""
     editor, key, name = workspace.editor, puppet.poses[number], puppet.id
     if label == "Done":
         editor.puppets.accept()
@@ -134,11 +134,11 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
 
 
 _STEPS = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
-"""The step of the history of a command that makes another key pose."""
+"""The history name of each command that adds another key pose."""
 
 
 def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
-    """Returns seconds of the take without a key pose, half a second after or before this one."""
+    """Returns a time in the take without a key pose: half a second after or before this one if possible."""
     key = puppet.poses[number]
     clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
@@ -149,7 +149,7 @@ def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
 
 
 def _plus(workspace: Workspace, puppet: Puppet) -> None:
-    """Draws the button for a key pose of the moment that the performer shows."""
+    """Draws the button that adds a key pose at the time that the performer shows."""
     moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
@@ -212,14 +212,14 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
 
 
 def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
-    """Draws the menu of the right button."""
+    """Draws the context menu of a key pose."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(f"{tr(label)}###{label}"):
             run_pose_command(workspace, puppet, number, label)
 
 
 def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draws the performer at the suggested moments; a click begins a key pose."""
+    """Draws the performer at the suggested times; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]
