@@ -28,7 +28,7 @@ class _InUse:
 
 
 def speak(language: str) -> None:
-    """Switches to a language; English if there is no catalogue."""
+    """Switches to a language; to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():
         _InUse.language, _InUse.catalogue = "en", gettext.NullTranslations()

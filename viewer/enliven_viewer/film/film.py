@@ -32,7 +32,7 @@ ENDED = "ended"
 
 
 class FilmSource(Protocol):
-    """Fills a document with the contents of a film: any feed, or sampled performances."""
+    """A source that fills a document with the contents of a film: any feed, or sampled performances."""
 
     def poll(self, document: Document) -> int:
         """Applies everything that has arrived since the last call, without waiting; 0 if nothing has."""

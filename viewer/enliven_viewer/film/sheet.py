@@ -35,7 +35,7 @@ class Tile:
 
 
 class Tiles:
-    """Selects images for a sheet from a film of unknown length, evenly distributed, in bounded memory.
+    """A selection of evenly distributed images from a film of unknown length, in bounded memory.
 
     Every ``stride``-th image is kept. Beyond four times the wanted number, every other one is dropped.
 

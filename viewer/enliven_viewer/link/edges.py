@@ -35,7 +35,7 @@ clash.
 
 
 class EdgeClient:
-    """Follows one or several edges. It is polled from the drawing thread and never blocks.
+    """A client that follows one or several edges. It is polled from the drawing thread and never blocks.
 
     Start it before or after its edges, and restart them as you like: characters and state are fetched
     automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
@@ -142,12 +142,12 @@ class EdgeClient:
         return _emptied(self._notices)
 
     def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Sends an order to the edge of its character, or to all edges. A refusal is reported as a notice.
+        """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
 
         Args:
             order: the order, with the character's id as used here.
-            on_reply: called from a later :meth:`poll` with Done or Refused; immediately if there is no such
-                edge.
+            on_reply: called from a later :meth:`poll` with Done or Refused; immediately if no edge has the
+                character.
         """
         character = getattr(order, "character", None)
         if character is None:

@@ -10,7 +10,7 @@ from enliven_viewer.playback import Document
 
 
 class Feed(Protocol):
-    """Feeds characters, poses, bodies, cues and the edge's state into a document.
+    """A source of characters, poses, bodies, cues and the edge's state for a document.
 
     ``EdgeFeed`` reads from an edge, ``Take`` from a file. Errors of a peer never reach the caller: they
     become ``document.edge.message``.

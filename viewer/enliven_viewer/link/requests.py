@@ -61,7 +61,7 @@ class Requests:
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Sends a request without blocking. Returns False if there is no edge to take it.
+        """Sends a request without blocking. Returns False without a connection to an edge.
 
         Args:
             key: subject of the request, see :meth:`under_way`.

@@ -50,7 +50,7 @@ class TopicHealth:
 
 
 class TopicWatch:
-    """Counts the messages of one topic of one edge."""
+    """A counter of the messages of one topic of one edge."""
 
     def __init__(self, topic: Topic) -> None:
         self._topic = topic

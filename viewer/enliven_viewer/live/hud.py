@@ -89,7 +89,7 @@ def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -
 
 
 class Hud:
-    """Draws a :class:`HudState` with a pen.
+    """A head-up display, which draws a :class:`HudState` with a pen.
 
     Args:
         scale: pixels per pixel of a standard screen (2 on many laptops).

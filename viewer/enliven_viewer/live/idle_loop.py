@@ -42,7 +42,8 @@ def loss_of(live: LiveStage) -> Loss:
 
 
 class IdleLoop:
-    """Replays the last performance while the edge is lost, and returns to live mode once it is back.
+    """The replay of the last performance while the edge is lost. It returns to live mode once the edge is
+    back.
 
     Attributes:
         loss: why nothing arrives, once that has lasted; "" while the stage is live.

@@ -94,9 +94,7 @@ class LiveStage:
         return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Asks the feed to release the chosen character, or what the chosen performer controls, or
-        everything.
-        """
+        """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
         for name in [self.meant] if self.meant in self.held else self._named(None):
             self.feed.ask(Release(name, self.possession.body))
 

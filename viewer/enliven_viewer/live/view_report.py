@@ -21,7 +21,7 @@ _MOVED = 0.02
 
 
 class ViewReporter:
-    """Remembers the last reported view, and reports changes."""
+    """The last reported view, which detects changes."""
 
     def __init__(self) -> None:
         self._told: CameraView | None = None

@@ -79,7 +79,7 @@ class Timeline:
     If the clock jumps far back (the edge was restarted, or the replay began again), a new timeline starts.
 
     Attributes:
-        generation: number of timelines started so far.
+        generation: number of timelines that were started.
         posed: ids of all characters that have had a pose.
     """
 

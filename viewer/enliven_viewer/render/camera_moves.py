@@ -18,7 +18,7 @@ _ROUND = 16.0
 
 
 class CameraMoves:
-    """Moves a camera over time, and keeps the direction, distance and framing chosen by the user.
+    """Automatic movements of a camera that keep the direction, distance and framing chosen by the user.
 
     Attributes:
         follow: whether the camera follows its subject.

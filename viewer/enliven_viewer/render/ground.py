@@ -19,7 +19,7 @@ Patch = tuple[Float, Float]
 
 
 class GroundPass:
-    """Draws the floor and the backdrop.
+    """The render pass of the floor and the backdrop.
 
     Only a patch of the floor can be in shadow. Outside of it the shadow maps are not sampled.
 

@@ -14,7 +14,7 @@ from enliven_viewer.render.overlay import cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
 _STEPS = 3
-"""Number of graph edges by which the glow spreads beyond attached nodes: about a hand's breadth."""
+"""Spread of the glow beyond attached nodes, in graph edges: about a hand's breadth."""
 _LEFT = 0.72
 """Fraction of the glow that remains after one edge."""
 _PREVIEW = 0.4

@@ -38,7 +38,7 @@ class MeshPass:
         self._programs: dict[tuple[str, tuple[str, ...]], moderngl.Program] = {}
 
     def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene, eye: Float) -> None:
-        """Draws meshes over the image so far, which stays visible through transparent parts.
+        """Draws meshes over the existing image, which stays visible through transparent parts.
 
         Args:
             eye: (3,) metres, camera position. Transparent meshes are drawn from the farthest to the nearest.

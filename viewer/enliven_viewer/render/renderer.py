@@ -44,7 +44,7 @@ _FRAME_BYTES = 4 * (4 * 16 + 11 * 4)
 
 
 class Renderer:
-    """Draws scenes with one OpenGL context, in a window or off-screen.
+    """A renderer of scenes with one OpenGL context, in a window or off-screen.
 
     Args:
         ctx: an OpenGL 3.3 core context that is current in this thread.

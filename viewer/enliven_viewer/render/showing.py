@@ -15,7 +15,7 @@ _FADE = 1.2
 
 
 class Showing:
-    """Fades skeletons and attachment points out once a mesh is possessed.
+    """The visibility of skeletons and attachment points, which fade out once a mesh is possessed.
 
     Args:
         linger: seconds for which they stay before fading.

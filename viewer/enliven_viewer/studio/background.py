@@ -41,7 +41,7 @@ class WorkProgress:
 
 
 class BackgroundTask:
-    """Runs one computation at a time. Its result is taken between two frames.
+    """A runner for one computation at a time. Its result is taken between two frames.
 
     Args:
         toasts: shows messages about starts and errors.

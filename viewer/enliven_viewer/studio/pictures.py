@@ -24,7 +24,7 @@ from enliven_viewer.theme import look_in_theme
 
 
 class WindowPictures:
-    """Draws into the framebuffer that is bound when the object is created.
+    """The renderers of a window. They draw into the framebuffer that is bound when the object is created.
 
     Args:
         films: if True, every image waits until it is complete, however long it takes.

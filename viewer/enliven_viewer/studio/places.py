@@ -36,7 +36,7 @@ HINT = 32.0
 HINT_OVER = 480.0
 """Minimum width in pixels of a view that shows the hint inside it, above the characters."""
 HOLDER = 48.0
-"""Height in pixels of a line of large text that shows who controls what."""
+"""Height in pixels of a line of large text about the performers and their characters."""
 
 
 class Area(NamedTuple):

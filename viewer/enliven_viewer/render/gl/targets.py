@@ -76,7 +76,7 @@ class RenderTarget:
             self.resolved.use()  # otherwise the next framebuffer would be cleared only in this region
 
     def behind(self) -> moderngl.Texture:
-        """Returns the image so far as a texture, which transparent meshes drawn next can sample."""
+        """Returns the current image as a texture, which transparent meshes drawn next can sample."""
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()
@@ -159,5 +159,5 @@ class SoftMap:
 
 
 def reach_of(widths: tuple[float, ...]) -> int:
-    """Returns the number of texels by which :meth:`SoftMap.blur` spreads a drawing."""
+    """Returns the spread of a drawing by :meth:`SoftMap.blur`, in texels."""
     return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)

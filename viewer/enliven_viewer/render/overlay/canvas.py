@@ -14,7 +14,7 @@ from enliven_viewer.theme import FONT, Colour
 
 
 class Pen:
-    """Draws into an ImGui draw list; positions are pixels from an origin.
+    """A pen for an ImGui draw list; positions are pixels from an origin.
 
     Args:
         draw: the draw list.

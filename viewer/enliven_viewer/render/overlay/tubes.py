@@ -30,7 +30,7 @@ def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float
 
 
 class Tubes:
-    """Draws tubes over the last image of a renderer, with the same camera.
+    """A render pass that draws tubes over the last image of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.

@@ -21,7 +21,7 @@ class Action:
         label: its name in menus, in the command palette and on buttons.
         keys: default shortcuts; the first is displayed.
         do: runs the action. An EnlivenError that it raises is shown.
-        why_not: returns why it is unavailable now, and what to do about it; empty if it is available.
+        why_not: returns why it is unavailable now, with advice; empty if it is available.
         on: for a toggle, returns whether it is on.
         about: one sentence about its effect, for the tooltip.
         icon: its glyph in Font Awesome 4, for buttons.

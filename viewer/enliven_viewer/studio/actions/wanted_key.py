@@ -9,7 +9,7 @@ from enliven_viewer.studio.actions.table import ActionTable
 
 @dataclass
 class WantedKey:
-    """The action whose shortcut is being changed, and the key pressed for it.
+    """The action with a shortcut being changed, and the key pressed for it.
 
     Attributes:
         action: its id; empty if no change is in progress.

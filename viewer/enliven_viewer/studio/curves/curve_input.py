@@ -91,8 +91,8 @@ class CurveInput:
 
     @property
     def thing(self) -> Thing | None:
-        """Returns the object whose curves are shown: the selected character with its handle and layer; None
-        without a selection.
+        """Returns the object of the curves: the selected character with its handle and layer; None without a
+        selection.
         """
         chosen = self.editor.chosen()
         if chosen is None:
@@ -122,7 +122,7 @@ class CurveInput:
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
-        """Returns all groups of curves of the selection that have been sampled so far."""
+        """Returns all groups of curves of the selection that have already been sampled."""
         thing, project = self.thing, self.editor.project
         if thing is None:
             return {}

@@ -31,7 +31,7 @@ Lane = tuple[int, ...]
 
 
 def added(project: Project, thing: Thing, lane: Lane, group: str, time: float, value: float) -> Project:
-    """Returns a project with a new key at a time. The channel whose value is nearest gets the given value.
+    """Returns a project with a new key at a time. The channel with the nearest value gets the given value.
 
     Args:
         lane: the numbers of the layers in the object's lane.

@@ -84,7 +84,7 @@ class Editor:
 
     @property
     def handled(self) -> tuple[StandingCharacter, ...]:
-        """Returns the characters whose handles every tool can edit."""
+        """Returns the characters with handles that every tool can edit."""
         return tuple(one for one in self.reachable if len(one.handles) and not one.own_tool)
 
     @property
@@ -103,7 +103,7 @@ class Editor:
         """Returns one character in its current pose.
 
         Raises:
-            InputError: if there is no such character.
+            InputError: if no character has the id.
         """
         return self._stage.of(character_id)
 
@@ -286,7 +286,7 @@ class Editor:
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
-        """Returns the bounding box of what the camera follows: the selected characters, or all; None if
+        """Returns the bounding box of the camera's subject: the selected characters, or all; None if
         following is off.
         """
         if not self.moves.follow:

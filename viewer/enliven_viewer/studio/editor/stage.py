@@ -45,7 +45,7 @@ class StudioStage:
         """Returns one of the characters.
 
         Raises:
-            InputError: if there is no such character.
+            InputError: if no character has the id.
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)

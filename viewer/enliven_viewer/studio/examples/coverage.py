@@ -52,7 +52,7 @@ class TakeCoverage:
 
 
 class CoverageCache:
-    """Caches the coverage of the last few takes."""
+    """A cache of the coverage of the last few takes."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}

@@ -47,7 +47,7 @@ class _Solved:
 
 
 class Solving:
-    """Solves in a separate thread, one puppet after another, always the newest request.
+    """A solver in a separate thread. It solves one puppet after another, always the newest request.
 
     Args:
         toasts: shows errors, each once.

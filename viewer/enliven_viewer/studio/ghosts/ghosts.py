@@ -41,7 +41,7 @@ class Ghosts:
             self._refused.clear()
 
     def picture(self) -> GhostPicture | None:
-        """Returns the ghosts and trails that have been computed so far; None while they are off. Does not
+        """Returns the ghosts and trails that have already been computed; None while they are off. Does not
         block.
         """
         if not self.on:

@@ -72,7 +72,7 @@ def _tokens(typed: str) -> list[str]:
 
 
 class _Reader:
-    """Parses tokens as a sum of products of numbers with units."""
+    """A parser of tokens as a sum of products of numbers with units."""
 
     def __init__(self, tokens: list[str], units: Mapping[str, float]) -> None:
         self.left, self._units = tokens[::-1], units

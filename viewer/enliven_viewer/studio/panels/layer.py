@@ -76,7 +76,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     _takes(workspace, layer)
     held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
-        held.discard("mirrored")  # not available for recorded streams, whose position is absolute
+        held.discard("mirrored")  # not available for recorded streams, since their positions are absolute
     for field, (low, high, said) in _NUMBERS.items():
         if field in held:
             change = _changing(name, number, field)

@@ -36,7 +36,7 @@ _NAME = 14.0
 
 
 class LanePainter:
-    """Draws the rows of lanes, and owns the textures of their thumbnails."""
+    """A painter of the rows of lanes, which owns the textures of their thumbnails."""
 
     def __init__(self) -> None:
         self._textures: WeakKeyDictionary[Clip | PoseStream, moderngl.Texture] = WeakKeyDictionary()

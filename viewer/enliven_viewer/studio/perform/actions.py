@@ -44,7 +44,7 @@ class PerformAction:
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Returns why it is unavailable now, and what to do about it; empty if it is available."""
+        """Returns why it is unavailable now, with advice; empty if it is available."""
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 

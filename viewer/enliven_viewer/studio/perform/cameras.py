@@ -59,7 +59,7 @@ class Camera(msgspec.Struct, frozen=True):
 
 
 class CameraSearch:
-    """Searches for cameras in the background, and takes test images of one of them; never blocks the window.
+    """A background search for cameras, with test images of one of them. It never blocks the window.
 
     Attributes:
         cameras: the result of the last search; None before the first search has ended.

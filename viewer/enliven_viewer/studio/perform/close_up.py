@@ -27,7 +27,7 @@ _SAME = 1e-6
 
 
 class CloseUp:
-    """Moves the editor's camera while a performer chooses what to control.
+    """The automatic movement of the editor's camera while a performer chooses what to control.
 
     Attributes:
         on: whether the view moves to the limb.

@@ -22,7 +22,7 @@ _HINTS = {
 
 
 class StagePhysics:
-    """Follows and switches the physics of an edge.
+    """The state of an edge's physics, and the commands that switch it.
 
     Attributes:
         state: state of the physics; None before the edge has sent it.

@@ -20,7 +20,7 @@ old.
 
 
 class LiveRecorder:
-    """Receives all messages; those between :meth:`begin` and :meth:`end` are recorded.
+    """A recorder that receives all messages. It keeps those between :meth:`begin` and :meth:`end`.
 
     Attributes:
         holders: which performers control what.
@@ -84,7 +84,7 @@ class LiveRecorder:
         return kept
 
     def so_far(self) -> Performed | None:
-        """Returns a copy of the recording so far, which continues; None without a recording."""
+        """Returns a copy of the unfinished recording, which continues; None without a recording."""
         if self._kept is None:
             return None
         kept = self._kept

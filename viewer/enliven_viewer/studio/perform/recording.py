@@ -29,7 +29,7 @@ Phase = Literal["idle", "counting", "recording"]
 
 
 class StageRecording:
-    """Records a stage for as long as the artist wants, as one edit of the project.
+    """A recording of a stage for as long as the artist wants, stored as one edit of the project.
 
     Args:
         editor: the editor; recordings become edits of its project.
@@ -203,7 +203,7 @@ class StageRecording:
             editor.playing, self._fresh = True, told[-1]
 
     def so_far(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the recording so far, while it continues; None without a recording.
+        """Returns the edit that stores the unfinished recording, which continues; None without a recording.
 
         The edit has its own copy of the recording, so it may run in another thread.
         """

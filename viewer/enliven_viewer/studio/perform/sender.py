@@ -57,7 +57,7 @@ class StageSender:
         stage.remove(name, partial(self._removed, name))
 
     def advance(self, stage: StageLink, project: Project) -> None:
-        """Sends edited characters once there are no further edits."""
+        """Sends edited characters after a pause in the editing."""
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             one = project.characters.get(name)

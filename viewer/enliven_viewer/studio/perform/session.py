@@ -318,7 +318,7 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used, and what to do about it; empty if one can."""
+        """Returns why no edge can be used, with advice; empty if one can."""
         if self.connected:
             return ""
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
@@ -336,12 +336,12 @@ class PerformSession:
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Returns why no alternative of the last recording can be recorded, and what to do about it."""
+        """Returns why no alternative of the last recording can be recorded, with advice."""
         last = self.recording.recorded or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "There is no recording to take again. Record first")
 
     def lacks_to_put(self) -> str:
-        """Returns why the selected character cannot be put on the stage, and what to do about it."""
+        """Returns why the selected character cannot be put on the stage, with advice."""
         one = self.editor.chosen()
         if one is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
@@ -349,7 +349,7 @@ class PerformSession:
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
-        """Returns why the selected character cannot be removed from the stage, and what to do about it."""
+        """Returns why the selected character cannot be removed from the stage, with advice."""
         there = self.editor.selection.character in self.standing
         return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
 

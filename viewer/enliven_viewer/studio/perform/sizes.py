@@ -25,7 +25,7 @@ _SHOWN = 3.0
 
 
 class StageSizes:
-    """Reads character sizes from the edge, and sends it the project's sizes.
+    """The character sizes read from the edge, and those of the project, which are sent to it.
 
     Attributes:
         words: large text: the character with its size, and what the hands do; None for none.
@@ -86,7 +86,7 @@ class StageSizes:
             ask(Resize("set", name))
 
     def lacks_size(self, name: str | None) -> str:
-        """Returns why the size cannot be reset, and what to do about it; empty if it can."""
+        """Returns why the size cannot be reset, with advice; empty if it can."""
         if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SAME:
             return ""
         return "It has its own size. Scale it with both hands first"

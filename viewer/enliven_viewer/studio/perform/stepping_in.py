@@ -80,7 +80,7 @@ class _Press:
 
 
 class SteppingIn:
-    """Lets a performer possess a character now, or as soon as stage, character and performer are there.
+    """Requests to possess a character now, or as soon as stage, character and performer are there.
 
     Attributes:
         words: what a press waits for, shown as large text; empty if it does not wait.

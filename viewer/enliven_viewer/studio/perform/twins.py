@@ -38,7 +38,7 @@ class Telling:
 
 @dataclass
 class Twins:
-    """Merges the live scene with the motion of the project.
+    """The merge of the live scene with the motion of the project.
 
     Attributes:
         hidden: characters of the project that are currently replaced by live ones.

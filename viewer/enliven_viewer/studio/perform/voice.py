@@ -21,7 +21,7 @@ _STATES = {
 
 
 class StageVoice:
-    """Follows the voice control of an edge, and opens or closes its microphone.
+    """The state of an edge's voice control, and the commands that open or close its microphone.
 
     Attributes:
         wanted: whether to open the microphone of a stage started by this window once it runs.

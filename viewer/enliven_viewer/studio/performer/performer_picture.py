@@ -32,7 +32,7 @@ thickness.
 
 
 class PerformerPicture:
-    """Draws figures into the image of a renderer.
+    """A render pass that draws figures into the image of a renderer.
 
     Args:
         renderer: draws the figures; others may use it at other times.

@@ -32,7 +32,7 @@ class GrowingPicture:
 
 
 class GrowingSurfacePass:
-    """Draws over the last image of a renderer, with the same camera and depth buffer.
+    """A render pass that draws over the last image of a renderer, with the same camera and depth buffer.
 
     Args:
         ctx: the renderer's context.

@@ -28,7 +28,7 @@ less.
 
 
 class Viewport:
-    """Draws characters into its own render target, which :attr:`renderer` holds.
+    """A view of the studio's characters, drawn into the render target of :attr:`renderer`.
 
     Args:
         ctx: an OpenGL context that is current in this thread.

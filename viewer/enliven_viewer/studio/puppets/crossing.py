@@ -18,7 +18,7 @@ _FEW = 2
 
 
 class SelfCrossing:
-    """Searches for faces that intersect in the pose but not at rest, always for the newest requested pose.
+    """A search for faces that intersect in the pose but not at rest, always for the newest requested pose.
 
     Attributes:
         faces: (K,) faces of the mesh that intersect in the last checked pose.

@@ -99,7 +99,7 @@ class KeyPoses(PuppetSelection):
         """Clears the current drag."""
 
     def cancel(self) -> None:
-        """Restores the key pose as it was before editing, or removes it if it is new."""
+        """Restores the key pose to its state before editing, or removes it if it is new."""
         puppet, number, before = self.puppet, self.number, self._before
         self.accept()
         if puppet is None or number is None:

@@ -20,7 +20,7 @@ part.
 
 
 class PuppetOverlay:
-    """Draws over the last image of a renderer, with the same camera.
+    """A render pass that draws over the last image of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.

@@ -119,7 +119,7 @@ class PuppetStage:
         return self._known[1]
 
     def standing_of(self, puppet_id: str) -> StandingPuppet | None:
-        """Returns one of the puppets; None if there is no such puppet."""
+        """Returns one of the puppets; None for an unknown id."""
         return next((s for s in self.standing if s.id == puppet_id), None)
 
     def shown(self, puppet: RigBase) -> StandingPuppet:

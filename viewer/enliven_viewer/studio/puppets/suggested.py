@@ -58,7 +58,7 @@ class PointSuggestions:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """Returns the vertices at the ends of limbs, whose neighbourhood lies to one side; else the most extreme
+    """Returns the vertices at the ends of limbs, with a neighbourhood to one side; else the most extreme
     vertices.
     """
     found = extremities(mesh, _MOST)

@@ -107,7 +107,7 @@ class ScanSession:
     # Requests ---------------------------------------------------------------------------------------------
 
     def lacks_stage(self) -> str:
-        """Returns why scanning is unavailable, and what to do about it; empty if it is available."""
+        """Returns why scanning is unavailable, with advice; empty if it is available."""
         if self.perform.client is None:
             return NO_STAGE
         return self.perform.lacks_edge()

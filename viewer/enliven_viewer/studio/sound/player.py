@@ -45,7 +45,7 @@ def device(fill: Fill) -> Stream:
 
 
 class SoundPlayer:
-    """Plays the sounds of a project while it plays at normal speed.
+    """A player of a project's sounds, active while the project plays at normal speed.
 
     Args:
         opened: opens the audio output.

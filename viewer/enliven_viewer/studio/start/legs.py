@@ -28,7 +28,7 @@ _BANDS = 8
 _AIR = 10.0
 """Margin in pixels around a leg."""
 _REACH = 14.0
-"""Distance in pixels by which the stroke extends beyond both sides of the leg, so that it cuts all of it."""
+"""Length in pixels of the stroke beyond each side of the leg, so that it cuts all of it."""
 _SEEN = 4.0
 """Minimum projected length in pixels of a leg, between the centres of its halves. A shorter one points at the
 camera.

@@ -26,7 +26,7 @@ _THICK = 1.6
 _THIN = 0.45
 """Half of the line width, in pixels, of a figure with many lines, so that it does not become a blot."""
 _MANY = 60
-"""Number of lines from which the thin line width is used. A performer has about twenty bones."""
+"""Minimum number of lines of a figure with thin lines. A performer has about twenty bones."""
 
 
 class ClipPictures:

@@ -30,7 +30,7 @@ _CLIP = ("bar", "begin", "edge", "blend")
 
 
 class TimelineInput:
-    """Turns pointer input on the timeline into edits. Pixels count from the timeline's top left corner.
+    """The pointer input on the timeline, turned into edits. Pixels count from the timeline's top left corner.
 
     Attributes:
         rows: pointer input on the rows below a puppet's bars.
@@ -230,7 +230,7 @@ class TimelineInput:
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
     def _span_to(self, x: float) -> tuple[float, float] | None:
-        """Returns the marked span after dragging an end, or all of it, to a pixel; None if there is no marked
+        """Returns the marked span after dragging an end, or all of it, to a pixel; None without a marked
         span.
         """
         layout, kind = self._held_layout, self._handle.kind

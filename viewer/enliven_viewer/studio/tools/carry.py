@@ -25,8 +25,8 @@ stays smooth.
 
 
 class CarryTool(Tool):
-    """Moves a character parallel to the image plane, and merges it if its root comes near a node or a
-    bone.
+    """A tool that moves a character parallel to the image plane, and merges it if its root comes near a node
+    or a bone.
     """
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"

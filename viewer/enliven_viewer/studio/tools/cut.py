@@ -16,7 +16,7 @@ from enliven_viewer.theme import CUT
 
 
 class CutTool(StrokeTool):
-    """Cuts every bone that a stroke crosses, at the playhead."""
+    """A tool that cuts every bone that a stroke crosses, at the playhead."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
 

@@ -31,7 +31,7 @@ _ASIDE = (14.0, 0.0)
 
 
 class EndsTool(Tool):
-    """Drags the marks of head, hands and feet over the surface of the selected possessed mesh."""
+    """A tool that drags the marks of head, hands and feet over the surface of the selected possessed mesh."""
 
     name, label, key, icon = "ends", "Name ends", "e", "\uf007"
 

@@ -55,7 +55,7 @@ class WholeBody:
 
 
 class MapTool(Tool):
-    """Transfers the motion of a chain of a take to a chain of a shape.
+    """A tool that transfers the motion of a chain of a take to a chain of a shape.
 
     Attributes:
         source: the view of the take.

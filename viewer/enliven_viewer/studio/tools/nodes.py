@@ -11,7 +11,7 @@ from enliven_viewer.theme import CUT, STROKE
 
 
 class InsertTool(Tool):
-    """Inserts a node where a bone is clicked."""
+    """A tool that inserts a node where a bone is clicked."""
 
     name, label, key, icon = "insert", "Add node", "i", "\uf055"
 
@@ -46,7 +46,7 @@ class InsertTool(Tool):
 
 
 class RemoveTool(Tool):
-    """Removes a clicked joint. Its children are attached to its parent."""
+    """A tool that removes a clicked joint. The joint's children are attached to its parent."""
 
     name, label, key, icon = "remove", "Remove node", "x", "\uf056"
 

@@ -27,7 +27,7 @@ SMALLEST = 6.0
 LARGEST = 200.0
 """Maximum brush radius in pixels: covers half of a large view's width."""
 STEP = 1.25
-"""Factor by which a shortcut changes the brush radius."""
+"""Scale factor of the brush radius for one press of its shortcut."""
 _FIRST = 34.0
 """Initial brush radius in pixels: the width of a limb that fills a third of the view."""
 _DENSE = 0.35
@@ -47,7 +47,7 @@ _OTHER_SIDE = 0.75
 
 
 class PaintTool(Tool):
-    """Paints how stiff or soft a mesh is, on one side or symmetrically.
+    """A tool that paints how stiff or soft a mesh is, on one side or symmetrically.
 
     Attributes:
         brush: the brush mode.
@@ -104,7 +104,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Returns why there is no paint to clear, and what to do about it; empty if there is some."""
+        """Returns why no paint can be cleared, with advice; empty if some can."""
         one = self.editor.chosen()
         if one is None or one.mesh is None or one.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"

@@ -23,7 +23,7 @@ _KEYED = 5.0
 
 
 class PoseTool(Tool):
-    """Drags one handle. Dragging the root or the surface turns the character in place."""
+    """A tool that drags one handle. Dragging the root or the surface turns the character in place."""
 
     name, label, key, icon = "pose", "Pose", "r", "\uf183"
 

@@ -19,7 +19,9 @@ _FEWEST = 8
 
 
 class SketchTool(StrokeTool):
-    """Draws a stroke around a part, in the plane through the camera's target parallel to the image."""
+    """A tool that draws a stroke around a part, in the plane through the camera's target parallel to the
+    image.
+    """
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
 

@@ -33,9 +33,7 @@ _ALONE = (
 why.
 """
 _SHIFT = 0.1
-"""Seconds by which one key press shifts motion in time: clearly visible, yet fine enough to stagger
-copies.
-"""
+"""Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
 Ask = Callable[[str], None]
 """Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
 

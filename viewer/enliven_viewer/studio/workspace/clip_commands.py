@@ -76,7 +76,7 @@ class ClipCommands:
         self.editor.edit(_DEEDS[deed][0], self._edit(deed))
 
     def lacks(self, deed: str) -> str:
-        """Returns why that edit is unavailable and what to do about it; empty if it is available."""
+        """Returns why that edit is unavailable, with advice; empty if it is available."""
         if not self._lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:

@@ -56,7 +56,7 @@ class Commands:
         self.editor.marked = None
 
     def lacks_marked(self) -> str:
-        """Returns why the in and out points cannot be removed, and what to do about it."""
+        """Returns why the in and out points cannot be removed, with advice."""
         return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
 
     def step(self, count: int) -> None:

@@ -106,7 +106,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
     """Writes a puppet with its examples as a session, and a project file with its mesh and takes next to it.
 
     Raises:
-        InputError: if there is no such puppet.
+        InputError: if the puppet does not exist.
         ResourceError: if the file cannot be written.
     """
     write_session(path, project, puppet_id)
@@ -303,7 +303,7 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
-    """Shows one message with what was opened and the file's notes."""
+    """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."

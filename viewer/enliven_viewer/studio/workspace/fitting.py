@@ -20,7 +20,9 @@ _ALIKE = 0.01
 
 
 class Fitting:
-    """Compares the height of the selected character with that of the others, and matches it."""
+    """A comparison of the selected character's height with that of the others, and the command that matches
+    it.
+    """
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -39,7 +41,7 @@ class Fitting:
         return (own, float(np.median(others))) if own > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Returns why the selected character cannot be fitted, and what to do about it."""
+        """Returns why the selected character cannot be fitted, with advice."""
         heights = self.heights()
         if heights is None:
             return "Nothing is there to fit it to. Choose one thing that stands beside others."

@@ -33,7 +33,7 @@ class Handles(Protocol):
 
 
 class ViewportInput:
-    """Routes the input over the viewport to the active tool, the camera or an action.
+    """The input over the viewport, passed to the active tool, the camera or an action.
 
     Args:
         editor: the editor that the input changes.

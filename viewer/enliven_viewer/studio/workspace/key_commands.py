@@ -34,7 +34,7 @@ class KeyCommands:
         return "" if self._thing()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
-        """Returns why there is no key to remove."""
+        """Returns why no key can be removed; empty if one can."""
         found = self.lacks()
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 

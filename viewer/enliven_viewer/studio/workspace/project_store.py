@@ -134,7 +134,7 @@ class ProjectStore:
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Writes the project to its file. If another path is given, that becomes the project's file.
 
-        The part of a running recording that exists so far is saved too; the recording continues.
+        The existing part of a running recording is saved too; the recording continues.
 
         Args:
             over: if True, overwrite the file even if another window or program has saved it since.
@@ -172,7 +172,7 @@ class ProjectStore:
         return solve_lost(read_project(self.path))
 
     def _so_far(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the recording so far; None without a recording."""
+        """Returns the edit that stores the unfinished recording; None without a recording."""
         return None if self.recording is None else self.recording.so_far()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
@@ -286,7 +286,7 @@ class ProjectStore:
 
 
 def _with(project: Project, change: Callable[[Project], Project]) -> Project:
-    """Returns a project with the recording so far, or without the recording if it cannot be stored yet."""
+    """Returns a project with the unfinished recording, or without it if it cannot be stored yet."""
     try:
         return change(project)
     except EnlivenError:  # no motion has been recorded yet

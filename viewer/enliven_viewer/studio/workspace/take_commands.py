@@ -43,7 +43,7 @@ class TakeCommands:
         return next((name for name, heard in known.items() if heard), "")
 
     def lacks(self) -> str:
-        """Returns why no alternative take can be chosen, and what to do about it."""
+        """Returns why no alternative take can be chosen, with advice."""
         return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
 
     def step(self, way: int) -> None:

@@ -16,7 +16,7 @@ from enliven_viewer.theme import is_light
 
 
 def playing_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of playback and of what is drawn."""
+    """Yields the actions of playback and of display options."""
     editor = c.editor
     yield Action("view.play", "View", "Play or stop", ("space",), c.play, on=lambda: editor.playing)
     yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))

@@ -469,7 +469,7 @@ class Workspace:
 
 
 def _is_large(path: Path) -> bool:
-    """Returns True if reading a file may take so long that it must not block the window."""
+    """Returns True if a file is too large to be read without blocking the window."""
     try:
         return path.stat().st_size > _LARGE_BYTES
     except OSError:

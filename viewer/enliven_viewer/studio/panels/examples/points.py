@@ -186,15 +186,15 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
-    """Sets or clears the symmetry plane of the examples. While there are no key poses, also switches
-    symmetric editing.
+    """Sets or clears the symmetry plane of the examples. Before the first key pose, also switches symmetric
+    editing.
     """
     editor = workspace.editor
     plane = plane_for(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
-            editor.puppets.set_symmetric(True)  # reports that there is no plane
+            editor.puppets.set_symmetric(True)  # reports that the mesh has no plane
         return
     word = later("symmetric") if plane else later("not symmetric")
     editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))

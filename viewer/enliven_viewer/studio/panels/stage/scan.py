@@ -168,7 +168,7 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:
-    """Draws the options for what becomes the character."""
+    """Draws the options for the content of the character."""
     heading("What is kept")
     for kept, words in _KEPT.items():
         if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.keeps == kept):
