@@ -66,8 +66,9 @@ def tr(text: str, *values: object) -> str:
 
 
 def tr_n(one: str, many: str, count: int, *values: object) -> str:
-    """Returns the singular or plural form of a text for a count, which is ``{0}`` in it; values are ``{1}``
-    and on.
+    """Returns the singular or plural form of a text for a count, which is ``{0}`` in it.
+
+    The values are ``{1}`` and on.
     """
     return _InUse.catalogue.ngettext(one, many, count).format(count, *values)
 

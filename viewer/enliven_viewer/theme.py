@@ -1,5 +1,4 @@
-"""The typeface and all colours of the window and the studio: two themes, and two palettes of categorical
-colours.
+"""The typeface and all colours of the window and the studio: two themes, and two palettes.
 
 A colour is a name such as ``INK``, which evaluates to the numbers of the theme in use. So :func:`use_theme`
 changes every colour at once.
@@ -401,8 +400,9 @@ def is_light() -> bool:
 
 
 def look_in_theme(look: Look) -> Look:
-    """Returns the look in which the window shows a stage. In the light theme the look "studio" becomes
-    bright.
+    """Returns the look in which the window shows a stage.
+
+    In the light theme the look "studio" becomes bright.
     """
     return THEMES[_InUse.theme].look if look == "studio" else look
 

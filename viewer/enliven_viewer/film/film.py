@@ -151,9 +151,7 @@ class _Studio:
 def _moments(
     feed: FilmSource, document: Document, settings: ViewerSettings, seconds: float | None
 ) -> Iterator[tuple[TimelineMoment, float]]:
-    """Yields (moment, second of the film) at the film's rate of sensor time, as fast as the feed delivers
-    them.
-    """
+    """Yields (moment, second of the film) at the film's rate of sensor time, as fast as the feed allows."""
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0

@@ -15,8 +15,9 @@ WAITING = 4
 
 
 class FilmStrip:
-    """A queue that passes images in order to the film and the sheet. The end of ``with`` waits for the last
-    one.
+    """A queue that passes images in order to the film and the sheet.
+
+    The end of ``with`` waits for the last one.
 
     An encoder error is raised by a later :meth:`add`, or at the end of ``with``.
 

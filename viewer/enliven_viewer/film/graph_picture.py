@@ -74,7 +74,7 @@ def counts_of(graph: DeformationGraph) -> Counts:
 
 
 def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, int]) -> list[UInt8]:
-    """Returns the mesh with its graph from three sides, each (H, W, 3) sRGB of the size ``panel`` (width,
+    """Returns three views of the mesh with its graph, each (H, W, 3) sRGB of the size ``panel`` (width,
     height).
     """
     shown, nodes, scale = fitted(character, graph)
@@ -115,8 +115,9 @@ def view_of(box: Box, aspect: float, turn: float) -> CameraView:
 
 
 def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
-    """Returns (E + N, 12) rows: the tubes of the edges and the balls of the nodes, with a minimum visible
-    thickness.
+    """Returns (E + N, 12) rows: the tubes of the edges, and the balls of the nodes.
+
+    All have a minimum visible thickness.
 
     Args:
         nodes: (N, 3) metres, the drawn positions of the nodes.

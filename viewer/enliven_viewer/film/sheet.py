@@ -62,9 +62,7 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """Returns the tiles of the sheet: at most the wanted number, including the first and the last
-        image.
-        """
+        """Returns the tiles: at most the wanted number, including the first and the last image."""
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]

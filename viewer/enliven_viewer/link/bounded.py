@@ -53,8 +53,9 @@ class BoundedQueue(Generic[T]):
 
 
 class NewestValues(dict[str, Any]):
-    """The newest value of each key. Beyond the limits, the keys that were not updated for longest are
-    dropped.
+    """The newest value of each key.
+
+    Beyond the limits, the keys that were not updated for longest are dropped.
 
     Args:
         most: maximum number of keys.

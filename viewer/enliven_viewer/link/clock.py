@@ -43,8 +43,9 @@ class ClockEstimate:
 
     @property
     def offset_ns(self) -> int:
-        """Returns the offset in nanoseconds: the middle of the possible range; 0 if 0 is possible, or nothing
-        is known.
+        """Returns the offset in nanoseconds: the middle of the possible range.
+
+        Returns 0 if 0 is in that range, or nothing is known.
         """
         if not self.known:
             return 0

@@ -99,8 +99,9 @@ class EdgeFeed:
                 self.link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Returns True if the edge is alive but has sent no characters for a while, often because of a wrong
-        port.
+        """Returns True if the edge is alive but has not sent characters for a while.
+
+        A wrong port is a common reason.
         """
         if not connected or self.link.characters:
             self._bare_since = None

@@ -136,8 +136,9 @@ class EdgeClient:
         return [value for inbox in inboxes for value in inbox.take()]
 
     def take_notices(self) -> list[Notice]:
-        """Returns messages for the user since the last call: refusals, restarts, version mismatches, name
-        clashes.
+        """Returns messages for the user since the last call.
+
+        They are refusals, restarts, version mismatches and name clashes.
         """
         return _emptied(self._notices)
 
@@ -172,8 +173,9 @@ class EdgeClient:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Marks edges with the same name that are alive at the same time. After a restart the old one is
-        silent.
+        """Marks edges with the same name that are alive at the same time.
+
+        After a restart the old one is silent.
         """
         now = time.monotonic()
         for edge in self.edges:

@@ -17,8 +17,9 @@ class Feed(Protocol):
     """
 
     def poll(self, document: Document) -> int:
-        """Applies everything that has arrived since the last call, without waiting. Returns the number of
-        messages.
+        """Applies everything that has arrived since the last call, without waiting.
+
+        Returns the number of messages.
         """
         ...
 

@@ -199,8 +199,9 @@ class EdgeConnection:
             replied(Refused(f"there is no edge at {self.endpoint}"))
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Sends a request. Calls back with the answer, or with None after the timeout. Returns False without
-        an edge.
+        """Sends a request.
+
+        Calls back with the answer, or with None after the timeout. Returns False without an edge.
         """
         return self._requests.send(body, "stage", seconds, on_reply)
 
@@ -294,8 +295,9 @@ class EdgeConnection:
             self._rejects.add(error)
 
     def _hear(self, topic: Topic) -> None:
-        """Records that the edge is alive. After a silence, only a status or a pose shows whether it has
-        restarted.
+        """Records that the edge is alive.
+
+        After a silence, only a status or a pose shows whether it has restarted.
         """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENT_AFTER
@@ -426,8 +428,9 @@ class EdgeConnection:
                     newest.forget(gone)
 
     def _take_character(self, answer: Answer | None) -> None:
-        """Stores a character and decodes the poses that waited for it. If it is unusable, the old one
-        stays.
+        """Stores a character and decodes the poses that waited for it.
+
+        If it is unusable, the old one stays.
         """
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return

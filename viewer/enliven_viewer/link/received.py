@@ -1,6 +1,4 @@
-"""The values that the link delivers: poses, bodies and cues with their times, notices, and an edge's
-health.
-"""
+"""The link's values: poses, bodies and cues with their times, notices, and an edge's health."""
 
 from __future__ import annotations
 
@@ -50,8 +48,9 @@ class ReceivedPose:
         return (self.published_ns - self.captured_ns) * 1e-6
 
     def age_ms(self, now_ns: int | None = None) -> float:
-        """Returns milliseconds from reading the frame to ``now_ns`` (by default now), across both machines'
-        clocks.
+        """Returns milliseconds from reading the frame to ``now_ns``, across both machines' clocks.
+
+        ``None`` means the current time.
         """
         now = time.time_ns() if now_ns is None else now_ns
         return max(0.0, (now + self.clock_offset_ns - self.captured_ns) * 1e-6)

@@ -1,5 +1,6 @@
-"""Puts characters onto the stage of an edge: packed in the background, sent in parts, identical content only
-once.
+"""Puts characters onto the stage of an edge.
+
+They are packed in the background and sent in parts. Identical content is sent only once.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ Then = Callable[[Answer], None]
 
 
 def _packed(project: Project, character: str) -> bytes:
-    """Returns the packed bytes of a character, with its textures if the wire can carry them back from the
-    edge.
+    """Returns the packed bytes of a character.
+
+    Its textures are included if the wire can carry them back from the edge.
     """
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
     return data if len(data) <= MAX_SENT_BYTES else character_bytes(project, character)
@@ -57,8 +59,9 @@ class StagedEdge(Protocol):
     """The methods of an edge's link that a :class:`StageLink` needs."""
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Sends a request. Calls back with the answer, or with None after the timeout. Returns False without
-        an edge.
+        """Sends a request.
+
+        Calls back with the answer, or with None after the timeout. Returns False without an edge.
         """
 
     def revision(self, character: str) -> int:

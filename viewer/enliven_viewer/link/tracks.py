@@ -72,8 +72,9 @@ def _put_cues(document: Document, cues: ReceivedCues) -> None:
 
 
 def _put_hold(document: Document, held: HoldMessage) -> None:
-    """Puts a change of attachments at the newest time, since a viewer that joins late gets changes from long
-    ago.
+    """Puts a change of attachments at the newest time.
+
+    A viewer that joins late also gets changes from long ago.
     """
     now = max(held.time_ns, document.timeline.end_ns)
     document.add(HOLDS, msgspec.structs.replace(held, time_ns=now))

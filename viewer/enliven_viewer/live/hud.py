@@ -118,8 +118,9 @@ class Hud:
             self._notice(size, notice, among)
 
     def _state_panel(self, state: HudState) -> float:
-        """Draws link, phase, frame rate and latency at the top left. Returns the y coordinate of its lower
-        end in pixels.
+        """Draws link, phase, frame rate and latency at the top left.
+
+        Returns the y coordinate of its lower end in pixels.
         """
         s, canvas, lines = self.scale, self._canvas, "\n".join(_state_lines(state))
         widest, high = canvas.extent(lines, self._small)
@@ -132,8 +133,9 @@ class Hud:
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Draws problems and advice below the state, most severe first. If space runs out, shows how many are
-        left.
+        """Draws problems and advice below the state, most severe first.
+
+        If space runs out, shows how many are left.
         """
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)

@@ -42,8 +42,9 @@ def loss_of(live: LiveStage) -> Loss:
 
 
 class IdleLoop:
-    """The replay of the last performance while the edge is lost. It returns to live mode once the edge is
-    back.
+    """The replay of the last performance while the edge is lost.
+
+    It returns to live mode once the edge is back.
 
     Attributes:
         loss: why nothing arrives, once that has lasted; "" while the stage is live.

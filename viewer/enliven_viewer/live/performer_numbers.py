@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 
 class PerformerNumbers:
-    """Small numbers for the performers in view. An edge's own ids only grow, and a performer found again gets
-    a new one.
+    """Small numbers for the performers in view.
+
+    An edge's own ids only grow, and a performer found again gets a new one.
 
     The next performer in view gets the lowest free number.
     """
@@ -16,8 +17,9 @@ class PerformerNumbers:
         self._numbers: dict[int, int] = {}
 
     def see(self, present: Iterable[int]) -> None:
-        """Updates the numbers with the ids of all performers in view or in control of something; other
-        numbers become free.
+        """Updates the numbers with the ids of all performers in view or in control of something.
+
+        Other numbers become free.
         """
         ids = sorted(set(present))
         self._numbers = {body: number for body, number in self._numbers.items() if body in ids}

@@ -60,8 +60,9 @@ class PossessionChoice:
         return amounts
 
     def words(self, number_of: Callable[[int], int]) -> str:
-        """Returns a description such as "P steps in: the legs of performer 2". ``number_of`` returns the
-        number of an id.
+        """Returns a description such as "P steps in: the legs of performer 2".
+
+        ``number_of`` returns the number of an id.
         """
         who = tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
         whole = tr(

@@ -79,8 +79,9 @@ class LiveStage:
 
     @property
     def present(self) -> tuple[str, ...]:
-        """Returns the objects that make a camera reframe when they change: the characters, and whether a
-        person is present.
+        """Returns the characters, and whether a person is present.
+
+        A camera reframes when these change.
         """
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
@@ -99,9 +100,7 @@ class LiveStage:
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
-        """Asks the feed to switch the hand gesture that scales a character by the distance between the
-        hands.
-        """
+        """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
         for name in self._named(self.meant)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
@@ -179,8 +178,9 @@ class LiveStage:
         self.feed.close()
 
     def _without_next_matches(self, scene: Scene) -> Scene:
-        """Returns the scene without match candidates on possessed characters, which older edges send for the
-        next performer.
+        """Returns the scene without match candidates on possessed characters.
+
+        Older edges send these for the next performer.
         """
         shown = {
             name: board

@@ -89,8 +89,9 @@ class Document:
         self.timeline.add(topic.name, topic.key(message), message)
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Sets the cues of a character from a time on, or from the newest moment. Without nodes, nothing is
-        attached.
+        """Sets the cues of a character from a time on, or from the newest moment.
+
+        Without nodes, nothing is attached.
         """
         self.timeline.set_cues(cues, time_ns)
 
@@ -100,8 +101,9 @@ class Document:
 
 
 def bounds_of(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
-    """Returns the lowest and highest corner, (3,) each, of several (N, 3) arrays; None without a finite
-    point.
+    """Returns the lowest and highest corner, (3,) each, of several (N, 3) arrays.
+
+    Returns None without a finite point.
     """
     filled = [p for p in points if len(p)]
     if not filled:

@@ -34,8 +34,9 @@ def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
 
 
 def blend_linear(before: Float, after: Float, share: float) -> Float:
-    """Returns (J, 3, 3) maps blended between two sets of (J, 3, 3). Maps without a rotation part are blended
-    linearly.
+    """Returns (J, 3, 3) maps blended between two sets of (J, 3, 3).
+
+    Maps without a rotation part are blended linearly.
     """
     straight = before + (after - before) * share
     ok = (np.linalg.det(before) > 1e-6) & (np.linalg.det(after) > 1e-6)
@@ -63,8 +64,9 @@ def _blend_body(before: Body, after: Body, share: float) -> Body:
 
 
 def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float) -> tuple[Body, ...]:
-    """Returns the bodies between two moments, matched by id. A body at only one moment is shown if that is
-    the nearer one.
+    """Returns the bodies between two moments, matched by id.
+
+    A body at only one moment is shown if that is the nearer one.
     """
     later = {body.id: body for body in after}
     blended = []
@@ -78,8 +80,9 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
 
 
 def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
-    """Returns the props between two moments, by id. Props at one moment only, or that jumped, come from the
-    nearer one.
+    """Returns the props between two moments, by id.
+
+    Props at one moment only, or that jumped, come from the nearer one.
 
     If one of the moments has no props, returns those of the other.
     """
@@ -98,8 +101,9 @@ def blend_props(before: Props | None, after: Props | None, share: float, time_ns
 
 
 def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float) -> dict[str, Board]:
-    """Returns the match lists between two moments: the earlier ones, with lines interpolated if both moments
-    have them.
+    """Returns the match lists between two moments: the earlier ones.
+
+    Their lines are interpolated if both moments have them.
     """
     made = dict(before)
     for name, first in before.items():

@@ -51,8 +51,9 @@ class SolvedSurfaces:
         self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
-        """Returns (V, 3) metres in the world of a puppet in a pose; None for characters moved only by
-        transforms.
+        """Returns (V, 3) metres in the world of a puppet in a pose.
+
+        Returns None for characters moved only by transforms.
         """
         if character.kind != "points":
             return None

@@ -126,16 +126,15 @@ class Timeline:
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
-        """Adds a message of another topic at its time; it replaces an earlier one with the same key and
-        time.
-        """
+        """Adds a message of another topic at its time, and replaces one with the same key and time."""
         old = self._at(message.time_ns)
         same = {**old.others.get(topic, {}), key: message}
         self._put(replace(old, others={**old.others, topic: same}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Sets the cues of a character from a time on (None: from the newest moment) until they are set
-        again.
+        """Sets the cues of a character from a time on, until they are set again.
+
+        None means from the newest moment on.
         """
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
@@ -226,8 +225,9 @@ class Timeline:
         return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _whole(self, index: int) -> TimelineMoment:
-        """Returns a moment, completed with the last poses of characters that have none in it: poses arrive
-        one character after another.
+        """Returns a moment, completed with the last poses of characters that have none in it.
+
+        This is needed because poses arrive one character after another.
         """
         moment = self._moments[index]
         before = self._moments[index - 1] if index else moment
@@ -243,15 +243,14 @@ class Timeline:
         return 0 <= now_ns - time_ns <= self.settings.gap * NS
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
-        """Returns the props of the previous moment, which stay visible until the moment's own props
-        arrive.
-        """
+        """Returns the previous moment's props, which stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         return props if props is not None and self._fresh(props.time_ns, time_ns) else None
 
     def _put(self, moment: TimelineMoment) -> None:
-        """Inserts or replaces a moment. Starts a new timeline if the clock went back; drops the oldest beyond
-        the limits.
+        """Inserts or replaces a moment.
+
+        Starts a new timeline if the clock went back; drops the oldest beyond the limits.
         """
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()

@@ -54,9 +54,7 @@ class CameraView:
 
 
 def look_at(eye: Float, target: Float) -> Float:
-    """Returns (4, 4) camera_from_world of an upright camera at ``eye`` that looks at ``target``, both
-    (3,).
-    """
+    """Returns (4, 4) camera_from_world of an upright camera at ``eye`` (3,) that looks at ``target`` (3,)."""
     back = (eye - target) / np.linalg.norm(eye - target)
     right = np.cross([0.0, 1.0, 0.0], back)
     right /= np.linalg.norm(right)
@@ -82,8 +80,9 @@ def perspective(field_of_view: float, aspect: float, near: float, far: float) ->
 
 
 def orthographic(low: Float, high: Float) -> Float:
-    """Returns the (4, 4) OpenGL orthographic projection of the box between ``low`` and ``high``, (3,) each,
-    camera frame.
+    """Returns the (4, 4) OpenGL orthographic projection of a box.
+
+    The box between ``low`` and ``high``, (3,) each, is in the camera frame.
     """
     projection = np.eye(4)
     size = high - low
@@ -142,9 +141,7 @@ class OrbitCamera:
 
     @property
     def goal(self) -> tuple[float, float, float, float, float, float]:
-        """Returns the goal of the movement: target (metres), azimuth, elevation (radians), distance
-        (metres).
-        """
+        """Returns the goal: target (metres), azimuth, elevation (radians), distance (metres)."""
         x, y, z, azimuth, elevation, distance = map(float, self._goal)
         return x, y, z, azimuth, elevation, math.exp(distance)
 

@@ -47,8 +47,9 @@ def capsules_of(
     opacity: float,
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = MappingProxyType({}),
 ) -> Float32:
-    """Returns (N, 12) float32 rows of bones, joints and heads: start xyz and radius, end xyz and radius, rgb
-    and opacity.
+    """Returns (N, 12) float32 rows of bones, joints and heads.
+
+    A row has start xyz and radius, end xyz and radius, rgb and opacity.
 
     Args:
         limbs: by body id, the sRGB colours of bones by their outer joint. Other bones have the body's colour.
@@ -82,7 +83,7 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
 
 
 def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
-    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and the number of used
+    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and the number of
     entries.
     """
     block = np.zeros((3, MAX_BONES, 4), np.float32)

@@ -46,8 +46,9 @@ def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = (
 
 
 def reach_of_points(character: Character) -> SkinWeights:
-    """Returns the influence of four control points' glow on each vertex at rest; it decreases with
-    distance.
+    """Returns how strongly the glow of four control points reaches each vertex.
+
+    The influence decreases with the distance at rest.
     """
     vertices, points = character.vertices, character.pivots[1:]
     away = np.linalg.norm(vertices[:, None] - points[None], axis=2)

@@ -129,8 +129,9 @@ def look_rows(look: StageLook, settings: RenderSettings) -> Float:
 
 
 def light_shown_as(colour: str) -> Float:
-    """Returns (3,) the linear light that the filmic curve of shaders/develop.glsl displays as a colour such
-    as "#22334a".
+    """Returns (3,) the linear light that is displayed as a colour such as "#22334a".
+
+    It inverts the filmic curve of shaders/develop.glsl.
     """
     shown = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     y = np.minimum(shown, _WHITEST)

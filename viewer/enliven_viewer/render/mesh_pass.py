@@ -1,6 +1,4 @@
-"""Draws characters: opaque, with cut-out holes, transparent, and with cutaways around a performer inside
-them.
-"""
+"""Draws characters: opaque, with cut-out holes, transparent, and with cutaways around a performer inside."""
 
 from __future__ import annotations
 

@@ -49,8 +49,9 @@ def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: F
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Fills the rows. Vertices without face area get the rest normal; coordinates that are not finite become
-    0.
+    """Fills the rows.
+
+    Vertices without face area get the rest normal; coordinates that are not finite become 0.
     """
     for n in range(len(source)):
         for c in range(3):

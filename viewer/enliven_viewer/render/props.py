@@ -18,8 +18,9 @@ _FINENESS = {BOX: 2, BALL: 6}
 
 
 def prop_rows(props: Props | None, shape: int) -> Float32:
-    """Returns (N, 14) float32 rows of one shape: xyz and bevel, rotation (x, y, z, w), half edges, linear
-    rgb.
+    """Returns (N, 14) float32 rows of one shape.
+
+    A row has xyz and bevel, rotation (x, y, z, w), half edges, and linear rgb.
     """
     if props is None:
         return np.zeros((0, 14), np.float32)
@@ -82,8 +83,7 @@ class PropPass:
 
 
 def block_template(fineness: int) -> tuple[Float32, Int32]:
-    """Returns (N, 6) unit directions with the corner (-1 or 1 along each axis) they belong to, and (F, 3)
-    faces.
+    """Returns (N, 6) unit directions with their corners (-1 or 1 along each axis), and (F, 3) faces.
 
     The template is a sphere made of a cube's six sides, with ``2 fineness`` points along each. It is cut
     along the three planes between the corners. If the corners are moved apart, the cuts become the flat sides

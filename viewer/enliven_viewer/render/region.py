@@ -21,8 +21,9 @@ _SQRT3 = math.sqrt(3.0)
 
 
 def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
-    """Returns (8 N, 3): the corners of boxes around balls with (N, 3) centres and radii (N,) or a common
-    radius, in metres.
+    """Returns (8 N, 3) metres: the corners of boxes around balls.
+
+    The balls have (N, 3) centres, and radii (N,) or a common radius.
     """
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
     return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
@@ -49,8 +50,9 @@ def marks_of(scene: Scene) -> Float:
 
 
 def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
-    """Returns the pixel region of the hull of (N, 3) points; the whole image if a point is beside or behind
-    the camera.
+    """Returns the pixel region of the hull of (N, 3) points.
+
+    Returns the whole image if a point is next to or behind the camera.
 
     Args:
         room: margin in pixels.
@@ -69,8 +71,9 @@ def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int],
 
 
 def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
-    """Returns the lowest and highest x and z, (2,) each, of the floor below the hull of (N, 3) points and its
-    shadow.
+    """Returns the lowest and highest x and z, (2,) each, of the floor below points and their shadow.
+
+    The hull of the (N, 3) points casts the shadow.
 
     Args:
         to_key: (3,) unit direction towards the light.

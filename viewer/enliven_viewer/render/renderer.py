@@ -131,8 +131,9 @@ class Renderer:
         return self.picture.pixels()
 
     def present(self, screen: moderngl.Framebuffer, corner: tuple[int, int] = (0, 0)) -> None:
-        """Copies the image to a window's framebuffer, with its lower left at ``corner`` (pixels from the
-        bottom left).
+        """Copies the image to a window's framebuffer.
+
+        Its lower left is at ``corner``, in pixels from the bottom left.
         """
         screen.viewport = (*corner, *self.size)
         screen.use()
@@ -142,8 +143,9 @@ class Renderer:
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)
 
     def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
-        """Returns the meshes of the scene in their poses. New characters are uploaded, and removed ones
-        released.
+        """Returns the meshes of the scene in their poses.
+
+        New characters are uploaded, and removed ones released.
         """
         names = {actor.character.id for actor in scene.actors}
         glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
@@ -221,8 +223,9 @@ class Renderer:
         self._props.render()
 
     def _draw_bodies(self) -> None:
-        """Draws the bodies. Faint ones cover a fraction of each pixel's samples, so that they need no
-        sorting.
+        """Draws the bodies.
+
+        Faint ones cover a fraction of each pixel's samples, so that they need no sorting.
         """
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)

@@ -89,9 +89,7 @@ class Scene:
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
-        """Returns a box with a margin around characters, bodies, and the loose objects within reach of
-        them.
-        """
+        """Returns a box with a margin around characters, bodies, and the loose objects near them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))

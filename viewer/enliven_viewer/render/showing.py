@@ -1,6 +1,4 @@
-"""Visibility of performance overlays: skeletons during a choice, then only the mesh with its attached
-parts.
-"""
+"""Visibility of performance overlays: skeletons during a choice, then only the mesh."""
 
 from __future__ import annotations
 

@@ -125,8 +125,7 @@ class SkinnedMesh:
         self._placed = vertices
 
     def hull(self) -> Float:
-        """Returns (K, 3) metres: points with a convex hull that contains every vertex in its current
-        position.
+        """Returns (K, 3) metres: points with a convex hull that contains every current vertex.
 
         A skinned vertex lies between the positions to which each of its transforms alone would move it.
         """
@@ -138,8 +137,9 @@ class SkinnedMesh:
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
     def render(self, program: moderngl.Program, part: DrawnPart) -> None:
-        """Draws the triangles of a part with a program that uses ``in_position`` and optionally other
-        attributes.
+        """Draws the triangles of a part.
+
+        The program uses ``in_position`` and optionally other attributes.
         """
         self._array(program, self._faces).render(
             moderngl.TRIANGLES, vertices=3 * part.count, first=3 * part.start
@@ -233,8 +233,9 @@ class SkinnedMesh:
 
 
 def boxes_of(character: Character) -> Float32:
-    """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform; NaN if it
-    has none.
+    """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform.
+
+    The values are NaN if it has none.
     """
     moves = character.skin.weights.reshape(-1) > 0
     nodes = character.skin.indices.reshape(-1)[moves]

@@ -1,5 +1,6 @@
-"""A mesh prepared for drawing: vertices are duplicated along creases, so that boards look flat and seats look
-round.
+"""A mesh prepared for drawing.
+
+Vertices are duplicated along creases, so that boards look flat and seats look round.
 """
 
 from __future__ import annotations
@@ -89,8 +90,9 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
 
 
 def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
-    """Returns (G, 3) fewer faces over the same vertices: all vertices in a cell of ``cell`` metres are merged
-    (vertex clustering).
+    """Returns (G, 3) fewer faces over the same vertices (vertex clustering).
+
+    All vertices in a cell of ``cell`` metres are merged.
     """
     key = np.floor(vertices / cell).astype(np.int64)
     key -= key.min(0)

@@ -1,6 +1,4 @@
-"""Single passes over meshes of any size for :mod:`enliven_viewer.render.surface`, with hashing instead of
-sorting.
-"""
+"""Hashed single passes over meshes of any size for :mod:`enliven_viewer.render.surface`."""
 
 from __future__ import annotations
 
@@ -16,8 +14,9 @@ _MANY = 64
 
 @njit(cache=True, nogil=True)
 def _room(count):
-    """Returns keys and values of a hash table for ``count`` keys; the size is a power of two with spare
-    room.
+    """Returns keys and values of a hash table for ``count`` keys.
+
+    The size is a power of two with spare room.
     """
     size = 16
     while size < 1.4 * count:

@@ -58,8 +58,9 @@ class Desktop:
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
     def _density(self) -> float:
-        """Returns the number of window pixels per logical pixel; 1 on Macs, where windows use logical pixels
-        anyway.
+        """Returns the number of window pixels per logical pixel.
+
+        It is 1 on Macs, where windows use logical pixels anyway.
         """
         dense = glfw.get_window_content_scale(self._window)[0]
         across = glfw.get_window_size(self._window)[0]
@@ -75,8 +76,9 @@ class Desktop:
         glfw.set_window_size(self._window, min(size[0], room[2]), min(size[1], room[3]))
 
     def _listen(self) -> None:
-        """Converts pointer positions to logical pixels. The pointer stays in the window while a button is
-        held.
+        """Converts pointer positions to logical pixels.
+
+        The pointer stays in the window while a button is held.
         """
         library = glfw._glfw  # only the library itself knows ImGui's callbacks
         before: list[Any] = []

@@ -1,6 +1,4 @@
-"""The rendered images of a window: the stage in the middle, and the panels' images of takes and
-performers.
-"""
+"""The rendered images of a window: the stage, and the panels' images of takes and performers."""
 
 from __future__ import annotations
 
@@ -98,8 +96,9 @@ class WindowPictures:
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StandingCharacter], live: Scene | None) -> None:
-        """Draws the side view of the limb that is about to be attached. While performing, the source view is
-        not needed.
+        """Draws the side view of the limb that is about to be attached.
+
+        While performing, the source view is not needed.
         """
         workspace = self.workspace
         place = place_of_side_view(workspace, area)

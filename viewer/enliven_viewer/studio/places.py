@@ -75,8 +75,10 @@ def places_in(
     timeline_height: float = TIMELINE,
     without: Collection[str] = (),
 ) -> Places:
-    """Returns the areas: tools at the left, properties at the right, the timeline at the bottom, and the view
-    in the rest.
+    """Returns the areas of the panels and of the view.
+
+    Tools are at the left, properties at the right, the timeline is at the bottom, and the view takes the
+    rest.
 
     With a puppet, the performer is at the left of the view, and the strip of key poses below both. In a low
     window there is no strip, since the timeline also shows the key poses. Curves lie above the timeline, if

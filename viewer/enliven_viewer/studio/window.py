@@ -175,8 +175,9 @@ class StudioWindow:
         hello_imgui.get_runner_params().app_shall_exit = True
 
     def _may_close(self) -> bool:
-        """Returns True if the window's close button may close it. With unsaved work, a dialogue opens
-        instead.
+        """Returns True if the window's close button may close it.
+
+        With unsaved work, a dialogue opens instead.
         """
         self.workspace.ask("quit")
         return self.workspace.ended
@@ -199,9 +200,7 @@ class StudioWindow:
 
     @property
     def audience(self) -> bool:
-        """Returns True if only the performance is shown, because the window fills the screen of an
-        audience.
-        """
+        """Returns True if only the performance is shown, since the window fills an audience's screen."""
         return self.opening.audience and self._windowed is not None
 
     @property

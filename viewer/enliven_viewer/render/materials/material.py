@@ -136,8 +136,9 @@ def _number(value: dict[str, Any], name: str, usual: float, most: float, least: 
 def _numbers(
     value: dict[str, Any], name: str, usual: tuple[float, ...], most: float, least: float = 0.0
 ) -> tuple[float, ...]:
-    """Returns a list of numbers clamped to their bounds, as long as ``usual``; ``usual`` if the value is
-    something else.
+    """Returns a list of numbers clamped to their bounds, as long as ``usual``.
+
+    Returns ``usual`` if the value is something else.
     """
     given = value.get(name)
     if not isinstance(given, list) or len(given) != len(usual):

@@ -36,8 +36,9 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """Returns (3 F, K) keys: two corners of a vertex with different keys need separate drawn vertices. None
-    if all corners are alike.
+    """Returns (3 F, K) keys: two corners of a vertex with different keys need separate drawn vertices.
+
+    None if all corners are alike.
     """
     own = character.materials
     if own is None:

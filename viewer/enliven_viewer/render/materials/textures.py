@@ -39,8 +39,9 @@ _Key = tuple[int, bool]
 
 @dataclass
 class HeldTexture:
-    """A texture on the GPU with its number of users. It keeps the source alive, since its key contains the
-    source's id.
+    """A texture on the GPU with its number of users.
+
+    It keeps the source alive, since its key contains the source's id.
 
     Attributes:
         texture: white until the image is decoded.
@@ -123,8 +124,9 @@ class Textures:
 
 
 def mirrored(source: Texture) -> tuple[bool, bool]:
-    """Returns whether a texture repeats mirrored across and down. Such a texture is stored unfolded, twice as
-    long.
+    """Returns whether a texture repeats mirrored across and down.
+
+    Such a texture is stored unfolded, twice as long.
     """
     sampler = _sampler(source)
     return sampler.get("wrapS") == _MIRROR, sampler.get("wrapT") == _MIRROR

@@ -57,8 +57,9 @@ class Pen:
         return high
 
     def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
-        """Returns width and height of a text in pixels, with lines of at most ``wrap`` pixels; 0 for one
-        line.
+        """Returns width and height of a text in pixels, with lines of at most ``wrap`` pixels.
+
+        A ``wrap`` of 0 means a single line.
         """
         imgui.push_font(None, size)
         wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)

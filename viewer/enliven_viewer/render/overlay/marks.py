@@ -50,8 +50,9 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
 
 
 def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
-    """Returns (A, 3) linear RGB of attachment points, as in :func:`cue_rows`: the colours of their
-    performers' skeletons.
+    """Returns (A, 3) linear RGB of attachment points, as in :func:`cue_rows`.
+
+    They have the colours of their performers' skeletons.
     """
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
@@ -61,8 +62,9 @@ def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
 
 
 def node_rows(actor: SceneCharacter, strength: float) -> Float32:
-    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`cue_rows`; for a puppet, its control
-    points.
+    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`cue_rows`.
+
+    For a puppet, they are its control points.
     """
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions

@@ -14,8 +14,9 @@ FAINT = 0.2
 
 
 def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
-    """Returns (N, 12) float32 rows for :class:`Tubes`: start xyz and radius, end xyz and radius, rgb and
-    opacity.
+    """Returns (N, 12) float32 rows for :class:`Tubes`.
+
+    A row has start xyz and radius, end xyz and radius, rgb and opacity.
 
     Args:
         starts, ends: (N, 3) metres; equal points make a ball.

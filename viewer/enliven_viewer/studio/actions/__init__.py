@@ -1,5 +1,6 @@
-"""Actions: the commands available to an artist. Menus, shortcuts, help, command palette and tests are built
-from them.
+"""Actions: the commands available to an artist.
+
+Menus, shortcuts, help, command palette and tests are built from them.
 """
 
 import lazy_loader

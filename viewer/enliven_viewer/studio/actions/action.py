@@ -55,7 +55,8 @@ class Action:
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
     def rivals(self, other: Action) -> bool:
-        """Returns True if both cannot have the same shortcut: they share a workspace, or both are active
-        everywhere.
+        """Returns True if both cannot have the same shortcut.
+
+        They share a workspace, or both are active everywhere.
         """
         return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})

@@ -18,8 +18,9 @@ _ELSEWHERE = 50.0
 
 
 def likeness(typed: str, name: str) -> float | None:
-    """Returns how well typed letters match a name; larger is better. None if the name does not contain them
-    in order.
+    """Returns how well typed letters match a name; larger is better.
+
+    None if the name does not contain them in order.
     """
     wanted, text = typed.lower().replace(" ", ""), name.lower()
     if not wanted:
@@ -38,8 +39,9 @@ def likeness(typed: str, name: str) -> float | None:
 
 
 def _likest(typed: str, *texts: str) -> float | None:
-    """Returns the best :func:`likeness` to any of several texts. Letters must match within one text, so
-    languages are not mixed.
+    """Returns the best :func:`likeness` to any of several texts.
+
+    Letters must match within one text, so languages are not mixed.
     """
     return max((found for one in {*texts} if (found := likeness(typed, one)) is not None), default=None)
 

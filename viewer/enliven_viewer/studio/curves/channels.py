@@ -129,8 +129,9 @@ def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, 
 
 
 def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
-    """Returns the positions of the selected control point in the puppet's key poses, at the times when these
-    are played.
+    """Returns the selected control point's positions in the puppet's key poses.
+
+    Their times are those at which the key poses are played.
     """
     puppet, layer = project.characters.get(thing.character), layer_of_thing(project, thing)
     if not isinstance(puppet, Puppet) or thing.handle is None or layer is None:
@@ -190,8 +191,9 @@ def layer_number(project: Project, thing: Thing) -> int | None:
 def _moving(
     project: Project, character: RigBase, thing: Thing
 ) -> Callable[[float], tuple[Float, Float]] | None:
-    """Returns the function that maps a time to the rotation (4,) and position (3,) of an object; None if none
-    is selected.
+    """Returns the function that maps a time to the rotation (4,) and position (3,) of an object.
+
+    Returns None if no handle is selected.
     """
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
@@ -238,9 +240,7 @@ def _of_node(
 
 
 def _unwrapped(turns: Float) -> Float:
-    """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid jumps of full
-    turns.
-    """
+    """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):
         angle = float(np.linalg.norm(vectors[k]))
@@ -252,8 +252,9 @@ def _unwrapped(turns: Float) -> Float:
 
 
 def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
-    """Returns the playback speed at a time: seconds of the take per second of the project; 0 if it stands
-    still.
+    """Returns the playback speed at a time: seconds of the take per second of the project.
+
+    The speed is 0 if the take stands still.
     """
     one, other = layer.moment(time, length), layer.moment(time + wide, length)
     if one.rounds != other.rounds:

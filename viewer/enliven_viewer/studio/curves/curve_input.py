@@ -1,5 +1,6 @@
-"""Curve editor: shows the curves of the selection; keys can be dragged, added, removed and eased with the
-pointer.
+"""The curve editor, with the curves of the selection.
+
+Keys can be dragged, added, removed and eased with the pointer.
 """
 
 from __future__ import annotations
@@ -91,8 +92,9 @@ class CurveInput:
 
     @property
     def thing(self) -> Thing | None:
-        """Returns the object of the curves: the selected character with its handle and layer; None without a
-        selection.
+        """Returns the object of the curves: the selected character with its handle and layer.
+
+        Returns None without a selection.
         """
         chosen = self.editor.chosen()
         if chosen is None:
@@ -106,8 +108,9 @@ class CurveInput:
         return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
 
     def refresh(self) -> None:
-        """Takes finished curves from the background thread, and starts sampling if they are outdated. Call
-        once per frame; does not block.
+        """Takes finished curves from the background thread, and starts sampling if they are outdated.
+
+        Call once per frame; does not block.
         """
         thing = self.thing
         if thing is None:
@@ -141,8 +144,9 @@ class CurveInput:
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
-        """Returns all groups of curves, completely solved and sampled. Blocks; for sessions without a
-        window.
+        """Returns all groups of curves, completely solved and sampled.
+
+        Blocks; for sessions without a window.
         """
         chosen = self.editor.chosen()
         if isinstance(chosen, Puppet):
@@ -261,8 +265,9 @@ class CurveInput:
         self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
-        """Handles keyboard input for the selected key: Delete removes it. Returns whether it had an
-        effect.
+        """Handles keyboard input for the selected key: Delete removes it.
+
+        Returns whether it had an effect.
         """
         if not self.on or self.chosen is None or key not in ("delete", "backspace"):
             return False
@@ -276,8 +281,9 @@ class CurveInput:
             self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
 
     def _lane(self, thing: Thing) -> tuple[int, ...]:
-        """Returns the numbers of the layers that share a timeline bar with the object's layer; that layer
-        comes first.
+        """Returns the numbers of the layers that share a timeline bar with the object's layer.
+
+        That layer comes first.
         """
         number = layer_number(self.editor.project, thing) or 0
         bars = self.timeline.layout.bars()

@@ -98,8 +98,9 @@ def beyond(project: Project, thing: Thing, group: str, time: float, value: float
 
 
 def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
-    """Returns a project with a key pose of a puppet changed: another position of the control point, or
-    another time.
+    """Returns a project with a key pose of a puppet changed.
+
+    The control point gets another position, or the key pose another time.
     """
     puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
     if layer is None or thing.handle is None:

@@ -44,8 +44,9 @@ class Scale:
         return self.high - y / self.height * (self.high - self.low)
 
     def zoomed(self, factor: float, y: float) -> Scale:
-        """Returns the scale with the range multiplied by ``factor``; the value at pixel ``y`` stays in
-        place.
+        """Returns the scale with the range multiplied by ``factor``.
+
+        The value at pixel ``y`` stays in place.
         """
         at = self.value(y)
         return Scale(at - (at - self.low) * factor, at + (self.high - at) * factor, self.height)

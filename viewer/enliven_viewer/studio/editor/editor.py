@@ -108,8 +108,9 @@ class Editor:
         return self._stage.of(character_id)
 
     def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
-        """Returns the selected character if it has this type of rig; None if none is selected, or another
-        type.
+        """Returns the selected character if it has this type of rig.
+
+        Returns None if no character is selected, or one of another type.
         """
         found = self.project.characters.get(self.selection.character or "")
         return found if isinstance(found, rig) else None
@@ -254,8 +255,9 @@ class Editor:
         self._frame(self.box(), at_once=at_once, reset=reset)
 
     def frame_way(self) -> None:
-        """Moves the camera so that all characters, and the whole path of the selection (or of all), are
-        visible.
+        """Moves the camera so that all characters are visible on the whole path of the selection.
+
+        Without a selection, the paths of all characters are visible.
         """
         box = self.box()
         if box is None:
@@ -286,8 +288,9 @@ class Editor:
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
-        """Returns the bounding box of the camera's subject: the selected characters, or all; None if
-        following is off.
+        """Returns the bounding box of the camera's subject: the selected characters, or all.
+
+        Returns None if following is off.
         """
         if not self.moves.follow:
             return None

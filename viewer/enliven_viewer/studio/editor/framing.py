@@ -18,8 +18,7 @@ away are control targets of an animation rig.
 
 
 def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
-    """Returns (2M, 3) metres: the corners of the bounding boxes of a character, sampled over its whole
-    motion.
+    """Returns (2M, 3) metres: corners of a character's bounding boxes, sampled over its whole motion.
 
     Only handles and nodes are played. The margin of the surface around them is assumed constant.
 

@@ -117,8 +117,9 @@ def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
 
 
 def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
-    """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them; None if the puppet does
-    not play the take yet.
+    """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them.
+
+    Returns None if the puppet does not play the take yet.
     """
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
     if number is None or missing(project, puppet):

@@ -50,8 +50,9 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Project:
-    """Returns a project with a control point paired with a joint. An automatic name is replaced by the
-    joint's name.
+    """Returns a project with a control point paired with a joint.
+
+    An automatic name is replaced by the joint's name.
     """
     names = {one.name: one for one in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
@@ -67,8 +68,9 @@ def spoken_joint(joint: str) -> str:
 
 
 def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
-    """Returns a project with a puppet's mesh turned by 90 degrees in its own frame, and put on the floor
-    again.
+    """Returns a project with a puppet's mesh turned by 90 degrees in its own frame.
+
+    The mesh is put on the floor again.
 
     Args:
         axis: "x" turns forward to up, for meshes from programs with z up. "y" turns its left side to the
@@ -115,8 +117,9 @@ def retimed(project: Project, puppet_id: str, number: int, time: float) -> Proje
 
 
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
-    """Returns a project with one setting of a puppet changed. ``group`` is "examples", "surface" or
-    "locomotion".
+    """Returns a project with one setting of a puppet changed.
+
+    ``group`` is "examples", "surface" or "locomotion".
     """
     puppet = project.puppet(puppet_id)
     return project.with_characters(
@@ -138,8 +141,9 @@ def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardCo
 
 
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
-    """Returns a project with a hard constraint added. It replaces one of its kind at the same point and
-    frame.
+    """Returns a project with a hard constraint added.
+
+    It replaces one of its kind at the same point and frame.
     """
     name, kept = _others(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
@@ -154,9 +158,7 @@ def without_constraint(project: Project, puppet_id: str, layer: int, held: HardC
 def _others(
     project: Project, puppet_id: str, layer: int, held: HardConstraint
 ) -> tuple[str, tuple[HardConstraint, ...]]:
-    """Returns the layer's field for this kind of constraint, and its constraints at other points or
-    frames.
-    """
+    """Returns the layer's field for this kind of constraint, and its other constraints."""
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
@@ -168,8 +170,9 @@ def _others(
 
 
 def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
-    """Returns the switches with one moved to another frame between its neighbours. The first stays at frame
-    0.
+    """Returns the switches with one moved to another frame between its neighbours.
+
+    The first stays at frame 0.
     """
     if number == 0:
         return tuple(switches)
@@ -182,8 +185,8 @@ def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: in
 def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
     """Returns the switches with one added at a frame: from there the kind is reversed until the next switch.
 
-    This splits a phase in three: the old kind, the opposite kind for a fortieth of all frames or up to the
-    next switch, and the old kind again.
+    This splits a phase in three: the old kind, the opposite kind, and the old kind again. The opposite kind
+    lasts a fortieth of all frames, at least 3, or up to the next switch.
     """
     at = [switch.frame for switch in switches]
     if frame in at or not 0 < frame < frames:
@@ -212,8 +215,9 @@ def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...
 
 
 def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
-    """Returns the number of the selected layer, or of the first unmuted one. ``take`` restricts the search to
-    its layers.
+    """Returns the number of the selected layer, or of the first unmuted one.
+
+    ``take`` restricts the search to its layers.
     """
     wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in wanted:

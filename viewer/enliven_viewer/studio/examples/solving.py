@@ -91,8 +91,9 @@ class Solving:
         return known is not None and known.future is not None
 
     def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused. For sessions
-        without a window.
+        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
+
+        For sessions without a window.
         """
         shown = self.shown(project, puppet_id)
         while self.busy(puppet_id):
@@ -109,8 +110,9 @@ class Solving:
             self._pool = None
 
     def _ask(self, known: _Solved, request: _Request) -> None:
-        """Starts solving a request unless it was refused before. Waits for it at most as long as a frame may
-        take.
+        """Starts solving a request unless it was refused before.
+
+        Waits for it at most as long as a frame may take.
         """
         if known.future is None:
             if request.same(known.asked) and known.problem is not None:

@@ -1,6 +1,4 @@
-"""Ghosts (onion skins) of a character before and after the playhead, and motion trails of its hands, feet and
-selected bones.
-"""
+"""Ghosts (onion skins) of a character, and motion trails of its hands, feet and selected bones."""
 
 import lazy_loader
 

@@ -36,8 +36,9 @@ def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int
 
 
 def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
-    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from one another, in
-    order.
+    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from each other.
+
+    They are in ascending order.
     """
     candidates = np.asarray(candidates, np.int64)
     if not len(candidates):

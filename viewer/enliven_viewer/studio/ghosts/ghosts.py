@@ -41,8 +41,9 @@ class Ghosts:
             self._refused.clear()
 
     def picture(self) -> GhostPicture | None:
-        """Returns the ghosts and trails that have already been computed; None while they are off. Does not
-        block.
+        """Returns the ghosts and trails that have already been computed; None while they are off.
+
+        Does not block.
         """
         if not self.on:
             return None
@@ -52,8 +53,9 @@ class Ghosts:
         return self._drawn(characters)
 
     def settle(self) -> GhostPicture | None:
-        """Returns the same as :meth:`picture`, but waits until all of it is computed. For sessions without a
-        window.
+        """Returns the same as :meth:`picture`, but waits until all of it is computed.
+
+        For sessions without a window.
         """
         picture = self.picture()
         while self._work is not None:
@@ -77,8 +79,9 @@ class Ghosts:
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
     def _shown(self) -> list[RigBase]:
-        """Returns the selected character, or else the first few. A puppet is returned in its last solved
-        state.
+        """Returns the selected character, or else the first few.
+
+        A puppet is returned in its last solved state.
         """
         editor, chosen = self.editor, self.editor.chosen()
         found = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]

@@ -59,9 +59,7 @@ def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
 def trail_rows(
     sampled: Sampled, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
-    """Returns (N, 12) rows of tubes: the trails of the points, with dots at frames, at keys and at
-    ``time``.
-    """
+    """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
     wanted, frames = sampled.wanted, sorted(sampled.points)
     frames = [one for one in frames if wanted.first <= one <= wanted.last]
     if len(frames) < 2 or not points:
@@ -90,8 +88,9 @@ def trail_rows(
 
 
 def smooth(line: Float) -> Float:
-    """Returns (B (F - 1) + 1, 3) positions on the Catmull-Rom spline through (F, 3) points, with B segments
-    between two points.
+    """Returns (B (F - 1) + 1, 3) positions on the Catmull-Rom spline through (F, 3) points.
+
+    There are B segments between two points.
     """
     padded = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])
     p, q, r, s = (padded[k : len(padded) - 3 + k, None] for k in range(4))

@@ -33,9 +33,7 @@ class Wanted:
     moments: tuple[float, ...]
 
     def alike(self, other: Wanted) -> bool:
-        """Returns True if samples of the other request are valid for this one: same character and same
-        takes.
-        """
+        """Returns True if samples of the other request are valid here: same character and same takes."""
         if self.character is not other.character or self.step != other.step:
             return False
         pairs = [(held, name) for held, names in self.character.needed().items() for name in names]
@@ -118,8 +116,9 @@ def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
 
 
 def _points(project: Project, character: RigBase) -> Callable[[float], Float]:
-    """Returns the function that gives the positions of a character's handles at a time, or of its nodes if it
-    has no handles.
+    """Returns the function that gives the positions of a character's handles at a time.
+
+    A character without handles has the positions of its nodes.
     """
     player = rig_of(character).player(project, character)
 
@@ -139,8 +138,9 @@ def _body(character: RigBase, vertices: Float, points: Float) -> MomentBody:
 
 
 def smooth_normals(vertices: Float, faces: Int32) -> Float:
-    """Returns (V, 3) unit normals of vertices (V, 3): the area-weighted mean of the face normals; 0 for a
-    vertex without a face.
+    """Returns (V, 3) unit normals of vertices (V, 3): the area-weighted mean of the face normals.
+
+    The normal of a vertex without a face is 0.
     """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     across = np.repeat(np.cross(b - a, c - a), 3, axis=0)

@@ -29,8 +29,9 @@ class Figures:
 
     @property
     def box(self) -> tuple[Float, Float] | None:
-        """Returns the lowest and the highest corner (3,) of the selection in metres; None without a
-        selection.
+        """Returns the lowest and the highest corner (3,) of the selection in metres.
+
+        Returns None without a selection.
         """
         editor, known = self.editor, self._known
         same = known is not None and known[0] is editor.project and known[1] == editor.selection

@@ -12,8 +12,9 @@ from enliven_viewer.studio.outliner.outliner import Outliner
 
 
 def alone(action: Action, editor: Editor) -> Action:
-    """Returns the action of a single shape with a check: if several shapes are selected, it is unavailable
-    and says so.
+    """Returns the action of a single shape with a check.
+
+    If several shapes are selected, the action is unavailable and says so.
     """
 
     def lacks() -> str:

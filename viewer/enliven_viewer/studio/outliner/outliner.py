@@ -118,8 +118,7 @@ class Outliner:
             if row.key in self.opened:
                 self.opened.add(f"{CHARACTER} {wanted}")
 
-    # Visibility, locks and order
-    # ------------------------------------------------------------------------------
+    # Visibility, locks and order --------------------------------------------------------------------------
 
     def handling(self, name: str) -> Handling:
         """Returns the visibility and lock state of a character."""

@@ -24,8 +24,9 @@ def told(text: str) -> None:
 def slider(
     workspace: Workspace, name: str, value: float, low: float, high: float, said: str, change: Change
 ) -> None:
-    """Draws a slider: a draft during the drag, one edit at its end. Integer bounds make it an integer
-    slider.
+    """Draws a slider: a draft during the drag, one edit at its end.
+
+    Integer bounds make it an integer slider.
     """
     imgui.set_next_item_width(-1)
     if isinstance(low, int):

@@ -56,8 +56,9 @@ Part = tuple[str, list[tuple[str, str]]]
 
 
 def parts_of(actions: ActionTable) -> list[Part]:
-    """Returns the shortcuts of each menu. Those of single workspaces are listed separately, under the
-    workspaces' names.
+    """Returns the shortcuts of each menu.
+
+    Those of single workspaces are listed separately, under the workspaces' names.
     """
     parts: dict[str, list[tuple[str, str]]] = {}
     for menu, listed in actions.menus.items():

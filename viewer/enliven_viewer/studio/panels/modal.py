@@ -39,8 +39,9 @@ def button(workspace: Workspace, label: str) -> bool:
 
 
 def choice(workspace: Workspace, yes: str, no: str) -> bool:
-    """Draws two buttons. Returns whether the first was pressed. The second, and Escape, close the
-    dialogue.
+    """Draws two buttons.
+
+    Returns whether the first was pressed. The second, and Escape, close the dialogue.
     """
     pressed = button(workspace, yes)
     imgui.same_line()
@@ -50,8 +51,9 @@ def choice(workspace: Workspace, yes: str, no: str) -> bool:
 
 
 def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> None:
-    """Draws a button that runs an action. If the action is unavailable, the button is grey and the tooltip
-    says why.
+    """Draws a button that runs an action.
+
+    If the action is unavailable, the button is grey and the tooltip says why.
 
     Args:
         wide: width in pixels; 0 fits the label.

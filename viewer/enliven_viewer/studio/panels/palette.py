@@ -61,8 +61,9 @@ def _do(workspace: Workspace) -> None:
 
 
 def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
-    """Draws one action: its name, its menu or why it is unavailable, and its shortcut. Returns True if it was
-    clicked.
+    """Draws one action: its name, its menu or why it is unavailable, and its shortcut.
+
+    Returns True if it was clicked.
     """
     reason, key = action.why_not(), workspace.actions.shown_key(action)
     at, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x

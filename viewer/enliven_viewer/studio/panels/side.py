@@ -140,8 +140,9 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
 
 
 def _swing(workspace: Workspace, name: str) -> None:
-    """Draws the slider for the exaggeration of soft parts, which takes effect on the stage during the
-    drag.
+    """Draws the slider for the exaggeration of soft parts.
+
+    It takes effect on the stage during the drag.
     """
     project = workspace.editor.draft or workspace.editor.project
     given = project.handling.get(name, FREE).exaggeration

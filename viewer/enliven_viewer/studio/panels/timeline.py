@@ -1,6 +1,4 @@
-"""The timeline along the bottom: transport, ruler, one lane per layer, and the playhead; drawn with a draw
-list.
-"""
+"""The timeline: transport, ruler, one lane per layer, and the playhead; drawn with a draw list."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The contents of the timeline's ruler: sounds, the marked span, markers, and the field that renames a
-marker.
-"""
+"""The timeline's ruler: sounds, the marked span, markers, and the field that renames a marker."""
 
 from __future__ import annotations
 
@@ -61,8 +59,9 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draws the marked span on the ruler and the lanes; red in the Perform workspace, where recordings use
-    it.
+    """Draws the marked span on the ruler and the lanes.
+
+    It is red in the Perform workspace, where recordings use it.
     """
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:

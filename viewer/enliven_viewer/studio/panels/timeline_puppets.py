@@ -50,8 +50,9 @@ def draw_details(
 
 
 def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
-    """Draws the distance of every time from the examples, the missing key poses, and a diamond for each key
-    pose.
+    """Draws the coverage curve, the missing key poses, and a diamond for each key pose.
+
+    The curve is the distance of every time from the examples.
     """
     draw, top = imgui.get_window_draw_list(), origin.y + lane.top
     details, puppets = workspace.timeline.rows.details, workspace.editor.puppets
@@ -107,8 +108,9 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
 
 
 def _held(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
-    """Draws a mark for every hard constraint: a dot for a position, a bar for standing still, two dots for
-    level.
+    """Draws a mark for every hard constraint.
+
+    A dot is a position, a bar is standing still, and two dots are level.
     """
     draw, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
     for _, held, x in workspace.timeline.rows.details.held(layout, lane):

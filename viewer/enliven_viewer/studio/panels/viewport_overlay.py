@@ -60,8 +60,9 @@ def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: boo
 
 
 def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draws corner brackets around each of several selected characters; those of the active one are
-    brighter.
+    """Draws corner brackets around each of several selected characters.
+
+    Those of the active character are brighter.
     """
     editor = workspace.editor
     if not editor.selection.several:

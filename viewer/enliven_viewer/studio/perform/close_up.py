@@ -95,8 +95,9 @@ class CloseUp:
 
 
 def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
-    """Returns the bounding box of the limb that the next possession would attach; None for none, or for most
-    of a character.
+    """Returns the bounding box of the limb that the next possession would attach.
+
+    Returns None without such a limb, or if it is most of a character.
 
     Args:
         meant: id of the character; None for the first one with a part about to be attached.

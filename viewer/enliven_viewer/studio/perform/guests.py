@@ -80,8 +80,9 @@ class Guest:
 
     @property
     def delay_ns(self) -> int:
-        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here; 0 if
-        unknown.
+        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here.
+
+        Returns 0 if unknown.
         """
         edge = self.live.document.edge
         if edge.sensor_to_pose_ms is None:
@@ -107,8 +108,9 @@ class Guest:
 
 
 def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
-    """Returns a scene merged with the live scenes of other edges. Each edge's performers get separate ids and
-    colours.
+    """Returns a scene merged with the live scenes of other edges.
+
+    Each edge's performers get separate ids and colours.
     """
     actors, bodies, boards = list(scene.actors), list(scene.bodies), dict(scene.boards)
     for guest in guests:

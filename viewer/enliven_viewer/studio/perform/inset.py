@@ -83,8 +83,9 @@ def width_of(camera: CameraMessage | None) -> float:
 
 
 def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[SeenBody, ...]:
-    """Returns performers as seen by their camera; by an assumed level camera in front of them if its position
-    is unknown.
+    """Returns performers as seen by their camera.
+
+    If its position is unknown, a level camera in front of them is assumed.
     """
     if not bodies:
         return ()
@@ -123,8 +124,9 @@ class PerformerInset:
     def place(
         self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
     ) -> Rectangle:
-        """Returns the inset's rectangle in a view with a width and height in pixels, for several cameras side
-        by side.
+        """Returns the inset's rectangle in a view with a width and height in pixels.
+
+        Several cameras are side by side.
 
         Args:
             views: total width of the camera views, in units of one with aspect ratio :data:`WIDER`.

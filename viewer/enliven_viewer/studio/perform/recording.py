@@ -104,15 +104,17 @@ class StageRecording:
 
     @property
     def clip(self) -> tuple[float, float] | None:
-        """Returns the start and end on the timeline of the running recording, in seconds; None without
-        one.
+        """Returns the start and end on the timeline of the running recording, in seconds.
+
+        Returns None without one.
         """
         return (self._start, self.editor.growing) if self.phase == "recording" else None
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """Returns the start and end in seconds of the recording span (punch-in and punch-out); None to record
-        from the playhead on.
+        """Returns the start and end in seconds of the recording span (punch-in and punch-out).
+
+        Returns None to record from the playhead on.
         """
         return self.editor.marked
 
@@ -164,8 +166,9 @@ class StageRecording:
         self._beside = alternatives
 
     def mark(self, end: int) -> None:
-        """Sets the start (0) or the end (1) of the recording span to the playhead. An empty span is
-        removed.
+        """Sets the start (0) or the end (1) of the recording span to the playhead.
+
+        An empty span is removed.
         """
         self.editor.mark(end)
 
@@ -257,8 +260,9 @@ class StageRecording:
         live.playhead.go_live()
 
     def _delay_ns(self) -> int:
-        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here; 0 if
-        unknown.
+        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here.
+
+        Returns 0 if unknown.
         """
         live = self._live()
         edge = None if live is None else live.document.edge

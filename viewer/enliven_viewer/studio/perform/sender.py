@@ -109,8 +109,9 @@ class StageSender:
 
 
 def _stands_alike(one: RigBase, sent: RigBase) -> bool:
-    """Returns True if an edit of a possessed mesh changed only its motion: on the stage the mesh is at
-    rest.
+    """Returns True if an edit of a possessed mesh changed only its motion.
+
+    On the stage the mesh is at rest.
     """
     kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(

@@ -81,8 +81,9 @@ class PerformSession:
 
     @property
     def keys_of(self) -> str:
-        """Returns the workspace with its own shortcuts; empty in *Play* without a stage, where the project
-        plays.
+        """Returns the workspace with its own shortcuts.
+
+        Returns an empty string in *Play* without a stage, where the project plays.
         """
         return "" if self.room == "Play" and self.live is None else self.room
 
@@ -232,8 +233,9 @@ class PerformSession:
 
     @property
     def present(self) -> tuple[str, ...]:
-        """Returns the objects on the live stage, one line each: performers, characters, loose objects; empty
-        without a stage.
+        """Returns the objects on the live stage, one line each: performers, characters, loose objects.
+
+        Returns an empty tuple without a stage.
         """
         if self.live is None:
             return ()
@@ -299,8 +301,9 @@ class PerformSession:
             self.disconnect()
 
     def _began_again(self) -> None:
-        """Handles a restart of the edge: follows its new clock, and puts the characters on its empty stage
-        again.
+        """Handles a restart of the edge.
+
+        Follows its new clock, and puts the characters on its empty stage again.
         """
         self.recording.recorder.restarted()
         if self._client is not None:

@@ -1,5 +1,6 @@
-"""Sizes of the characters on the stage, and the exaggeration of soft parts. They are edits, so undo affects
-the stage.
+"""Sizes of the characters on the stage, and the exaggeration of soft parts.
+
+They are edits, so undo affects the stage.
 """
 
 from __future__ import annotations
@@ -52,9 +53,7 @@ class StageSizes:
         return self._editor.project.handling.get(name, FREE).size
 
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
-        """Reads character sizes from the edge, stores sizes set by hand gestures, and sends the project's
-        size where they differ.
-        """
+        """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
         client.take(SIZES)
         before, self._told = self._told, {}
         for said in client.latest(SIZES).values():
@@ -127,8 +126,9 @@ class StageSizes:
             self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
     def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
-        """Sends the project's value. Does not repeat it before the edge may have answered, or after a
-        refusal.
+        """Sends the project's value.
+
+        Does not repeat it before the edge may have answered, or after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
         asked, when = self._asked.get(key, (np.nan, -_AGAIN))

@@ -181,8 +181,9 @@ class SteppingIn:
         return ""
 
     def _waits_for_character(self, press: _Press) -> str:
-        """Puts the character on the stage if it is missing. Returns a text while it is awaited, else
-        empty.
+        """Puts the character on the stage if it is missing.
+
+        Returns a text while it is awaited, else empty.
         """
         stage, name = self._stage, press.character
         own = stage.editor.project.characters

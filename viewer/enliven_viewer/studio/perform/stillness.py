@@ -15,8 +15,9 @@ _SURE = 0.3
 
 
 class Stillness:
-    """A measurement of the stillness of the performers in view. It counts only after at least one of them has
-    moved.
+    """A measurement of the stillness of the performers in view.
+
+    It counts only after at least one of them has moved.
 
     Attributes:
         since_ns: time on the sensor's clock when the last of them came to rest; None if one moves or none is

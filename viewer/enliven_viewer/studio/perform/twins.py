@@ -1,5 +1,6 @@
-"""Merges a character that is both in the project and on an edge's stage (live overlay), so that it is shown
-once.
+"""The merge of a character that is both in the project and on an edge's stage (live overlay).
+
+The character is shown only once.
 """
 
 from __future__ import annotations
@@ -50,8 +51,9 @@ class Twins:
     _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
 
     def shown(self, scene: Scene, told: Telling) -> Scene:
-        """Returns the scene without duplicates. A rigged character plays its own motion at its place on the
-        stage, with live motion added.
+        """Returns the scene without duplicates.
+
+        A rigged character plays its own motion at its place on the stage, with live motion added.
         """
         own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
         for actor in scene.actors:

@@ -1,5 +1,6 @@
-"""The performer as a mannequin of capsules on the stage's floor. Paired joints have the colours of their
-control points.
+"""The performer as a mannequin of capsules on the stage's floor.
+
+Paired joints have the colours of their control points.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ class PerformerPicture:
         self._tubes = Tubes(renderer.ctx)
 
     def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
-        """Draws and resolves one image. ``paired`` maps joints to numbers of control points; ``lit`` is a
-        highlighted joint.
+        """Draws and resolves one image.
+
+        ``paired`` maps joints to numbers of control points; ``lit`` is a highlighted joint.
         """
         low, high = figure.joints.min(0), figure.joints.max(0)
         self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)

@@ -121,8 +121,9 @@ class PerformerView:
                 self.editor.select(layer=len(puppet.layers))
 
     def follow(self) -> None:
-        """Prepares a frame: turns with the stage, frames the performer, and passes the moment to the
-        puppets.
+        """Prepares a frame.
+
+        Turns with the stage, frames the performer, and passes the moment to the puppets.
         """
         self.editor.puppets.moment = self.moment
         figure = self.figure()
@@ -178,8 +179,9 @@ class PerformerView:
             self.pair(figure.skeleton.names[joint])
 
     def pair(self, joint: str) -> None:
-        """Pairs a joint with the selected control point. Without a selected point, selects the one paired
-        with the joint.
+        """Pairs a joint with the selected control point.
+
+        Without a selected point, selects the one paired with the joint.
         """
         editor = self.editor
         puppet, number = editor.puppets.puppet, editor.puppets.point
@@ -222,8 +224,9 @@ class PerformerView:
         self.camera.advance(10.0)
 
     def joint_at(self, at: Point) -> int | None:
-        """Returns the joint within reach of a pixel. Of coincident joints, returns the one nearest to the
-        root.
+        """Returns the joint within reach of a pixel.
+
+        Of coincident joints, returns the one nearest to the root.
         """
         figure = self.figure()
         if figure is None:

@@ -25,8 +25,9 @@ class GlancePictures:
         self._made: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
 
     def of(self, name: str, camera: CameraMessage | None) -> int | None:
-        """Returns the OpenGL number of the texture with an edge's newest camera image; None if there is no
-        image.
+        """Returns the OpenGL number of the texture with an edge's newest camera image.
+
+        Returns None if there is no image.
         """
         if camera is None or not camera.height:
             return None

@@ -10,8 +10,9 @@ from enliven_viewer.studio.ghosts import GhostBody, MomentBody
 
 
 class OnionSkin:
-    """A render pass that draws ghosts over the last image of a renderer, with the same camera. Other geometry
-    occludes them.
+    """A render pass that draws ghosts over the last image of a renderer, with the same camera.
+
+    Other geometry occludes them.
 
     Args:
         ctx: the renderer's context.

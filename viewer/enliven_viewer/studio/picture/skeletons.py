@@ -61,8 +61,9 @@ def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, ov
 
 
 def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
-    """Returns (H,) metres, the length of the longest bone at each handle; infinite at a handle without
-    bones.
+    """Returns (H,) metres, the length of the longest bone at each handle.
+
+    The value is infinite at a handle without bones.
     """
     lengths = np.linalg.norm(handles[above] - handles[below], axis=1)
     longest = np.zeros(len(handles))

@@ -56,8 +56,9 @@ class Viewport:
         live: Scene | None = None,
         growing: tuple[GrowingPicture, Float] | None = None,
     ) -> None:
-        """Draws and resolves one image. ``live`` is drawn next to the project's characters; ``growing`` is a
-        running scan.
+        """Draws and resolves one image.
+
+        ``live`` is drawn next to the project's characters; ``growing`` is a running scan.
         """
         actors = [
             SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn

@@ -35,8 +35,9 @@ class SelfCrossing:
         self._finder: SelfIntersection | None = None
 
     def look(self, puppet: Puppet, surface: Float) -> None:
-        """Starts a self-intersection check of the surface (V, 3) metres in the background. Call once per
-        frame; does not block.
+        """Starts a self-intersection check of the surface (V, 3) metres in the background.
+
+        Call once per frame; does not block.
         """
         if puppet.mesh is not self._mesh:
             self.forget()
@@ -71,8 +72,9 @@ class SelfCrossing:
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:
-    """Returns a sentence about the intersecting parts. Each of the faces (K,) belongs to the control point
-    nearest at rest.
+    """Returns a sentence about the intersecting parts.
+
+    Each of the faces (K,) belongs to the control point nearest at rest.
     """
     if not puppet.points:
         return tr("the surface passes through itself")

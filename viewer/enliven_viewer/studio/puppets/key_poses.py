@@ -30,9 +30,7 @@ class KeyPoses(PuppetSelection):
         self._at = 0.0
 
     def leave_elsewhere(self) -> None:
-        """Stops editing the key pose if playback runs, the time has changed, or another puppet is
-        selected.
-        """
+        """Stops editing the key pose during playback, at another time, or with another puppet."""
         elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
         if self._key is not None and (elsewhere or self.editor.selection.character != self._key[0]):
             self.accept()
@@ -65,8 +63,9 @@ class KeyPoses(PuppetSelection):
         return puppet.poses[number - 1 if number else 1]
 
     def begin_pose(self, take: str, time: float) -> bool:
-        """Adds a key pose at a time of a take, in the puppet's current shape. An existing key pose there is
-        edited instead.
+        """Adds a key pose at a time of a take, in the puppet's current shape.
+
+        An existing key pose there is edited instead.
         """
         puppet = self._wanted()
         if puppet is None:
@@ -117,8 +116,9 @@ class KeyPoses(PuppetSelection):
     def _edit(
         self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
-        """Starts editing a key pose. ``before`` maps each vertex to its previous position; None for a new key
-        pose.
+        """Starts editing a key pose.
+
+        ``before`` maps each vertex to its previous position; None for a new key pose.
         """
         self.start_state = (
             standing.state if standing is not None and self.start_state is None else self.start_state

@@ -70,8 +70,7 @@ class Manipulator:
         return ""
 
     def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """Returns (3,) metres in the world: the movement of the place when a part is dragged between two
-        pixels.
+        """Returns (3,) metres in the world: the movement of the place for a drag between two pixels.
 
         Returns None if a pixel is beyond the horizon of the part's plane.
         """
@@ -183,8 +182,9 @@ class Manipulator:
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _on_plane(self, normal: Float, at: Point) -> Float | None:
-        """Returns (3,) the intersection of a pixel's ray with the plane through the place; None if there is
-        none.
+        """Returns (3,) the intersection of a pixel's ray with the plane through the place.
+
+        Returns None if they do not intersect.
         """
         ray, eye = self.lens.ray(at), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)

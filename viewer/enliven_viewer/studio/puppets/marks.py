@@ -28,8 +28,9 @@ def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, a
 
 
 def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
-    """Returns (P, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as
-    balls.
+    """Returns the control points as balls.
+
+    They are (P, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`.
     """
     points = standing.handles
     tints = np.array([point_colour(k) for k in range(len(points))], float).reshape(-1, 3)

@@ -19,8 +19,9 @@ def plane_for(puppet: Puppet) -> Plane | None:
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """Returns the vertex nearest to a vertex's mirror image, or None. Near the plane it is the vertex
-    itself.
+    """Returns the vertex nearest to a vertex's mirror image, or None.
+
+    Near the plane it is the vertex itself.
     """
     plane = plane_for(puppet)
     if plane is None:
@@ -44,8 +45,9 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """Returns (P, 3) positions in which the partner of ``point`` makes the mirrored movement from its rest
-    position.
+    """Returns (P, 3) positions with the movement of ``point`` mirrored to its partner.
+
+    Movements are measured from the rest positions.
 
     A control point that is its own partner moves only within the plane.
     """

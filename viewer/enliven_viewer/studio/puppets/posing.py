@@ -50,8 +50,9 @@ class PuppetEditor(KeyPoses):
         self._dragged: Float | None = None
 
     def advance(self) -> None:
-        """Advances one frame: surfaces relax towards rest. Another time or another puppet ends the editing of
-        a key pose.
+        """Advances one frame: surfaces relax towards rest.
+
+        Another time or another puppet ends the editing of a key pose.
         """
         self.leave_elsewhere()
         self.stage.improve()
@@ -70,8 +71,9 @@ class PuppetEditor(KeyPoses):
 
     @property
     def places(self) -> Float | None:
-        """Returns (P, 3) metres in the mesh's frame, as dragged or from the key pose; None while the puppet
-        plays.
+        """Returns (P, 3) metres in the mesh's frame, as dragged or from the key pose.
+
+        Returns None while the puppet plays.
         """
         if self._dragged is not None:
             return self._dragged
@@ -146,8 +148,9 @@ class PuppetEditor(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """Returns (P, 3) metres, the positions at the start of a drag: of the key pose at this moment, or as
-        shown.
+        """Returns (P, 3) metres, the positions at the start of a drag.
+
+        They are those of the key pose at this moment, or those shown.
         """
         if self.places is not None:
             return self.places
@@ -156,9 +159,7 @@ class PuppetEditor(KeyPoses):
         return self.seen(puppet) if there is None else puppet.poses[there].places
 
     def seen(self, puppet: Puppet) -> Float:
-        """Returns (P, 3) metres in the mesh's frame: the current positions of its control points on the
-        stage.
-        """
+        """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
         standing = self.stage.standing_of(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 

@@ -1,6 +1,4 @@
-"""Overlays on the rendered meshes: the outline of another pose, self-intersecting faces, and painted
-stiffness.
-"""
+"""Overlays on the rendered meshes: another pose's outline, self-intersecting faces, painted stiffness."""
 
 from __future__ import annotations
 
@@ -37,8 +35,9 @@ class PuppetOverlay:
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
     def outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
-        """Draws the outline of a mesh (V, 3) metres in the world over everything. `size` is the mesh's size
-        in metres.
+        """Draws the outline of a mesh (V, 3) metres in the world over everything.
+
+        `size` is the mesh's size in metres.
         """
         mask, buffer = self._mask_of(picture.size)
         buffer.use()
@@ -56,8 +55,9 @@ class PuppetOverlay:
         picture.resolve()
 
     def crossing(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
-        """Highlights the self-intersecting faces (K, 3) of a surface, fainter where other geometry covers
-        them.
+        """Highlights the self-intersecting faces (K, 3) of a surface.
+
+        They are fainter where other geometry covers them.
         """
         corners = np.ascontiguousarray(vertices[faces.ravel()], np.float32)
         if not len(corners):

@@ -57,8 +57,9 @@ class Solver:
             )
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """Returns (V, 3) metres, the surface with control points at ``places`` (P, 3). Returns the last valid
-        surface while it is being prepared, or if it cannot be solved.
+        """Returns (V, 3) metres, the surface with control points at ``places`` (P, 3).
+
+        Returns the last valid surface while it is being prepared, or if it cannot be solved.
         """
         surface = self.ready(puppet)
         if surface is None:

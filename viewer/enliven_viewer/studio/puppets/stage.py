@@ -162,8 +162,9 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
 
 
 def puppet_meshes() -> DrawnMeshes:
-    """Returns the render meshes of puppets, each as one rigid piece, since the vertices are solved on the
-    CPU.
+    """Returns the render meshes of puppets, each as one rigid piece.
+
+    The vertices are solved on the CPU.
     """
     return DrawnMeshes(_rigid)
 

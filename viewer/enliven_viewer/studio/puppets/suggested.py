@@ -58,8 +58,9 @@ class PointSuggestions:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """Returns the vertices at the ends of limbs, with a neighbourhood to one side; else the most extreme
-    vertices.
+    """Returns the vertices at the ends of limbs; else the most extreme vertices.
+
+    At an end, the neighbourhood lies to one side of the vertex.
     """
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions

@@ -42,8 +42,9 @@ class PuppetSurfaces:
         return self._solver(puppet).of(puppet, places, warm=warm)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """Returns the future of the settled surface (V, 3) at other positions (P, 3), without affecting the
-        drag; or None.
+        """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.
+
+        The drag is not affected.
         """
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
@@ -51,8 +52,9 @@ class PuppetSurfaces:
         return self._others.submit(surface.aside, places)
 
     def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
-        """Returns the settled surface (V, 3) at each of several positions (P, 3); None if they cannot be
-        computed yet.
+        """Returns the settled surface (V, 3) at each of several positions (P, 3).
+
+        Returns None if they cannot be computed yet.
         """
         found = [self.aside(puppet, places) for places in many]
         try:
@@ -66,8 +68,9 @@ class PuppetSurfaces:
         self.version += any(moved)
 
     def settle(self) -> None:
-        """Makes every surface settle from its rest state at the next request. Called after a drag over many
-        times.
+        """Makes every surface settle from its rest state at the next request.
+
+        Called after a drag over many times.
         """
         for solver in self._known.values():
             solver.forget()

@@ -1,5 +1,6 @@
-"""The crop box that an artist drags around the object. The handle at the centre of each side moves that
-side.
+"""The crop box that an artist drags around the object.
+
+The handle at the centre of each side moves that side.
 """
 
 from __future__ import annotations
@@ -85,8 +86,9 @@ class DraggedBox:
         self._held = None
 
     def follow(self, before: Float, after: Float) -> None:
-        """Moves the box with the scan when the edge changes the scan's placement, as it does until it has
-        found the floor.
+        """Moves the box with the scan when the edge changes the scan's placement.
+
+        The edge does so until it has found the floor.
 
         Args:
             before, after: (4, 4) from the scan's world to the stage. Both are upright, so the sides stay

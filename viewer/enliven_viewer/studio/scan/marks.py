@@ -40,8 +40,9 @@ def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
 
 
 def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
-    """Returns a camera as a pyramid of lines, with the image at the open end; ``axes`` (3, 3) right, down,
-    ahead.
+    """Returns a camera as a pyramid of lines, with the image at the open end.
+
+    ``axes`` (3, 3) are right, down and ahead, in columns.
     """
     right, down, ahead = axes.T
     across, up = _HALF
@@ -88,9 +89,7 @@ def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
 
 
 def _looking(eye: Float, target: Float) -> Float:
-    """Returns the (3, 3) axes of an upright camera that looks at a target: right, down and ahead in
-    columns.
-    """
+    """Returns the (3, 3) axes (right, down, ahead in columns) of an upright camera that looks at a target."""
     ahead = target - eye
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
     right = np.cross(ahead, [0.0, 1.0, 0.0])

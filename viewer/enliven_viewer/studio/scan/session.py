@@ -92,8 +92,9 @@ class ScanSession:
         return self._growing.picture, self.stage_from_scan
 
     def beside(self, live: Scene | None) -> Scene | None:
-        """Returns the live scene without its characters while a scan is running, so that only the scan is
-        visible.
+        """Returns the live scene.
+
+        While a scan is running, its characters are left out, so that only the scan is visible.
         """
         return replace(live, actors=(), boards={}) if live is not None and self.active else live
 
@@ -239,8 +240,9 @@ class ScanSession:
             self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
 
     def _end_when_round(self) -> None:
-        """Finishes the scan of a person a moment after the last side was seen, since the person cannot reach
-        the keyboard.
+        """Finishes the scan of a person a moment after the last side was seen.
+
+        The person cannot reach the keyboard.
         """
         if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
             self._round_ns = None

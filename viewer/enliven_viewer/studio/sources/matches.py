@@ -33,8 +33,9 @@ class Offer:
 def offers(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
 ) -> list[Offer]:
-    """Returns the best matches of a take's pose at a time with a shape with joints (N, 3), each as seen in
-    its view.
+    """Returns the best matches of a take's pose at a time with a shape with joints (N, 3).
+
+    Both are compared as seen in their views.
 
     Raises:
         InputError: if one of the skeletons cannot be abstracted.

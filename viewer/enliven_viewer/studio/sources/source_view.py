@@ -71,8 +71,9 @@ class SourceView:
             self.camera.advance(10.0)
 
     def posed(self) -> StandingCharacter | None:
-        """Returns the take's skeleton at the project's time, looped. While playback is stopped at 0, this is
-        its first frame.
+        """Returns the take's skeleton at the project's time; the take is looped.
+
+        While playback is stopped at 0, this is its first frame.
         """
         clip = self.clip
         if clip is None:

@@ -1,6 +1,4 @@
-"""The first minutes: a tour that points at each step, and detects when the artist has done it or demonstrates
-it.
-"""
+"""The first minutes: a tour that points at each step, and detects or demonstrates it."""
 
 import lazy_loader
 

@@ -108,8 +108,9 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
 
 
 def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
-    """Returns (M, 3, 2) pixels of the triangles near a leg that do not belong to it; NaN behind the
-    camera.
+    """Returns (M, 3, 2) pixels of the triangles near a leg that do not belong to it.
+
+    The values are NaN behind the camera.
     """
     inside = np.zeros(len(mesh.vertices), bool)
     inside[leg] = True
@@ -181,8 +182,9 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
 
 
 def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
-    """Returns the bounding box in the image of a chair's points (N, 3) in metres; an empty target without a
-    chair.
+    """Returns the bounding box in the image of a chair's points (N, 3) in metres.
+
+    Returns an empty target without a chair.
     """
     if extent is None or not len(extent):
         return Target()

@@ -104,8 +104,9 @@ class Tour:
         return None if found is None else found[1]
 
     def covered(self, origin: Point) -> Rectangle | None:
-        """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it; None
-        without a chair.
+        """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.
+
+        Returns None without a chair.
         """
         box = chair_in_picture(self._toured.desk.editor, self._toured.extent).box
         if box is None:

@@ -30,8 +30,9 @@ _MANY = 60
 
 
 class ClipPictures:
-    """Sheets of :data:`POSES` figures of a take, from its first to its last frame, white on a transparent
-    background.
+    """Sheets of :data:`POSES` figures of a take, white on a transparent background.
+
+    They range from its first to its last frame.
     """
 
     def __init__(self) -> None:
@@ -54,8 +55,9 @@ class ClipPictures:
 
 
 def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
-    """Returns the function that computes the points (P, N, 3) and lines (L, 2) of a take's figures, in any
-    thread.
+    """Returns the function that computes a take's figures, in any thread.
+
+    They are points (P, N, 3) and lines (L, 2).
     """
     if isinstance(take, Clip):
         return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
@@ -90,8 +92,9 @@ def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
 
 
 def drawn(points: Float, lines: AnyArray) -> UInt8:
-    """Returns the (R, C, 4) sheet of figures with points (P, N, 3) in metres, each centred and seen from the
-    front.
+    """Returns the (R, C, 4) sheet of figures with points (P, N, 3) in metres.
+
+    Each is centred and seen from the front.
     """
     flat = np.stack([points[..., 0], -points[..., 1]], -1)
     # Each figure is centred horizontally; all figures have the same scale and floor.
@@ -109,8 +112,9 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
 
 
 def _figure(points: Float, lines: AnyArray) -> UInt8:
-    """Returns the (TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels. Points without lines
-    become dots.
+    """Returns the (TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels.
+
+    Points without lines become dots.
     """
     if not len(lines):
         lines = np.stack([np.arange(len(points))] * 2, 1)

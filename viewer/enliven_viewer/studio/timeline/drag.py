@@ -230,8 +230,9 @@ class TimelineInput:
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
     def _span_to(self, x: float) -> tuple[float, float] | None:
-        """Returns the marked span after dragging an end, or all of it, to a pixel; None without a marked
-        span.
+        """Returns the marked span after dragging an end, or all of it, to a pixel.
+
+        Returns None without a marked span.
         """
         layout, kind = self._held_layout, self._handle.kind
         span = layout.marked

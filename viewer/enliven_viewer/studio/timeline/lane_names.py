@@ -13,8 +13,9 @@ _LEGS = {"shoulder": "hip"}
 
 
 def lane_name(character: RigBase, layer: Playing) -> str:
-    """Returns the label of a layer's lane, such as "left arm, wave". A narrow lane shows only its
-    beginning.
+    """Returns the label of a layer's lane, such as "left arm, wave".
+
+    A narrow lane shows only its beginning.
     """
     name = str(getattr(layer, "id", character.id))
     take, _, limb = name.partition(": ")

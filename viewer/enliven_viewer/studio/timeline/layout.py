@@ -74,8 +74,9 @@ class LaneHandle:
 
 @dataclass(frozen=True)
 class Lane:
-    """A row of the timeline: a bar, details of a layer, or a character's name. It includes the first and last
-    pixel of its clips.
+    """A row of the timeline: a bar, details of a layer, or a character's name.
+
+    It includes the first and last pixel of its clips.
 
     Layers of a character that play one take in the same way share a bar: an imported animation has a layer
     for every bone.
@@ -229,17 +230,16 @@ class TimelineLayout:
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
     def takes(self, lane: Lane) -> tuple[int, int]:
-        """Returns a lane's number among its alternatives, from 1, and the number of alternatives on its
-        character.
-        """
+        """Returns a lane's number among its alternatives, from 1, and their number on its character."""
         layer = lane.layer
         beside = [one for one in lane.character.playing if one.alternatives == layer.alternatives]
         names = list(dict.fromkeys(one.recorded for one in beside))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
     def _unheard(self, playing: Sequence[Playing]) -> set[int]:
-        """Returns the layers without a lane: takes that are not audible and belong to a closed group of
-        alternatives.
+        """Returns the layers without a lane.
+
+        They are inaudible takes in a closed group of alternatives.
         """
         beside: dict[str, dict[str, list[int]]] = {}
         for number, layer in enumerate(playing):
@@ -253,8 +253,9 @@ class TimelineLayout:
         return hidden
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
-        """Returns the times to mark on the ruler, and whether each has a number. Numbers are at least 60
-        pixels apart.
+        """Returns the times to mark on the ruler, and whether each has a number.
+
+        Numbers are at least 60 pixels apart.
         """
         wanted = 60.0 * self.shown / self.track
         step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
@@ -302,8 +303,9 @@ class TimelineLayout:
         return self._on_clips(lane, x)
 
     def _on_clips(self, lane: Lane, x: float) -> tuple[str, int]:
-        """Returns the clip, or the clip end, at a pixel of a bar. A narrow clip offers only its end and its
-        middle.
+        """Returns the clip, or the clip end, at a pixel of a bar.
+
+        A narrow clip offers only its end and its middle.
         """
         ends = [(self.x(one.begin), self.x(one.end)) for one in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):

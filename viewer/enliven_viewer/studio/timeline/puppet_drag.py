@@ -67,8 +67,9 @@ class PuppetRows:
             self.editor.scrub(layout.time(x))
 
     def double(self, handle: LaneHandle) -> bool:
-        """Handles a double click: on contacts and flight phases it adds a switch. Returns whether it had an
-        effect.
+        """Handles a double click: on contacts and flight phases it adds a switch.
+
+        Returns whether it had an effect.
         """
         if handle.kind != "band":
             return False
@@ -96,8 +97,9 @@ class PuppetRows:
         return True
 
     def dragged(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
-        """Returns the edit for dragging a mark to a time in the take. ``switches`` are those at the start of
-        the drag.
+        """Returns the edit for dragging a mark to a time in the take.
+
+        ``switches`` are those at the start of the drag.
         """
         if handle.kind == "pose":
             return lambda project: retimed(project, handle.character, handle.item, seconds)
@@ -116,8 +118,9 @@ class PuppetRows:
         return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
 
     def _switches(self, layer: int) -> tuple[Switch, ...]:
-        """Returns the edited switches, or those detected when the motion was last solved; empty before
-        that.
+        """Returns the edited switches, or those detected when the motion was last solved.
+
+        Returns an empty tuple before that.
         """
         editor, puppet = self.editor, self.editor.puppets.puppet
         if puppet is None or layer >= len(puppet.layers):

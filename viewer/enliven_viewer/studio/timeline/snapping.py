@@ -11,8 +11,9 @@ SNAP = 6.0
 
 
 def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
-    """Returns the times that a drag snaps to: 0, the playhead, markers, and the ends of all clips except the
-    held one.
+    """Returns the times that a drag snaps to.
+
+    These are 0, the playhead, markers, and the ends of all clips except the held one.
     """
     places = [0.0, playhead, *(one.seconds for one, _ in layout.markers() if one.id != held.name)]
     for lane in layout.bars():

@@ -109,8 +109,9 @@ class Tool:
         return NOTHING
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """Returns the handle, or else the bone, under the pointer. If two are equally near, the selected
-        character wins.
+        """Returns the handle, or else the bone, under the pointer.
+
+        If two are equally near, the selected character wins.
         """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
         chosen = [one for one in stage if one.id == self.editor.selection.character]
@@ -121,8 +122,9 @@ class Tool:
         return None
 
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
-        """Returns the handle, bone or surface of any character under the pointer. The surface of `without` is
-        ignored.
+        """Returns the handle, bone or surface of any character under the pointer.
+
+        The surface of `without` is ignored.
         """
         hit = None if without else self.handle_at(pointer)
         stage = [one for one in self.editor.reachable if one.id != without]

@@ -1,5 +1,6 @@
-"""The move tool. Dropping a character's root on another character's node, or dropping it with Shift, merges
-the two.
+"""The move tool.
+
+Dropping a character's root on another character's node, or dropping it with Shift, merges the two.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ stays smooth.
 
 
 class CarryTool(Tool):
-    """A tool that moves a character parallel to the image plane, and merges it if its root comes near a node
-    or a bone.
+    """A tool that moves a character parallel to the image plane.
+
+    It merges the character if its root comes near a node or a bone.
     """
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
@@ -76,8 +78,9 @@ class CarryTool(Tool):
             self._host = self._beneath(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
-        """Merges at the playhead if there is a target, so that the pose is kept and both keep moving; else
-        just moves.
+        """Merges at the playhead if there is a target; else moves the character.
+
+        A merge keeps the pose, and both characters keep moving.
         """
         (held, host), self._held, self._host = (self._held, self._host), None, None
         editor = self.editor
@@ -107,9 +110,7 @@ class CarryTool(Tool):
                 editor.toasts.say(note)
 
     def _beneath(self, pointer: Pointer) -> Hit | None:
-        """Returns the target of a merge with Shift: the character under the pointer, or else the nearest
-        one.
-        """
+        """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
         held = self._held
         if held is None:
             return None

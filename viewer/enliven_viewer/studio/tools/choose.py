@@ -16,8 +16,9 @@ _SAMPLE = 500
 
 
 class ChooseTool(Tool):
-    """A click selects. Ctrl toggles. Shift adds a character, or extends the selection to the chain up to the
-    clicked joint.
+    """A click selects.
+
+    Ctrl toggles. Shift adds a character, or extends the selection to the chain up to the clicked joint.
 
     A drag with Ctrl draws a selection box, which selects every character that it touches. Shift adds them to
     the selection.

@@ -74,8 +74,9 @@ class CharacterDrag:
         return self._carried(project, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
-        """Returns the project with the characters turned by the angle that the pointer moved around the root,
-        in the image plane.
+        """Returns the project with the characters turned in the image plane.
+
+        The angle is that of the pointer's movement around the root.
 
         With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
@@ -85,8 +86,9 @@ class CharacterDrag:
     def _carried(
         self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
     ) -> Project:
-        """Returns the project with the characters moved at all times, or keyed at the playhead in auto-key
-        mode.
+        """Returns the project with the characters moved at all times.
+
+        In auto-key mode they get keys at the playhead instead.
         """
         centre = np.zeros(3) if about is None else about
         if self.editor.keying:
@@ -94,8 +96,9 @@ class CharacterDrag:
         return move_characters(project, self.characters, way, turn, centre)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
-        """Returns the project with the character merged into another. A handle of the other, or a point on a
-        bone, carries it.
+        """Returns the project with the character merged into another.
+
+        A handle of the other, or a point on a bone, carries it.
         """
         at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
         node = host.handle if host.handle >= 0 else None

@@ -55,8 +55,9 @@ class EndsTool(Tool):
 
     @property
     def marks(self) -> Int:
-        """Returns (5,) the vertices at the ends; empty while they are being searched, or if nothing is
-        selected.
+        """Returns (5,) the vertices at the ends.
+
+        Returns an empty array while they are being searched, or if nothing is selected.
         """
         shape = self.editor.chosen(GraphShape)
         if shape is None:
@@ -153,8 +154,9 @@ class EndsTool(Tool):
 
 
 def suggested_ends(mesh: Mesh) -> Int:
-    """Returns (5,) the vertices at a mesh's head, hands and feet. If the mesh is not a person, a standing
-    figure of its size is used.
+    """Returns (5,) the vertices at a mesh's head, hands and feet.
+
+    If the mesh is not a person, a standing figure of its size is used.
     """
     try:
         person = find_person_in_mesh(mesh)

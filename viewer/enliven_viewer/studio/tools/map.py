@@ -1,6 +1,4 @@
-"""The retargeting tool: maps a chain of a take to a chain of a shape by clicks, or accepts a suggested
-match.
-"""
+"""The retargeting tool: maps chains of a take to chains of a shape, or accepts a suggested match."""
 
 from __future__ import annotations
 
@@ -129,8 +127,9 @@ class MapTool(Tool):
         return plain
 
     def rank(self) -> None:
-        """Finds matches between the take's current pose and the selected shape, as both appear in their
-        views.
+        """Finds matches between the take's current pose and the selected shape.
+
+        Both are compared as they appear in their views.
         """
         clip, shape = self.source.clip, self.editor.chosen(Shape)
         self.offered = []
@@ -247,8 +246,9 @@ class MapTool(Tool):
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:
-    """Returns a project in which a shape no longer plays its own clip, since new motion would be added to
-    it.
+    """Returns a project in which a shape no longer plays its own clip.
+
+    New motion would be added to that clip.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return stilled(project, shape_id) if plays else project

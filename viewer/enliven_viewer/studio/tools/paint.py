@@ -87,8 +87,9 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the symmetry plane of a mesh; None if it has none. Cached by the identity of the vertex
-        array.
+        """Returns the symmetry plane of a mesh; None if it has none.
+
+        Cached by the identity of the vertex array.
         """
         if self._planes is None or self._planes[0] is not mesh.vertices:
             self._planes = mesh.vertices, plane_of_symmetry(mesh)
@@ -204,8 +205,9 @@ class PaintTool(Tool):
         return opposite[self.brush] if pointer.ctrl else self.brush
 
     def _touched(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
-        """Returns the mesh under the pointer, and the touched point at rest in metres. If `measure` is set,
-        also updates the brush size in metres.
+        """Returns the mesh under the pointer, and the touched point at rest in metres.
+
+        If `measure` is set, also updates the brush size in metres.
         """
         lens = self.editor.lens
         hit = surface_at(self.editor.reachable, lens, pointer.at)

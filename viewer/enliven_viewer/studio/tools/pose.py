@@ -1,5 +1,6 @@
-"""The pose tool: dragging a handle poses what it moves; dragging the root or the surface turns the whole
-character.
+"""The pose tool.
+
+Dragging a handle poses what it moves. Dragging the root or the surface turns the whole character.
 """
 
 from __future__ import annotations
@@ -88,9 +89,7 @@ class PoseTool(Tool):
         return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
-        """Returns the dot of a possessed mesh under the pointer: the character, the node, and its
-        position.
-        """
+        """Returns the possessed mesh's dot under the pointer: character, node, and position."""
         editor, found = self.editor, list[tuple[float, str, int, Float]]()
         for one in editor.reachable if editor.keying else ():
             nodes = np.asarray(one.nodes, np.float64)

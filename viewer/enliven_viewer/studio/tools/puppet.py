@@ -160,8 +160,9 @@ class PuppetTool(Tool):
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Manipulator | None:
-        """Returns the gizmo at the selected control point; None during playback, or right after a point was
-        added.
+        """Returns the gizmo at the selected control point.
+
+        Returns None during playback, or right after a point was added.
 
         Right after a click the gizmo would be in the way of the next click on the mesh.
         """
@@ -205,8 +206,9 @@ class PuppetTool(Tool):
             self.editor.choose(hit.character)
 
     def _step_back(self) -> bool:
-        """Handles Escape, one step at a time: first cancels the drag, then deselects the control point, then
-        leaves the key pose.
+        """Handles Escape, one step at a time.
+
+        It first cancels the drag, then deselects the control point, then leaves the key pose.
         """
         puppets = self.puppets
         if self._drag is not None or self._click is not None:

@@ -87,9 +87,7 @@ class Pointing(Protocol):
 
 
 def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
-    """Returns the marks: suggestions, the ring where a click adds a point, names, and the squares of the
-    gizmo.
-    """
+    """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
     found: list[Mark] = []
     if tool.held is None:
         found += _suggestions(tool, standing, lens)
@@ -103,8 +101,9 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
 
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """Returns rings at the ends of limbs. They are shown only before any key pose exists; later they would be
-    in the way.
+    """Returns rings at the ends of limbs.
+
+    They are shown only before any key pose exists; later they would be in the way.
     """
     if standing.character.poses or tool.puppets.posing:
         return []

@@ -19,8 +19,9 @@ _FEWEST = 8
 
 
 class SketchTool(StrokeTool):
-    """A tool that draws a stroke around a part, in the plane through the camera's target parallel to the
-    image.
+    """A tool that draws a stroke around a part.
+
+    The plane of the stroke goes through the camera's target, parallel to the image.
     """
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
@@ -72,8 +73,8 @@ class SketchTool(StrokeTool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
-        """Returns the plane through the camera's target parallel to the image, and the stroke in it, in
-        metres.
+        """Returns the plane through the camera's target parallel to the image, and the stroke in it
+        (metres).
         """
         lens = self.editor.lens
         through = self.editor.camera.target

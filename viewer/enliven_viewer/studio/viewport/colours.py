@@ -31,8 +31,9 @@ class DrawnMeshes:
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:
-        """Returns the render mesh, with a default colour if it has none of its own; None if there is no
-        surface.
+        """Returns the render mesh, with a default colour if it has none of its own.
+
+        Returns None if there is no surface.
         """
         if character.mesh is None or not len(character.mesh.faces):
             return None

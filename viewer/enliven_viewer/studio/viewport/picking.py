@@ -26,8 +26,9 @@ class Lens:
     size: tuple[float, float]
 
     def project(self, points: Float) -> tuple[Float, Float]:
-        """Returns pixels (N, 2) and depths (N,) in metres of points (N, 3). Pixels of points behind the
-        camera are not finite.
+        """Returns pixels (N, 2) and depths (N,) in metres of points (N, 3).
+
+        Pixels of points behind the camera are not finite.
         """
         clip = np.c_[points, np.ones(len(points))] @ self.view.clip_from_world.T
         depth = np.where(clip[:, 3] > NEAREST, clip[:, 3], np.nan)
@@ -43,9 +44,7 @@ class Lens:
         return np.asarray(way / np.linalg.norm(way))
 
     def on_plane(self, at: Point, through: Float) -> Float:
-        """Returns (3,) the intersection of a pixel's ray with the plane through a point, parallel to the
-        image.
-        """
+        """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
         forward, way = -self.view.camera_from_world[2, :3], self.ray(at)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
@@ -93,8 +92,9 @@ class Hit:
 
 
 def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
-    """Returns the handle nearest to a pixel within ``reach`` pixels. If two are equally near, the one in
-    front wins.
+    """Returns the handle nearest to a pixel within ``reach`` pixels.
+
+    If two are equally near, the one in front wins.
     """
     found = []
     for one in stage:
@@ -131,9 +131,7 @@ def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit
 
 
 def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> list[Hit]:
-    """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the position of the
-    crossing.
-    """
+    """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
     found: list[Hit] = []
     for one in stage:
         pixels, depth = lens.project(one.handles)
@@ -149,8 +147,9 @@ def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> 
 
 
 def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:
-    """Returns the parameter of the point on a-b nearest to p, all (2,), and its distance. NaN counts as far
-    away.
+    """Returns the parameter of the point on a-b nearest to p, all (2,), and its distance.
+
+    NaN counts as far away.
     """
     way = b - a
     length = float(way @ way)
@@ -161,9 +160,7 @@ def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:
 
 
 def _in_space(share: float, near: float, far: float) -> float:
-    """Returns the 3D parameter along a segment that projects to the 2D parameter ``share`` (perspective
-    correction).
-    """
+    """Returns the 3D parameter along a segment for the 2D parameter ``share`` (perspective correction)."""
     return float(share * near / (share * near + (1.0 - share) * far))
 
 

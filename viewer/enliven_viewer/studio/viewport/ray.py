@@ -17,8 +17,9 @@ NEAREST = 1e-3
 
 
 def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
-    """Returns the nearest face hit by a ray and its distance in metres (Moeller and Trumbore 1997); -1 for
-    none.
+    """Returns the nearest face hit by a ray and its distance in metres (Moeller and Trumbore 1997).
+
+    Returns -1 for none.
     """
     face, distance = _first_hit(vertices, faces, np.asarray(eye, np.float64), np.asarray(way, np.float64))
     return int(face), float(distance)

@@ -42,8 +42,9 @@ class Selection:
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
 
     def led_by(self, character: str) -> Selection:
-        """Returns the selection with another character as the active one. If it was not selected, selects it
-        alone.
+        """Returns the selection with another character as the active one.
+
+        If it was not selected, selects it alone.
         """
         if character == self.character:
             return self

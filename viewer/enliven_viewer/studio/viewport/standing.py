@@ -39,8 +39,9 @@ class StandingCharacter:
 
     @property
     def solved(self) -> Float32 | None:
-        """Returns (V, 3) float32 metres in the world if a solver has computed the vertices; None if the
-        transforms do.
+        """Returns (V, 3) float32 metres in the world if a solver has computed the vertices.
+
+        Returns None if the transforms do.
         """
         return None
 
@@ -64,8 +65,9 @@ class StandingCharacter:
 
     @property
     def nodes(self) -> Float | Float32:
-        """Returns (N, 3) metres in the world: the nodes that can have keys; empty if the handles have the
-        keys.
+        """Returns (N, 3) metres in the world: the nodes that can have keys.
+
+        Returns an empty array if the handles have the keys.
         """
         count = 0 if len(self.handles) else self.character.keyable
         return self.pose.positions[:count]

@@ -1,5 +1,6 @@
-"""The actions of the studio's own menus. Menus, shortcuts, buttons, command palette and help are built from
-them.
+"""The actions of the studio's own menus.
+
+Menus, shortcuts, buttons, command palette and help are built from them.
 """
 
 from __future__ import annotations

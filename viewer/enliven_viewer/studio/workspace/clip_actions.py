@@ -9,8 +9,9 @@ from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 
 
 def clip_actions(c: ClipCommands) -> Iterator[Action]:
-    """Yields the actions on the clips under the playhead, in the selected lane or in all lanes if none is
-    selected.
+    """Yields the actions on the clips under the playhead.
+
+    They apply to the selected lane, or to all lanes if none is selected.
     """
     deeds = (
         ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),

@@ -1,5 +1,6 @@
-"""The commands behind the studio's actions: one method per action, and the reasons why a command is
-unavailable.
+"""The commands behind the studio's actions.
+
+There is one method per action, and one that returns why a command is unavailable.
 """
 
 from __future__ import annotations
@@ -271,9 +272,7 @@ class Commands:
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
-        """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to that
-        limb.
-        """
+        """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
         chosen, shape = self.editor.selection, self.editor.chosen(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
@@ -282,7 +281,5 @@ class Commands:
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
     def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
-        """Returns (3,) metres: an offset to the right of the view, by about the width of the named
-        characters.
-        """
+        """Returns (3,) metres: an offset to the right of the view, by about the characters' width."""
         return aside(self.editor, [source.characters[name] for name in names])

@@ -1,6 +1,4 @@
-"""Person tracking for depth recordings opened in the studio: runs ``enliven track`` as a background
-process.
-"""
+"""Person tracking for depth recordings opened in the studio, with ``enliven track`` in the background."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Settings of an export or a film: characters, time range, frame rate, size, look, and options of the
-format.
-"""
+"""Settings of an export or film: characters, time range, frame rate, size, look, and format options."""
 
 from __future__ import annotations
 

@@ -52,8 +52,9 @@ def add_file(editor: Editor, path: Path) -> None:
 
 
 def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
-    """Reads a file. Returns the function that adds it to the project, and the content. Reading may run in a
-    thread.
+    """Reads a file.
+
+    Returns the function that adds it to the project, and the content. Reading may run in a thread.
 
     Raises:
         InputError: if the file cannot be read, or its type is not supported.
@@ -75,7 +76,7 @@ def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Adds a sample that ships with enliven: one that plays, one to step into, or one to animate by
+    """Adds a sample that ships with enliven: one that plays, one to possess, or one to animate by
     examples.
     """
     if name == "cactus":
@@ -139,8 +140,9 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
 
 def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
-    """Returns the project with a model's clips, and the name of each clip there. Identical existing clips are
-    not added again.
+    """Returns the project with a model's clips, and the name of each clip there.
+
+    Identical existing clips are not added again.
     """
     names = dict[str, str]()
     for clip in clips:
@@ -169,8 +171,9 @@ def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> N
 
 
 def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) -> None:
-    """Adds a mesh without a rig as a puppet, standing on the floor. An implausible size is changed to the
-    height of a person.
+    """Adds a mesh without a rig as a puppet, standing on the floor.
+
+    An implausible size is changed to the height of a person.
     """
     size = opened_size(mesh.vertices)
     box, made = editor.box(), []
@@ -254,8 +257,9 @@ def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
-    """Returns the project with a recorded take added: its possessed meshes, and its performers as takes to
-    retarget.
+    """Returns the project with a recorded take added.
+
+    Its possessed meshes become characters, and its performers become takes to retarget.
 
     Returns:
         The project, and the ids of everything that was added.

@@ -20,16 +20,15 @@ _ALIKE = 0.01
 
 
 class Fitting:
-    """A comparison of the selected character's height with that of the others, and the command that matches
-    it.
-    """
+    """A comparison of the selected character's height with the others', and the command that matches it."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def heights(self) -> tuple[float, float] | None:
-        """Returns the selected character's height and the median height of the others, in metres; None if
-        either is missing.
+        """Returns the selected character's height and the median height of the others, in metres.
+
+        Returns None if either is missing.
         """
         return self._heights({one.id: one.vertices for one in self.editor.standing})
 
@@ -49,9 +48,7 @@ class Fitting:
         return "It is as tall as the others. Choose one that is not." if same else ""
 
     def fit(self) -> None:
-        """Scales the selected character to the median height of the others; its position on the floor
-        stays.
-        """
+        """Scales the selected character to the median height of the others, in place."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
         # The surface shown for a puppet may be outdated, because puppets are solved in the background. So
         # compute it here.

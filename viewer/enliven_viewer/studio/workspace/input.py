@@ -104,8 +104,9 @@ class ViewportInput:
         return self._held is not None
 
     def key(self, key: str) -> bool:
-        """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v". Returns whether it had an
-        effect.
+        """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v".
+
+        Returns whether it had an effect.
         """
         return self.first(key) or self.tool.type(key) or self.actions.press(key)
 

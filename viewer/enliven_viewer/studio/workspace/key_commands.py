@@ -39,8 +39,9 @@ class KeyCommands:
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 
     def _thing(self) -> tuple[str, int | None]:
-        """Returns the selected character and the bone or node. Control points of puppets are left out: they
-        have key poses instead.
+        """Returns the selected character and the bone or node.
+
+        Control points of puppets are left out: they have key poses instead.
         """
         chosen, handle = self.editor.chosen(), self.editor.selection.handle
         if chosen is None:

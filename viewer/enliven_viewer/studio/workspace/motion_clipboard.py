@@ -41,8 +41,9 @@ class MotionClipboard:
             self.editor.toasts.say(said, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
-        """Pastes the copied motion onto the selected chain, or makes the copied performers possess the
-        selected mesh.
+        """Pastes the copied motion onto the selected chain.
+
+        A copied performance possesses the selected mesh instead.
         """
         if self._performed is not None and self.editor.chosen() is not None:
             self._give(self._performed)
@@ -93,8 +94,9 @@ class MotionClipboard:
         return shape if shape is not None and performance_in(shape) is not None else None
 
     def _give(self, source: str) -> None:
-        """Transfers the performance of a mesh to the selected character, starting from that character's
-        current pose.
+        """Transfers the performance of a mesh to the selected character.
+
+        It starts from that character's current pose.
         """
         target, project, time = self.editor.chosen(), self.editor.project, self.editor.time
         performed = project.graphs.get(source)
@@ -122,8 +124,9 @@ class MotionClipboard:
         )
 
     def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
-        """Starts solving a mesh in the background. The result becomes one edit unless ``guarded`` has changed
-        by then.
+        """Starts solving a mesh in the background.
+
+        The result becomes one edit unless ``guarded`` has changed by then.
         """
         self.editor.beside.begin(said, work, partial(self._put, word, guarded))
 

@@ -53,8 +53,9 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
 
 
 def with_saved_items(here: Project, saved: Project) -> Project:
-    """Returns the window's project plus the items that only the saved version has. Items in both stay as in
-    the window.
+    """Returns the window's project plus the items that only the saved version has.
+
+    Items in both stay as in the window.
     """
     parts = (part.name for part in fields(Project))
     return replace(here, **{name: {**getattr(saved, name), **getattr(here, name)} for name in parts})

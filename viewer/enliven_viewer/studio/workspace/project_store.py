@@ -115,8 +115,9 @@ class ProjectStore:
 
     @staticmethod
     def read(path: Path) -> tuple[Project, str]:
-        """Reads a project file. Returns the project and the checksum of the content. May be called in a
-        thread.
+        """Reads a project file.
+
+        Returns the project and the checksum of the content. May be called in a thread.
 
         Raises:
             InputError: if the file cannot be read.
@@ -176,9 +177,7 @@ class ProjectStore:
         return None if self.recording is None else self.recording.so_far()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
-        """Raises FileChangedError if the file differs both from the last save here and from the new
-        content.
-        """
+        """Raises FileChangedError if the file differs from the last save here and from the new content."""
         if self.path is None or not _is_same_file(target, self.path):
             return  # the file dialogue has already asked before it replaced another file
         try:

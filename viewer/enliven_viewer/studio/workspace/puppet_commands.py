@@ -84,8 +84,9 @@ class PuppetCommands:
         return True
 
     def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
-        """Returns the function that puts a baked puppet into the project unless the puppet has changed
-        meanwhile.
+        """Returns the function that puts a baked puppet into the project.
+
+        It refuses a puppet that has changed meanwhile.
         """
 
         def put(baked: tuple[Project, str, object]) -> None:

@@ -21,8 +21,9 @@ class TakeCommands:
 
     @property
     def alternatives(self) -> str:
-        """Returns the name of the group of alternative takes that the commands apply to; empty if there is
-        none.
+        """Returns the name of the group of alternative takes that the commands apply to.
+
+        Returns an empty string without such a group.
         """
         project, chosen = self.editor.project, self.editor.selection
         one = project.characters.get(chosen.character or "")

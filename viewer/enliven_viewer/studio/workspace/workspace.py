@@ -174,8 +174,9 @@ class Workspace:
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:
-        """Adds a sample. A mesh to be possessed also goes onto the stage, now or once a stage is
-        connected.
+        """Adds a sample.
+
+        A mesh to be possessed also goes onto the stage, now or once a stage is connected.
         """
         add_sample(self.editor, name)
         one = self.editor.chosen()
@@ -253,8 +254,9 @@ class Workspace:
             self.save(path)
 
     def go_on(self, *, discard: bool) -> None:
-        """Continues the command that waited for a decision about unsaved work, after saving or discarding
-        it.
+        """Continues the command that waited for a decision about unsaved work.
+
+        The work is saved or discarded before.
         """
         self.asking = ""
         if discard:
@@ -268,8 +270,9 @@ class Workspace:
             self._browse("save as")
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
-        """Saves the project, then continues the command that waited for it. Asks if another window has saved
-        the file.
+        """Saves the project, then continues the command that waited for it.
+
+        Asks if another window has saved the file.
 
         Args:
             path: the project's new file. None keeps the current one.
@@ -292,8 +295,9 @@ class Workspace:
             self._go_on()
 
     def ask_for_name(self) -> None:
-        """Opens the dialogue that saves the project under another name. A waiting command continues
-        afterwards.
+        """Opens the dialogue that saves the project under another name.
+
+        A waiting command continues afterwards.
         """
         self._browse("save as")
 
@@ -346,8 +350,9 @@ class Workspace:
         self.asking, self._after, self._wanted = "", "", None
 
     def edit_pose(self, number: int) -> None:
-        """Edits a key pose: moves the playhead to its time, and activates the puppet tool and the second
-        view.
+        """Edits a key pose.
+
+        Moves the playhead to its time, and activates the puppet tool and the second view.
         """
         puppet = self.puppets.puppet
         if puppet is not None and 0 <= number < len(puppet.poses):
@@ -365,8 +370,9 @@ class Workspace:
             self._bring_into_view()
 
     def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
-        """Moves the playhead to a time of a take where the puppet plays it, and shows that take in the second
-        view.
+        """Moves the playhead to a time of a take where the puppet plays it.
+
+        The second view shows that take.
         """
         if self.input.tool.name != "puppet":
             self.input.take("puppet")

@@ -107,8 +107,9 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the sentences, with those about pairing merged: five of them would push the points off the
-    panel.
+    """Returns the sentences, with those about pairing merged.
+
+    Five of them would push the points off the panel.
     """
     pairs = [line for line in lacking if line.startswith("Pair ")]
     if len(pairs) < 3:

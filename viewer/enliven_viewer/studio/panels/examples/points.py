@@ -186,8 +186,9 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
-    """Sets or clears the symmetry plane of the examples. Before the first key pose, also switches symmetric
-    editing.
+    """Sets or clears the symmetry plane of the examples.
+
+    Before the first key pose, also switches symmetric editing.
     """
     editor = workspace.editor
     plane = plane_for(puppet) if on else None

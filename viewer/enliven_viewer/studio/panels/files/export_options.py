@@ -1,6 +1,4 @@
-"""The options of an export or a film, above the list of files: characters, range, rate, size, look,
-format.
-"""
+"""The options of an export or film, above the file list: characters, range, rate, size, look, format."""
 
 from __future__ import annotations
 

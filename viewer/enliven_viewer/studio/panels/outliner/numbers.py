@@ -75,8 +75,9 @@ def number_field(
     change: Callable[[float], object],
     **more: float,
 ) -> None:
-    """Draws a numeric field with units and arithmetic. ``change`` gets the value on Enter, Tab, or a click
-    elsewhere.
+    """Draws a numeric field with units and arithmetic.
+
+    ``change`` gets the value on Enter, Tab, or a click elsewhere.
 
     Args:
         more: further units that may be typed.

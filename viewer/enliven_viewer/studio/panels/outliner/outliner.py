@@ -199,8 +199,9 @@ def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
 
 
 def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
-    """Draws the visibility and lock icons of a character. A click applies to the whole selection if that
-    contains it.
+    """Draws the visibility and lock icons of a character.
+
+    A click applies to the whole selection if that contains it.
     """
     now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)

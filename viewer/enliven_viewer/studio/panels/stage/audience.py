@@ -1,6 +1,4 @@
-"""Draws text for an audience: which performer is in which character, and a notice while the edge sends
-nothing.
-"""
+"""Draws text for an audience: performers with their characters, or a notice while the edge is silent."""
 
 from __future__ import annotations
 

@@ -127,8 +127,9 @@ def _figure(
     width: float,
     limbs: Mapping[int, tuple[float, float, float]],
 ) -> None:
-    """Draws a performer: limbs with the farther ones first and darker, and a head. `width` is the aspect
-    ratio.
+    """Draws a performer: limbs with the farther ones first and darker, and a head.
+
+    `width` is the aspect ratio.
     """
     at = body.places * area.height + [area.x, area.y]
     at[:, 0] += (area.width - width * area.height) / 2

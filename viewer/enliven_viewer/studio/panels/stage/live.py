@@ -127,8 +127,9 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
 
 
 def heard_below(*, is_scanned: bool) -> float:
-    """Returns the lower end of the recognised words in pixels from the top, below the instruction of a
-    scan.
+    """Returns the lower end of the recognised words in pixels from the top.
+
+    It lies below the instruction of a scan.
     """
     return ADVICE + _GAP + _LARGE + _AROUND if is_scanned else _HEARD
 

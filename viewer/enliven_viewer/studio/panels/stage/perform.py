@@ -76,8 +76,9 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
-    """Draws the button that starts or ends a recording. A press means what the label said when the button was
-    pressed.
+    """Draws the button that starts or ends a recording.
+
+    A press means what the label said when the button was pressed.
     """
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", time_text(recording.recorder.seconds)), filled(BAD)
@@ -177,8 +178,9 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
-    """Draws the state and the problems of the stage in a box of fixed height, so that nothing below it
-    moves.
+    """Draws the state and the problems of the stage.
+
+    The box has a fixed height, so that nothing below it moves.
     """
     top = imgui.get_cursor_pos_y()
     heading("Stage")

@@ -31,8 +31,9 @@ def rooms_width(*, narrow: bool = False) -> float:
 
 
 def draw_rooms(workspace: Workspace) -> None:
-    """Draws one tab per workspace in the middle of the menu bar. The Perform tab has a dot during a
-    recording.
+    """Draws one tab per workspace in the middle of the menu bar.
+
+    The Perform tab has a dot during a recording.
     """
     if not imgui.begin_main_menu_bar():
         return

@@ -158,8 +158,9 @@ def _sentence(tour: Tour) -> str:
 
 
 def _height(tour: Tour, wide: float) -> float:
-    """Returns the height of the card in pixels. ImGui's auto-size knows it one frame late, and would clip the
-    card.
+    """Returns the height of the card in pixels.
+
+    ImGui's auto-size knows it one frame late, and would clip the card.
     """
     style = imgui.get_style()
     room = wide - 2 * style.window_padding.x
@@ -236,8 +237,9 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
 
 
 def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draws only the sentence, next to its target in a dialogue, since windows below a dialogue cannot be
-    clicked.
+    """Draws only the sentence, next to its target in a dialogue.
+
+    Windows below a dialogue cannot be clicked.
     """
     if shape is None:
         return None
