@@ -74,8 +74,9 @@ def counts_of(graph: DeformationGraph) -> Counts:
 
 
 def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, int]) -> list[UInt8]:
-    """Returns three views of the mesh with its graph, each (H, W, 3) sRGB of the size ``panel`` (width,
-    height).
+    """Returns three views of the mesh with its graph.
+
+    Each is (H, W, 3) sRGB of the size ``panel`` (width, height).
     """
     shown, nodes, scale = fitted(character, graph)
     renderer = Renderer(offscreen_context(), panel)

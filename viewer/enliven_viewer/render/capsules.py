@@ -83,9 +83,7 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
 
 
 def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
-    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and the number of
-    entries.
-    """
+    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and its used length."""
     block = np.zeros((3, MAX_BONES, 4), np.float32)
     rows = []
     for body in bodies:

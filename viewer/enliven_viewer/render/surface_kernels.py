@@ -104,16 +104,19 @@ def groups_of(place, normals, cosine):
     """
     count = len(place)
     most = np.int64(place.max()) + 1 if count else 1
+    # Sort the half-edges by their lower vertex (counting sort): count them, then sum the counts.
     starts = np.zeros(most + 1, np.int64)
     for k in range(3 * count):
         starts[_low(place, k) + 1] += 1
     for v in range(most):
         starts[v + 1] += starts[v]
+    # Put each half-edge into the range of its lower vertex.
     halves, filled = np.empty(3 * count, np.int64), starts[:-1].copy()
     for k in range(3 * count):
         low = _low(place, k)
         halves[filled[low]] = k
         filled[low] += 1
+    # Join the faces on both sides of each mild edge. At a vertex with few edges, compare them pairwise.
     parents = np.arange(3 * count)
     for v in range(most):
         around = halves[starts[v] : starts[v + 1]]

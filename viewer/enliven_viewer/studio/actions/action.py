@@ -57,6 +57,6 @@ class Action:
     def rivals(self, other: Action) -> bool:
         """Returns True if both cannot have the same shortcut.
 
-        They share a workspace, or both are active everywhere.
+        This applies if they share a workspace, or if both are active everywhere.
         """
         return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})

@@ -112,8 +112,9 @@ class PuppetEditor(KeyPoses):
         self._dragged = None
 
     def nudge(self, way: Float) -> bool:
-        """Moves the selected control point by (3,) metres in the mesh's frame; with symmetry also its
-        partner.
+        """Moves the selected control point by (3,) metres in the mesh's frame.
+
+        With symmetry, its partner moves too.
         """
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:

@@ -248,7 +248,7 @@ class MapTool(Tool):
 def _without_clip(project: Project, shape_id: str) -> Project:
     """Returns a project in which a shape no longer plays its own clip.
 
-    New motion would be added to that clip.
+    Otherwise new motion would be added to that of the clip.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return stilled(project, shape_id) if plays else project

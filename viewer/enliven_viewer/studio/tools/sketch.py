@@ -73,8 +73,9 @@ class SketchTool(StrokeTool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
-        """Returns the plane through the camera's target parallel to the image, and the stroke in it
-        (metres).
+        """Returns the plane through the camera's target parallel to the image, and the stroke in it.
+
+        The stroke is in metres.
         """
         lens = self.editor.lens
         through = self.editor.camera.target

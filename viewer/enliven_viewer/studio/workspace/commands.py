@@ -1,6 +1,6 @@
 """The commands behind the studio's actions.
 
-There is one method per action, and one that returns why a command is unavailable.
+Some methods run actions; others return why a command is unavailable.
 """
 
 from __future__ import annotations

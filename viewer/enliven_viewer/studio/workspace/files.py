@@ -76,9 +76,7 @@ def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Adds a sample that ships with enliven: one that plays, one to possess, or one to animate by
-    examples.
-    """
+    """Adds a sample of enliven: one that plays, one to possess, or one to animate by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True

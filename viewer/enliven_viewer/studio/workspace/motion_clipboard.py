@@ -43,7 +43,7 @@ class MotionClipboard:
     def paste(self) -> None:
         """Pastes the copied motion onto the selected chain.
 
-        A copied performance possesses the selected mesh instead.
+        If a performance was copied, its performers possess the selected mesh instead.
         """
         if self._performed is not None and self.editor.chosen() is not None:
             self._give(self._performed)
