@@ -23,7 +23,9 @@ _OUTLINE = 0.0056
 
 
 class MeshPass:
-    """Draws the meshes of a scene. The required shader programs are compiled on first use.
+    """The render pass of a scene's meshes.
+
+    The required shader programs are compiled on first use.
 
     Args:
         ctx: the renderer's context.

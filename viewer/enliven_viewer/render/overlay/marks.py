@@ -75,7 +75,7 @@ def node_rows(actor: SceneCharacter, strength: float) -> Float32:
 
 
 class Marks:
-    """Draws the marks of a scene over its image."""
+    """The render pass of a scene's marks, over its image."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
