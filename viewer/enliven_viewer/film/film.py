@@ -101,7 +101,7 @@ class _Studio:
         self._text = max(round(settings.height / 35), 10)
         self._canvas: Canvas | None = None
         if caption:
-            from enliven_viewer.render.overlay import Canvas  # loads ImGui, which only a caption needs
+            from enliven_viewer.render.overlay import Canvas  # import it here: only captions need ImGui
 
             self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)

@@ -25,7 +25,7 @@ class SavedFile(Protocol):
 
     @property
     def named(self) -> bool:
-        """Returns True if it has a file."""
+        """Returns True if the project has a file."""
 
     @property
     def dirty(self) -> bool:
