@@ -1,3 +1,1 @@
-"""The program on the screen: it receives, skins and draws characters, plays takes, and holds the
-studio's editor.
-"""
+"""The program on the screen: receives, skins and draws characters, plays takes, and contains the studio."""

@@ -1,4 +1,4 @@
-"""Checks what the viewer needs of a machine: OpenGL, a display, a film encoder."""
+"""Checks the viewer's requirements: OpenGL, a display, a film encoder."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from enliven.errors import EnlivenError
 
 
 def checks() -> list[Check]:
-    """OpenGL off-screen, a window, films."""
+    """Returns the checks of off-screen OpenGL, the window and the film encoder."""
     return [_offscreen(), _window(), _encoder()]
 
 
 def has_display() -> bool:
-    """Whether a window can be opened here."""
+    """Returns True if a window can be opened here."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -37,7 +37,7 @@ def _offscreen() -> Check:
 
 
 def _window() -> Check:
-    """A display, and whether glfw can open it; a machine without one still makes films."""
+    """Checks if glfw can open the display. A machine without a display can still make films."""
     name = "window"
     if not has_display():
         return Check(name, True, "there is no display, so 'enliven view' needs --film")

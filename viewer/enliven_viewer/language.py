@@ -1,7 +1,8 @@
-"""The language of the window: every text goes through :func:`tr`, and catalogues of gettext translate it.
+"""The language of the window: every text goes through :func:`tr` and is translated with gettext catalogues.
 
-The text in English is the key, and stands in the code. A catalogue is a file such as ``locale/de.po`` beside
-this module; polib reads it, and gettext of the standard library looks texts up. It can change at any time.
+The English text is the key and is written in the code. A catalogue is a file such as ``locale/de.po`` next to
+this module; polib reads it, and the standard library's gettext looks texts up. The language can change at any
+time.
 """
 
 from __future__ import annotations
@@ -14,20 +15,20 @@ from pathlib import Path
 import polib
 
 CATALOGUES = Path(__file__).parent / "locale"
-"""Where a file for each language is, named by its code of ISO 639."""
+"""The folder with a file for each language, named by its ISO 639 code."""
 LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch"}
-"""The name of each language in itself, by its code."""
+"""The name of each language in that language, by its code."""
 
 
 class _InUse:
-    """The catalogue that was chosen last."""
+    """The catalogue in use."""
 
     language = "en"
     catalogue: gettext.NullTranslations = gettext.NullTranslations()
 
 
 def speak(language: str) -> None:
-    """Uses a language from now on; one without a catalogue is English."""
+    """Switches to a language; to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():
         _InUse.language, _InUse.catalogue = "en", gettext.NullTranslations()
@@ -42,21 +43,21 @@ def language_in_use() -> str:
 
 
 class Later(str):
-    """An English text with the values in it, which :func:`tr` translates where it is drawn."""
+    """An English text with its inserted values. :func:`tr` translates it when it is drawn."""
 
     pattern: str
     values: tuple[object, ...]
 
 
 def later(text: str, *values: object) -> Later:
-    """Returns a text in English that keeps what it was made of: a step of the history, a state."""
+    """Returns an English text that keeps its pattern and values, for example a history step or a state."""
     made = Later(text.format(*values) if values else text)
     made.pattern, made.values = text, values
     return made
 
 
 def tr(text: str, *values: object) -> str:
-    """Returns a text in the language in use, with values in the place of ``{0}``, ``{1}``, ..."""
+    """Returns a text in the language in use, with values inserted for ``{0}``, ``{1}``, ..."""
     if isinstance(text, Later):
         return tr(text.pattern, *(values or text.values))
     translated = _InUse.catalogue.gettext(text) if text else ""
@@ -65,17 +66,20 @@ def tr(text: str, *values: object) -> str:
 
 
 def tr_n(one: str, many: str, count: int, *values: object) -> str:
-    """Returns the form of a text for a count, which is ``{0}`` in it; values are ``{1}`` and on."""
+    """Returns the singular or plural form of a text for a count, which is ``{0}`` in it.
+
+    The values are ``{1}`` and on.
+    """
     return _InUse.catalogue.ngettext(one, many, count).format(count, *values)
 
 
 def labelled(text: str, name: str) -> str:
-    """Returns the label of a widget with a name as its id, which stays the same in every language."""
+    """Returns a widget label with a name as its id, which is the same in every language."""
     return f"{text}###{name}"
 
 
 class Texts(Mapping[str, str]):
-    """A table of English texts; reading an entry returns it in the language in use."""
+    """A table of English texts. Reading an entry returns it in the language in use."""
 
     def __init__(self, english: Mapping[str, str]) -> None:
         self.english = dict(english)

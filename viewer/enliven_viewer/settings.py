@@ -12,14 +12,14 @@ from enliven.settings import setting
 
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
-]  # of enliven.film.encoders
+]  # from enliven.film.encoders
 SkeletonShown = Literal["choosing", "always", "never"]
 LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """How the picture is made."""
+    """Settings of the rendered image."""
 
     samples: int = setting(4, "Samples a pixel for smooth edges; 1 turns it off.", low=1, high=16)
     shadow_size: int = setting(384, "Side of the shadow map.", unit="pixels", low=64, high=4096)
@@ -63,13 +63,13 @@ class RenderSettings:
 
     @property
     def opening(self) -> float:
-        """Vertical opening of the camera in radians."""
+        """Returns the vertical field of view of the camera in radians."""
         return math.radians(self.field_of_view)
 
 
 @dataclass(frozen=True)
 class PlaybackSettings:
-    """What the viewer remembers of what it received."""
+    """Settings of the viewer's memory of received data."""
 
     minutes: float = setting(10.0, "Length of the live timeline.", unit="minutes", low=0.1, high=240)
     rate: float = setting(
@@ -85,7 +85,7 @@ class PlaybackSettings:
 
 @dataclass(frozen=True)
 class FilmSettings:
-    """What a film looks like."""
+    """Settings of films."""
 
     rate: float = setting(30.0, "Frames a second of sensor time.", unit="Hz", low=1, high=240)
     bit_rate: float = setting(6.0, "Bit rate of the film.", unit="Mbit/s", low=0.1, high=200)
@@ -120,14 +120,14 @@ class ViewerSettings:
 
 @dataclass(frozen=True)
 class WindowStart:
-    """How the window begins.
+    """How the window starts.
 
     Attributes:
-        title: of the window.
-        bare: whether nothing is written over the picture, and no panel is shown.
+        title: title of the window.
+        bare: whether there is no text over the image and no panel.
         full_screen: whether it fills the monitor.
-        escape_ends: whether Escape closes the window, where nothing else is to be dropped.
-        audience: whether it shows no menus, numbers or keys while it fills the monitor.
+        escape_ends: whether Escape closes the window if it has nothing else to cancel.
+        audience: whether menus, numbers and shortcuts are hidden while it fills the monitor.
     """
 
     title: str = "enliven"
@@ -138,10 +138,10 @@ class WindowStart:
 
 
 def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
-    """The settings with a size such as "1280x720".
+    """Returns the settings with a size such as "1280x720".
 
     Raises:
-        InputError: where it is none.
+        InputError: if the size is invalid.
     """
     if size is None:
         return settings

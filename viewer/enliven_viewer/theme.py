@@ -1,7 +1,7 @@
-"""The typeface and all colours of the window and the studio: two themes, and two sets of telling colours.
+"""The typeface and all colours of the window and the studio: two themes, and two palettes.
 
-A colour is a name such as ``INK``, which reads as the numbers of the theme in use: :func:`use_theme` changes
-every colour at once.
+A colour is a name such as ``INK``, which evaluates to the numbers of the theme in use. So :func:`use_theme`
+changes every colour at once.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 FONT = "fonts/Roboto/Roboto-Regular.ttf"
-"""The typeface, as ImGui's bundle brings it."""
+"""The typeface, from ImGui's bundle."""
 
 Colour = Sequence[float]
 """sRGB and opacity, 0..1 each."""
 Paint = Sequence[int]
-"""sRGB, 0..255 each, of something in the 3-D picture."""
+"""sRGB, 0..255 each, of an object in the 3D view."""
 Four = tuple[float, float, float, float]
 Three = tuple[int, int, int]
 ThemeName = Literal["dark", "light"]
@@ -26,10 +26,10 @@ Look = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a theme; the names below the class say what each is for.
+    """The colours of a theme. The constants below describe the use of each.
 
     Attributes:
-        look: how the window shows the look "studio" of the stage.
+        look: the look that the window uses for the stage's look "studio".
     """
 
     look: Literal["studio", "bright"]
@@ -148,19 +148,19 @@ THEMES: dict[ThemeName, Theme] = {
         glance_near=(104, 122, 146),
     ),
 }
-"""Glass and amber on the renderer's dusk; and paper and umber in a bright room."""
+"""Dark: glass and amber on the renderer's dusk. Light: paper and umber in a bright room."""
 
 
 @dataclass(frozen=True)
 class ColourSet:
-    """Colours that tell limbs, performers, takes, control points and characters from one another.
+    """The palette that distinguishes limbs, performers, takes, control points and characters.
 
     Attributes:
-        limbs: of the performer's limbs, by their numbers: head, arms, legs, trunk; left before right.
-        performers: of performers in the order of their numbers.
-        lanes: bars of the timeline, a colour a take.
-        points: control points, in turn: on the stage, in lists, and of the joints they are paired with.
-        characters: meshes that bring no colours; which one follows from the character's name.
+        limbs: the performer's limbs by number: head, arms, legs, trunk; left before right.
+        performers: the performers by number.
+        lanes: bars of the timeline, one colour per take.
+        points: control points in turn: on the stage, in lists, and on the paired joints.
+        characters: meshes without their own colours; a character's name determines its colour.
         contact: a foot on the floor, on the timeline; ``flight``: both feet in the air.
     """
 
@@ -239,23 +239,25 @@ COLOUR_SETS: dict[ColourSetName, ColourSet] = {
         flight=_Safe.sky,
     ),
 }
-"""The usual colours; and those of M. Okabe and K. Ito, "Color Universal Design" (2008), which people with any
-kind of colour vision tell apart. They stand in the order in which neighbours differ most (see the test)."""
+"""The usual palette, and that of M. Okabe and K. Ito, "Color Universal Design" (2008), which people with any
+kind of colour vision can distinguish. The order maximises the difference between neighbours (see the test).
+"""
 
 
 class _InUse:
-    """The theme and the set of colours in use, which every colour reads."""
+    """The theme and the palette in use, which every colour reads."""
 
     theme: ThemeName = "dark"
     colours: ColourSetName = "usual"
 
 
 class _Shown(Sequence[Any]):
-    """A colour, or some colours, by name: reads as the numbers of the theme in use.
+    """A colour, or several colours, by name: evaluates to the numbers of the theme in use.
 
     Args:
-        name: of an attribute of :class:`Theme` or :class:`ColourSet`.
-        as_light: 255 whole steps of sRGB read as 0..1; colours of four numbers get an opacity of 1.
+        name: name of an attribute of :class:`Theme` or :class:`ColourSet`.
+        as_light: number of channels for colours converted from sRGB 0..255 to 0..1, with opacity 1 as the
+            fourth; 0 for no conversion.
     """
 
     def __init__(self, name: str, *, as_light: int = 0) -> None:
@@ -283,96 +285,98 @@ class _Shown(Sequence[Any]):
 INK: Colour = _Shown("ink")
 """Text."""
 QUIET: Colour = _Shown("quiet")
-"""Text of less weight."""
+"""Secondary text."""
 FAINT: Colour = _Shown("faint")
-"""Text of actions that cannot be done now, and bones that no limb of the performer drives."""
+"""Text of unavailable actions, and bones that no limb of the performer drives."""
 ACCENT: Colour = _Shown("accent")
-"""Active or live things: amber, or umber on light panels."""
+"""Active or live objects: amber, or umber on light panels."""
 GOOD: Colour = _Shown("good")
-"""Bluish green: all is well. Eyes that mix up red and green still tell it from the next two."""
+"""Bluish green: all is well. With red-green colour blindness it is still distinct from the next two."""
 WAIT: Colour = _Shown("wait")
-"""Yellow: a warning, or something that is waited for."""
+"""Yellow: a warning, or waiting."""
 BAD: Colour = _Shown("bad")
 """Vermilion: an error."""
 GLASS: Colour = _Shown("glass")
-"""Panels over the picture: the stage shows through, and text stays easy to read."""
+"""Translucent panels over the view: the stage is visible through them, and text stays readable."""
 
 PANEL: Colour = _Shown("panel")
-"""Panels: quieter than the stage, so that the work catches the eye."""
+"""Panels: less prominent than the stage, so that the work draws the attention."""
 RAISED: Colour = _Shown("raised")
 """Buttons, fields and boxes on a panel."""
 PRESSED: Colour = _Shown("pressed")
 """A button or field under the pointer or pressed."""
 DARK: Colour = _Shown("dark")
-"""Views and lanes within a panel: deeper than the panel."""
+"""Views and lanes within a panel: darker than the panel."""
 POPUP: Colour = _Shown("popup")
 """Menus, dialogues and tooltips."""
 DIMMED: Colour = _Shown("dimmed")
-"""The window behind a dialogue is covered by it."""
+"""Overlay that dims the window behind a dialogue."""
 LINE: Colour = _Shown("line")
-"""Lines between parts: barely seen."""
+"""Separators between parts: barely visible."""
 TRACK: Colour = _Shown("track")
-"""The part of the timeline that was not played yet."""
+"""The part of the timeline that has not been played yet."""
 STROKE: Colour = _Shown("stroke")
-"""A stroke that is being sketched."""
+"""A stroke being sketched."""
 CUT: Colour = _Shown("cut")
-"""A stroke that cuts, and the places where it does."""
+"""A cutting stroke, and the places that it cuts."""
 CHAIN: Colour = _Shown("chain")
 """A chain of joints, in overlays and lists."""
 MARK: Colour = _Shown("mark")
-"""Rings and outlines over the picture: as far from the stage's brightness as can be."""
+"""Rings and outlines over the view: maximum contrast to the stage."""
 SHADOW: Colour = _Shown("shadow")
-"""Behind marks and words that lie on the picture itself: the opposite of MARK."""
+"""Behind marks and labels directly on the view: the opposite of MARK."""
 ON_COLOUR: Colour = (0.055, 0.062, 0.078, 1.0)
-"""Text on bars and buttons of the colour sets, which are bright in both themes."""
+"""Text on bars and buttons in palette colours, which are bright in both themes."""
 ON_FILL: Colour = _Shown("dark")
-"""Text on buttons and bars that are filled with ACCENT, GOOD, WAIT or BAD: dark on bright, light on deep."""
+"""Text on buttons and bars filled with ACCENT, GOOD, WAIT or BAD: dark on bright, light on dark."""
 UNTINTED: Colour = (1.0, 1.0, 1.0, 1.0)
-"""Pictures are drawn times this: unchanged."""
+"""Tint that leaves images unchanged."""
 CLEAR: Colour = (0.0, 0.0, 0.0, 0.0)
-"""Nothing is drawn."""
+"""Fully transparent."""
 
 BONE: Paint = _Shown("bone")
 """Bones of the selected shape."""
 FADED: Paint = _Shown("faded")
 """Bones of other shapes: dimmer."""
 CHOSEN: Paint = _Shown("chosen")
-"""The chosen joint: as whatever is active."""
+"""The selected joint: the colour of active objects."""
 HOVERED: Paint = _Shown("hovered")
-"""The joint under the pointer: between plain and chosen."""
+"""The joint under the pointer: between plain and selected."""
 CHAINED: Paint = _Shown("chained")
-"""A chain of joints: as in overlays."""
+"""A chain of joints, as in overlays."""
 ROOT: Paint = _Shown("root")
 """The root joint, which moves the whole shape."""
 AXES: Sequence[Paint] = _Shown("axes")
-"""The manipulator's x, y and z: red, green, blue, as every 3-D program has them."""
+"""The x, y and z axes of the gizmo: red, green and blue, as in every 3D program."""
 HELD_AXIS: Paint = _Shown("held_axis")
-"""The part of the manipulator under the pointer."""
+"""The part of the gizmo under the pointer."""
 WARNING: Paint = _Shown("warning")
-"""Faces that pass through one another."""
+"""Self-intersecting faces."""
 GHOST: Paint = _Shown("ghost")
-"""The outline of the key pose before."""
+"""The outline of the previous key pose."""
 BEFORE: Paint = _Shown("before")
-"""Where a character was: blue, which eyes that mix up red and green tell from the next."""
+"""Past poses of a character: blue, distinct from AFTER even with red-green colour blindness."""
 AFTER: Paint = _Shown("after")
-"""Where a character will be: orange."""
+"""Future poses of a character: orange."""
 GLANCE_FAR: Paint = _Shown("glance_far")
-"""The far or unknown part of a depth picture: like the ground of panels."""
+"""The far or unknown part of a depth image: like the background of panels."""
 GLANCE_NEAR: Paint = _Shown("glance_near")
-"""The nearest part of a depth picture: it differs from the colour of a performer's skeleton."""
+"""The nearest part of a depth image: distinct from the colour of a performer's skeleton."""
 PLAIN_SURFACE: Paint = (205, 208, 214)
-"""A mesh without colours while it is painted or scanned: so light that every paint is seen on it."""
+"""A mesh without colours while it is painted or scanned: so light that every paint colour is visible on
+it.
+"""
 
 LIMBS: Sequence[Sequence[float]] = _Shown("limbs", as_light=3)
-"""sRGB 0..1 of the performer's limbs, by their numbers."""
+"""sRGB 0..1 of the performer's limbs by number."""
 PERFORMERS: Sequence[Paint] = _Shown("performers")
-"""sRGB of performers, in the order of their numbers."""
+"""sRGB of performers by number."""
 LANES: Sequence[Colour] = _Shown("lanes", as_light=4)
-"""Bars of the timeline, a colour a take."""
+"""Bars of the timeline, one colour per take."""
 POINTS: Sequence[Paint] = _Shown("points")
 """sRGB of control points, in turn."""
 DEFAULT_COLOURS: Sequence[Paint] = _Shown("characters")
-"""sRGB of meshes that bring no colours."""
+"""sRGB of meshes without their own colours."""
 CONTACT: Colour = _Shown("contact", as_light=4)
 """Bars of the timeline: a foot on the floor."""
 FLIGHT: Colour = _Shown("flight", as_light=4)
@@ -380,33 +384,36 @@ FLIGHT: Colour = _Shown("flight", as_light=4)
 
 
 def use_theme(name: str, colours: str) -> None:
-    """Gives every colour the numbers of a theme and a set; an unknown name is the first of its kind."""
+    """Switches to a theme and a palette; an unknown name selects the first of its kind."""
     _InUse.theme = next((one for one in THEMES if one == name), "dark")
     _InUse.colours = next((one for one in COLOUR_SETS if one == colours), "usual")
 
 
 def theme_in_use() -> tuple[ThemeName, ColourSetName]:
-    """Returns the names of the theme and of the set of colours that are in use."""
+    """Returns the names of the theme and of the palette in use."""
     return _InUse.theme, _InUse.colours
 
 
 def is_light() -> bool:
-    """Returns whether the theme in use has dark letters on light panels."""
+    """Returns whether the theme in use has dark text on light panels."""
     return THEMES[_InUse.theme].look == "bright"
 
 
 def look_in_theme(look: Look) -> Look:
-    """Returns the look in which the window shows a stage: the usual one is bright in a light theme."""
+    """Returns the look in which the window shows a stage.
+
+    In the light theme the look "studio" becomes bright.
+    """
     return THEMES[_InUse.theme].look if look == "studio" else look
 
 
 def performer_colour(number: int) -> Colour:
-    """Returns the colour of a performer, by its place among those who are present."""
+    """Returns the colour of a performer, by its position among those present."""
     red, green, blue = PERFORMERS[number % len(PERFORMERS)]
     return red / 255, green / 255, blue / 255, 1.0
 
 
 def point_colour(number: int) -> Paint:
-    """The sRGB of a control point, by its number on the puppet."""
+    """Returns the sRGB of a control point, by its number on the puppet."""
     point: Paint = POINTS[number % len(POINTS)]
     return point

@@ -1,4 +1,4 @@
-"""The window of glfw behind the studio: full screen, minimised, and its messages."""
+"""The glfw window behind the studio: full screen, minimised state, and error messages."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import Any, cast
 import glfw
 
 Place = tuple[int, int, int, int]
-"""x, y, width, height of a window."""
+"""x, y, width and height of a window."""
 
 
 def error_text(text: str | bytes) -> str:
-    """The text of a message of glfw, which is bytes in some versions."""
+    """Returns the text of a glfw message, which is bytes in some versions."""
     return text.decode(errors="replace") if isinstance(text, bytes) else text
 
 
 def is_minimised(window: Any) -> bool:
-    """Whether nothing of a window is seen."""
+    """Returns True if a window is minimised."""
     return bool(glfw.get_window_attrib(window, glfw.ICONIFIED))
 
 
 def toggle_full_screen(window: Any, before: Place | None) -> Place | None:
-    """Fill the monitor, or go back to ``before``; returns what to go back to, or None."""
+    """Fills the monitor, or restores ``before``. Returns the window's place to restore later, or None."""
     if before is not None:
         glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)
         return None

@@ -1,4 +1,4 @@
-"""enliven graph: a picture of the deformation graph of any mesh."""
+"""enliven graph: an image of the deformation graph of any mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.files import need_folder
 
 CHAIR = "chair"
 _LONGEST_EDGE = 0.04
-"""Metres: as the edge refines what it puts on stage, so that the graph is the same."""
+"""In metres: the edge refines meshes to the same length, so that the graph is the same."""
 _WRITABLE = (".png", ".jpg", ".jpeg", ".webp")
 
 
@@ -46,7 +46,7 @@ def graph(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
         )
     need_folder(output)
-    # Heavy modules are imported only here, so that the help is quick.
+    # Heavy modules are imported only here, so that the help appears quickly.
     from enliven.deformation.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine
     from enliven.samples import load_sample

@@ -1,4 +1,4 @@
-"""enliven stage: what stands on the stage of a running edge, and what is put there and taken away."""
+"""enliven stage: lists the characters on the stage of a running edge, adds and removes them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from enliven_viewer.link import EdgeClient, ReceivedCues
 
 _FOUND_WITHIN = 5.0
-"""Seconds in which an edge answers, and hands over its characters, on any network."""
+"""Timeout in seconds for an edge to answer and to send its characters, on any network."""
 _PREPARED_WITHIN = 600.0
-"""Seconds in which an edge has prepared a character, even where it compiles its kernels first."""
+"""Timeout in seconds for an edge to prepare a character, including a first compilation of its kernels."""
 _TURN = 0.005
-"""Seconds between two looks at the sockets: far less than a frame."""
+"""Seconds between two polls of the sockets: far less than a frame."""
 
 stage = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 Edge = Annotated[str, typer.Option(help="Where the edge is: HOST, or HOST:PORT.")]
@@ -102,7 +102,7 @@ def list_(edge: Edge = "127.0.0.1") -> None:
 
 
 def _holders(cues: ReceivedCues | None) -> str:
-    """Returns who holds a character, in words."""
+    """Returns text about the performers that control a character."""
     if cues is None or cues.state != "possessed":
         return ""
     owners = {int(owner) for owner in cues.owners[: cues.held]} or {cues.body}
@@ -110,7 +110,7 @@ def _holders(cues: ReceivedCues | None) -> str:
 
 
 def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
-    """Returns a project, the id of the character in it, and whether it is to be fitted to a person."""
+    """Returns a project, the id of the character in it, and whether to scale it to a person."""
     from enliven.document import Project
     from enliven.formats.project import project_of_mesh
 
@@ -138,7 +138,7 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
 
 def _of_project(path: Path, one: str) -> tuple[Project, str, bool]:
-    """Returns the character of a name in a project or session; the only one where none is named."""
+    """Returns the named character in a project or session; without a name, the only one."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
 
@@ -155,7 +155,7 @@ def _of_project(path: Path, one: str) -> tuple[Project, str, bool]:
 
 @contextlib.contextmanager
 def _joined(edge: str) -> Iterator[EdgeClient]:
-    """Yields the link to an edge that has told what stands on its stage."""
+    """Yields the link to an edge, once the edge has sent the characters on its stage."""
     from enliven_viewer.link import EdgeClient
 
     client = EdgeClient([edge], "enliven stage")
@@ -168,7 +168,7 @@ def _joined(edge: str) -> Iterator[EdgeClient]:
 
 
 def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> None:
-    """Polls the link until something holds, for so many seconds at most."""
+    """Polls the link until a condition is true, or for at most ``seconds``."""
     end = time.monotonic() + seconds
     while not done() and time.monotonic() < end:
         client.poll()

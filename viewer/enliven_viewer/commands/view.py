@@ -1,4 +1,4 @@
-"""enliven view: the program on a screen."""
+"""enliven view: shows characters on a screen."""
 
 from __future__ import annotations
 
@@ -89,11 +89,11 @@ _OTHERS = {
     ".mp4": "Any player of films shows it",
 }
 _OTHERS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHERS[".glb"])
-"""By ending, what to do with a file that is no take."""
+"""By file extension, what to do with a file that is not a take."""
 
 
 def _need_take(take: Path | None) -> None:
-    """Refuses a file that something else plays, with what does."""
+    """Refuses a file that other programs play, with advice."""
     if take is not None and take.suffix.lower() in _OTHERS and take.exists():
         mend = _OTHERS[take.suffix.lower()].format(take) + "."
         raise InputError("it is no take", where=str(take), mend=mend)
@@ -108,7 +108,9 @@ def _film(
     seconds: float | None,
     hud: bool,
 ) -> None:
-    """Heavy modules are imported only here, so that the help is quick."""
+    """Makes a film and a contact sheet. Heavy modules are imported only here, so that the help appears
+    quickly.
+    """
     from enliven_viewer.film import make_film
     from enliven_viewer.playback import Document, Timeline
 
@@ -150,7 +152,7 @@ def _title(take: Path | None) -> str:
 
 
 def _feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
-    """The take's feed, or the edges'."""
+    """Returns the take's feed, or the edges' feed."""
     if take is not None:
         from enliven_viewer.link import TakeFeed
 
@@ -161,10 +163,10 @@ def _feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
 
 
 def _addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
-    """HOST[:PORT[:CONTROL_PORT]] of the options; ports of their own go before those in ``edges``.
+    """Returns HOST[:PORT[:CONTROL_PORT]] of the options; separately given ports override those in ``edges``.
 
     Raises:
-        InputError: for an address that is none, or ports of their own for several edges.
+        InputError: if an address is invalid, or separate ports are given for several edges.
     """
     from enliven.wire import Endpoint, parse_endpoint
 

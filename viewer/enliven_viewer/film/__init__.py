@@ -1,4 +1,4 @@
-"""Films and contact sheets of what the viewer shows; a thread encodes while the next picture is drawn."""
+"""Films and contact sheets of the viewer's images; a thread encodes while the next image is drawn."""
 
 import lazy_loader
 

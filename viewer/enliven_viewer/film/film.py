@@ -25,23 +25,23 @@ from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE = 0.005
-"""Seconds of sleep where the feed has nothing new: short beside the 33 ms between two poses."""
+"""Sleep in seconds if the feed has nothing new: short compared with the 33 ms between two poses."""
 _QUIET_END = 3.0
-"""Seconds without a pose or a heartbeat after which the edge counts as gone: six heartbeats are missed."""
+"""Seconds without a pose or a heartbeat after which the edge counts as gone: six missed heartbeats."""
 ENDED = "ended"
 
 
 class FilmSource(Protocol):
-    """Brings what a film shows into a document: every feed, and performances that were sampled."""
+    """A source that fills a document with the contents of a film: any feed, or sampled performances."""
 
     def poll(self, document: Document) -> int:
-        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies everything that has arrived since the last call, without waiting; 0 if nothing has."""
         ...
 
 
 @dataclass(frozen=True)
 class FilmReport:
-    """A report of a film: its pictures, its seconds, the encoder, and the mean milliseconds of a picture."""
+    """The report of a film: number of images, duration, encoder, and mean milliseconds per image."""
 
     pictures: int
     seconds: float
@@ -62,19 +62,19 @@ def make_film(
     console: Console | None = None,
     sound: tuple[Int16, int] | None = None,
 ) -> FilmReport:
-    """Draw what the feed brings until it ends, or ``seconds`` of sensor time.
+    """Films the feed until it ends, or for ``seconds`` of sensor time.
 
     Args:
-        document: its timeline must be unbounded; what was filmed is dropped from it.
-        film, sheet: where to write; None for not at all.
-        sound: samples from the film's first picture on, and how many a second.
+        document: its timeline must be unbounded; filmed moments are removed from it.
+        film, sheet: output files; None to skip one.
+        sound: samples from the film's first image on, and the sample rate.
 
     Raises:
-        ResourceError: where no edge appears in time, OpenGL is missing, or a file cannot be written.
+        ResourceError: if no edge appears in time, OpenGL is missing, or a file cannot be written.
     """
     studio = _Studio(document, settings or ViewerSettings(), caption)
     with ExitStack() as stack:
-        # The file first: a place that cannot be written is better known before the edge starts.
+        # Open the file first, so that an unwritable path is reported before the edge starts.
         writer = stack.enter_context(studio.writer(film, sound)) if film else None
         strip = stack.enter_context(FilmStrip(writer, studio.tiles))
         progress = stack.enter_context(_progress(console))
@@ -92,7 +92,7 @@ def make_film(
 
 
 class _Studio:
-    """The renderer, the camera and the scene style of a film, from one picture to the next."""
+    """The renderer, camera and scene style of a film, from one image to the next."""
 
     def __init__(self, document: Document, settings: ViewerSettings, caption: bool) -> None:
         self.document, self.settings = document, settings
@@ -101,7 +101,7 @@ class _Studio:
         self._text = max(round(settings.height / 35), 10)
         self._canvas: Canvas | None = None
         if caption:
-            from enliven_viewer.render.overlay import Canvas  # loads ImGui, which only a caption needs
+            from enliven_viewer.render.overlay import Canvas  # import it here: only captions need ImGui
 
             self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)
@@ -112,12 +112,12 @@ class _Studio:
         self.count, self.draw_seconds = 0, 0.0
 
     def writer(self, path: Path, sound: tuple[Int16, int] | None) -> FilmWriter:
-        """The film file."""
+        """Returns the writer of the film file."""
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
-        """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
+        """Returns (H, W, 4): the image of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
         scene = scene_of(self.document, moment, style, self._surfaces)
@@ -136,7 +136,7 @@ class _Studio:
         return picture
 
     def _caption(self, moment: TimelineMoment, second: float) -> None:
-        """Write the time, and whether the mesh is possessed, in the lower right corner."""
+        """Draws the time, and whether the mesh is possessed, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"
@@ -151,7 +151,7 @@ class _Studio:
 def _moments(
     feed: FilmSource, document: Document, settings: ViewerSettings, seconds: float | None
 ) -> Iterator[tuple[TimelineMoment, float]]:
-    """(moment, second of the film) at the film's rate of sensor time, as fast as the feed brings them."""
+    """Yields (moment, second of the film) at the film's rate of sensor time, as fast as the feed allows."""
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0
@@ -163,7 +163,7 @@ def _moments(
         heard = time.monotonic() if arrived else heard
         over = over and not arrived
         gone = not document.edge.connected and time.monotonic() - heard > _QUIET_END
-        # A later moment says that the one that is due is complete; the last may be a little early.
+        # A later moment proves that the due one is complete. The last one may be slightly early.
         if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
             moment = timeline.at(due)
             assert moment is not None
@@ -177,7 +177,7 @@ def _moments(
 
 
 def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
-    """Wait for the first moment and for the characters in it."""
+    """Waits for the first moment and for its characters."""
     deadline = time.monotonic() + patience
     while True:
         arrived = feed.poll(document)

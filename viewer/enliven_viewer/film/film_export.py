@@ -1,4 +1,4 @@
-"""Films of performances, as the exporter of .mp4: meshes alone, as the studio shows them."""
+"""Films of performances, as the exporter of .mp4: only meshes, as in the studio."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven_viewer.settings import ViewerSettings, sized
 
 
 class _Sampled:
-    """All poses of some performances, brought at once."""
+    """All poses of some performances, delivered at once."""
 
     def __init__(
         self, performances: Sequence[Performance], rate: float, progress: Callable[[float], object] | None
@@ -26,7 +26,7 @@ class _Sampled:
         self._pictures = max(longest * rate, 1.0)
 
     def poll(self, document: Document) -> int:
-        self._polled += 1  # once before the first picture, and once for each
+        self._polled += 1  # once before the first image, and once for each image
         if self._progress is not None:
             self._progress(min(self._polled / self._pictures, 1.0))
         arrived, self._left = self._left, []
@@ -48,19 +48,19 @@ def write_film(
     look: str = "",
     progress: Callable[[float], object] | None = None,
 ) -> None:
-    """Film characters in motion, without a window.
+    """Films characters in motion, without a window.
 
     Args:
         name: the title.
-        size: of the pictures, such as "1920x1080"; empty: as the settings say.
-        rate: frames a second; 0: as the settings say.
-        look: one of the stage's; empty: as the settings say.
-        progress: is called with the share of the film that is done; what it raises ends the film.
-        sound: (N,) samples from the first pose on, :data:`enliven.sounds.SOUND_RATE` a second.
+        size: image size, such as "1920x1080"; empty for the default of the settings.
+        rate: frames per second; 0 for the default of the settings.
+        look: one of the stage's looks; empty for the default of the settings.
+        progress: called with the finished fraction of the film. An exception that it raises ends the film.
+        sound: (N,) samples from the first pose on, at :data:`enliven.sounds.SOUND_RATE`.
 
     Raises:
-        InputError: for no such size.
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        InputError: if the size is invalid.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     settings = sized(ViewerSettings(), size or None)
     if rate:

@@ -1,4 +1,4 @@
-"""Encodes the pictures of a film and chooses those of its sheet, in a thread beside the drawing."""
+"""Encodes the images of a film and selects those of its sheet, in a background thread."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from enliven.film import FilmWriter
 from enliven_viewer.film.sheet import Tiles
 
 WAITING = 4
-"""Pictures that may wait to be encoded; 3.7 MB each at 1280 x 720."""
+"""Maximum number of images that wait for encoding; 3.7 MB each at 1280 x 720."""
 
 
 class FilmStrip:
-    """Takes pictures in order and hands each to the film and the sheet; ``with`` waits for the last.
+    """A queue that passes images in order to the film and the sheet.
 
-    An error of the encoder is raised by a later :meth:`add`, or at the end of the ``with``.
+    The end of ``with`` waits for the last one.
+
+    An encoder error is raised by a later :meth:`add`, or at the end of ``with``.
 
     Args:
         writer: the film, or None for none.
-        tiles: the pictures of the sheet.
+        tiles: the images of the sheet.
     """
 
     def __init__(self, writer: FilmWriter | None, tiles: Tiles) -> None:
@@ -30,7 +32,7 @@ class FilmStrip:
         self._waiting: deque[Future[None]] = deque()
 
     def add(self, second: float, raw: UInt8) -> None:
-        """Append a picture, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
+        """Appends an image, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
         while len(self._waiting) >= WAITING:
             self._waiting.popleft().result()
         self._waiting.append(self._thread.submit(self._finish, second, raw))

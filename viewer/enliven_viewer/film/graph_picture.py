@@ -1,4 +1,4 @@
-"""A picture of a deformation graph over its mesh: nodes, edges, bridges, cut vertices, from three sides."""
+"""An image of a deformation graph over its mesh from three sides: nodes, edges, bridges, cut vertices."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Tubes, tube_rows
 
 MESH_COLOUR = (112, 116, 126)
-"""sRGB of the mesh: grey, so that every colour of the graph stands out."""
+"""sRGB of the mesh: grey, so that the colours of the graph are clearly visible."""
 NODE = (236, 244, 255)
 """sRGB of nodes: nearly white, the brightest on the grey."""
 EDGE = (92, 178, 255)
-"""sRGB of ordinary edges: cold, since no term acts on them alone."""
+"""sRGB of ordinary edges: cold, since no term acts only on them."""
 BRIDGE = (255, 74, 52)
-"""sRGB of bridges, which part the graph: red, since a limb hangs by one edge."""
+"""sRGB of bridges, which separate the graph: red, since a limb depends on a single edge."""
 WEAK = (255, 190, 64)
-"""sRGB of the other edges where E_rig acts: amber, a weaker warning than a bridge."""
+"""sRGB of the other edges with an E_rig term: amber, a weaker warning than a bridge."""
 CUT = (255, 96, 214)
-"""sRGB of cut vertices, which part the graph too: apart from the red of bridges."""
+"""sRGB of cut vertices, which also separate the graph: distinct from the red of bridges."""
 SIDES = (math.radians(-24), math.radians(96), math.radians(216))
-"""Radians that each view is turned from the front right: a third of a round apart."""
+"""Azimuth of each view in radians from the front right: a third of a turn apart."""
 HEADER = 88
-"""Pixels of the title above the panels: one line of 30 pixels with room."""
+"""Height in pixels of the title above the panels: one line of 30 pixels with margins."""
 _FOOTER = 72
-"""Pixels of the legend below the panels: one line of 20 pixels with room."""
+"""Height in pixels of the legend below the panels: one line of 20 pixels with margins."""
 _SIZE = 1.75
-"""Metres: the largest extent of what is drawn, whatever the mesh's own size."""
+"""Largest extent of the drawing in metres, regardless of the mesh's own size."""
 
 
 class Counts(NamedTuple):
-    """The numbers of a graph that its picture shows; ``radius`` is R in metres."""
+    """The numbers of a graph shown in its image; ``radius`` is R in metres."""
 
     nodes: int
     edges: int
@@ -62,7 +62,7 @@ class Counts(NamedTuple):
 
 
 def counts_of(graph: DeformationGraph) -> Counts:
-    """The numbers of a graph."""
+    """Returns the numbers of a graph."""
     return Counts(
         len(graph.positions),
         len(graph.edges),
@@ -74,7 +74,10 @@ def counts_of(graph: DeformationGraph) -> Counts:
 
 
 def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, int]) -> list[UInt8]:
-    """The mesh with its graph from three sides, each (H, W, 3) sRGB of the size ``panel`` (width, height)."""
+    """Returns three views of the mesh with its graph.
+
+    Each is (H, W, 3) sRGB of the size ``panel`` (width, height).
+    """
     shown, nodes, scale = fitted(character, graph)
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
@@ -94,7 +97,7 @@ def _view(
     spacing: float,
     turn: float,
 ) -> UInt8:
-    """One picture, the camera turned by ``turn`` radians from the front right."""
+    """Returns one image, with the camera turned by ``turn`` radians from the front right."""
     width, height = renderer.size
     view = view_of(box, width / height, turn)
     renderer.draw(scene, view)
@@ -105,7 +108,7 @@ def _view(
 
 
 def view_of(box: Box, aspect: float, turn: float) -> CameraView:
-    """The camera that has the box in its picture, turned by ``turn`` radians from the front right."""
+    """Returns a camera that frames the box, turned by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))
     camera.frame(box, aspect, at_once=True, room=1.08)
@@ -113,12 +116,14 @@ def view_of(box: Box, aspect: float, turn: float) -> CameraView:
 
 
 def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
-    """(E + N, 12) the tubes of the edges and the balls of the nodes, no thinner than can be seen.
+    """Returns (E + N, 12) rows: the tubes of the edges, and the balls of the nodes.
+
+    All have a minimum visible thickness.
 
     Args:
-        nodes: (N, 3) metres, where the nodes are drawn.
+        nodes: (N, 3) metres, the drawn positions of the nodes.
         spacing: metres between nodes.
-        pixel: metres that a pixel spans at the mesh.
+        pixel: size of a pixel in metres at the mesh.
     """
     thin = max(0.026 * spacing, 0.8 * pixel)
     edge_tints = np.tile(linear_from_srgb(np.array(EDGE)), (len(graph.edges), 1))
@@ -135,7 +140,7 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
 
 
 def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
-    """The character and the nodes at the size that they are drawn at, on the floor, and the scale."""
+    """Returns the character and the nodes scaled for drawing and placed on the floor, and the scale."""
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _SIZE / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
@@ -157,10 +162,10 @@ def _area(character: Character) -> float:
 def write_graph_picture(
     path: Path, character: Character, graph: DeformationGraph, title: str, panel: tuple[int, int]
 ) -> Counts:
-    """Draw the graph and write the picture, in the format that the path's ending names.
+    """Draws the graph and writes the image, in the format of the file extension.
 
     Raises:
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     counts = counts_of(graph)
     sheet = composed(draw_graph(character, graph, panel), title, counts)
@@ -169,7 +174,7 @@ def write_graph_picture(
 
 
 def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
-    """The panels side by side under a title, over a legend."""
+    """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
     sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER), PAPER)
     for number, panel in enumerate(panels):
@@ -184,7 +189,7 @@ def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
 
 
 def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> None:
-    """Swatches with their names and numbers, spread over the width."""
+    """Draws colour swatches with names and numbers, distributed over the width."""
     items = (
         (NODE, True, f"{counts.nodes} nodes"),
         (EDGE, False, f"{counts.edges} edges"),

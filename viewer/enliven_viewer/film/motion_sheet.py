@@ -23,13 +23,13 @@ from enliven_viewer.render.gl import offscreen_context
 STICK = (120, 190, 255)
 """sRGB of the performer."""
 SIDE = math.radians(38)
-"""How far the camera stands from the front towards the left."""
+"""Azimuth of the camera from the front towards the left, in radians."""
 _ABOVE = (math.radians(12), math.radians(38))
-"""Radians that the camera looks down on a tall subject, and on one that lies flat."""
+"""Elevation of the camera, in radians, for a tall subject and for one that lies flat."""
 _FLAT = 0.5
-"""Height over the largest extent below which a subject begins to count as flat."""
+"""Height over largest extent below which a subject begins to count as flat."""
 _TALL = 1.75
-"""Metres of the largest extent of what is drawn: light and floor are made for people."""
+"""Largest extent of the drawing in metres, since light and floor are made for people."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class MotionRow:
     """A row of a motion sheet: a character in several poses, all seen from one side.
 
     Attributes:
-        azimuth: radians about +Y.
-        surfaces: (V, 3) float32 metres in the world for each pose; None where the transforms make them.
+        azimuth: azimuth of the camera about +Y in radians.
+        surfaces: (V, 3) float32 metres in the world for each pose; None if the transforms move the vertices.
     """
 
     character: Character
@@ -50,14 +50,14 @@ class MotionRow:
 def write_motion_sheet(
     path: Path, made: Retargeted, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
 ) -> None:
-    """Draw the sheet as PNG.
+    """Draws the sheet as PNG.
 
     Args:
-        frames: how many times, evenly over the take.
-        size: of each picture in pixels.
+        frames: number of times, evenly distributed over the take.
+        size: size of each image in pixels.
 
     Raises:
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(0.0, made.duration, frames)
     rows = [_take(made, times), _model(made, times)]
@@ -67,7 +67,7 @@ def write_motion_sheet(
 def write_rows(
     path: Path, rows: Sequence[MotionRow], times: Float, title: str, said: str, size: tuple[int, int]
 ) -> None:
-    """Draw rows of pictures of ``size`` pixels, one below the other, each at the same times."""
+    """Draws rows of images of ``size`` pixels, one below the other, all at the same times."""
     renderer = Renderer(offscreen_context(), size)
     tiles = [
         Tile(second, picture)
@@ -78,7 +78,7 @@ def write_rows(
 
 
 def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
-    """The row of a take's own skeleton at seconds of it; ``facing`` radians is where it looks."""
+    """Returns the row of a take's own skeleton at given times; ``facing`` is its azimuth in radians."""
     project, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))
@@ -97,7 +97,7 @@ def _take(made: Retargeted, times: Float) -> MotionRow:
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
-    """A shape that shows a skeleton: a slender double pyramid for every bone."""
+    """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
     mesh, skin = sticks(skeleton)
     if mesh is not None:
         mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
@@ -105,7 +105,7 @@ def stick_shape(name: str, skeleton: Skeleton) -> Shape:
 
 
 def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
-    """All poses from one place, with everything that they reach in the picture."""
+    """Returns images of all poses from one camera that frames everything they reach."""
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
     reached = np.stack(surfaces)
     low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)

@@ -1,4 +1,4 @@
-"""A contact sheet of a project: all its characters at some times, seen from one place."""
+"""A contact sheet of a project: all its characters at several times, from one camera."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneCharacter, 
 from enliven_viewer.render.gl import offscreen_context
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
-"""Angles of the camera: from the front towards the left, and down."""
+"""Azimuth of the camera from the front towards the left, and elevation."""
 _COLUMNS = 6
-"""Most pictures in one row."""
+"""Maximum number of images in one row."""
 _STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
 """Meshes with performers in them, without attachment points and graphs."""
 
@@ -34,17 +34,17 @@ def write_project_sheet(
     bodies: Sequence[Body] = (),
     size: tuple[int, int] = (420, 420),
 ) -> None:
-    """Draw the characters of a project at some times as one PNG.
+    """Draws the characters of a project at several times as one PNG.
 
     Args:
-        times: seconds of the project.
-        title: written above the pictures.
-        bodies: a performer at each of the times, drawn with the characters; or none.
-        size: of each picture in pixels (width, height).
+        times: times in the project in seconds.
+        title: text above the images.
+        bodies: a performer for each time, drawn with the characters; or none.
+        size: size of each image in pixels (width, height).
 
     Raises:
-        ValueError: for another number of bodies than times.
-        InputError: for a character without a mesh.
+        ValueError: if the numbers of bodies and times differ.
+        InputError: if a character has no mesh.
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     if bodies and len(bodies) != len(times):
@@ -71,7 +71,7 @@ def write_project_sheet(
 
 
 def _still(mesh: Mesh, name: str) -> SceneCharacter:
-    """Returns a mesh as a character that one transform holds."""
+    """Returns a mesh as a character with a single transform."""
     count = len(mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
     weights[:, 0] = 1.0

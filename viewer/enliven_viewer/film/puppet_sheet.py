@@ -23,16 +23,16 @@ def write_puppet_sheet(
     frames: int = 6,
     size: tuple[int, int] = (420, 420),
 ) -> None:
-    """Draw the sheet as PNG.
+    """Draws the sheet as PNG.
 
     Args:
-        span: seconds of the project from when to when.
-        frames: how many times, evenly over them.
-        size: of each picture in pixels.
+        span: start and end in seconds of the project.
+        frames: number of times, evenly distributed over the span.
+        size: size of each image in pixels.
 
     Raises:
-        InputError: where the puppet lacks something to move.
-        ResourceError: where OpenGL is missing, or the file cannot be written.
+        InputError: if the puppet lacks something that it needs to move.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
     rows = [_performer(project, puppet, times), _puppet(project, puppet, times)]
@@ -41,7 +41,7 @@ def write_puppet_sheet(
 
 
 def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """The row of the performer of the lowest unmuted layer, at the frames that it plays."""
+    """Returns the row of the performer of the lowest unmuted layer, at the frames that it plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]

@@ -1,4 +1,4 @@
-"""A contact sheet: pictures of a film side by side, each with its time, under a title."""
+"""A contact sheet: images of a film side by side, each with its time, below a title."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from enliven.files import write_picture
 from enliven_viewer.live import time_text
 
 PAPER = (19, 21, 27)
-"""sRGB of the background: as dark as the stage, so that the pictures are the brightest."""
+"""sRGB of the background: as dark as the stage, so that the images are brightest."""
 INK = (240, 241, 244)
 """sRGB of titles."""
 QUIET = (160, 167, 180)
 """sRGB of subtitles: dimmer than titles."""
 _GAP = 10
-"""Pixels between two pictures and around all."""
+"""Gap in pixels between two images, and around all of them."""
 _TITLE = 64
-"""Pixels above the pictures for one line of title."""
+"""Height in pixels above the images for one title line."""
 _PACKED = 3
-"""Of 9, how hard a PNG is packed: a ninth larger than at the usual 6, in a third of the time."""
+"""PNG compression level of 9: a ninth larger than at the usual 6, in a third of the time."""
 
 
 @dataclass(frozen=True)
 class Tile:
-    """One picture, (H, W, 3) sRGB, and the second of the film it is from."""
+    """One image, (H, W, 3) sRGB, and its time in the film in seconds."""
 
     seconds: float
     picture: UInt8
 
 
 class Tiles:
-    """Chooses pictures for a sheet from a film of unknown length, evenly spread, in bounded memory.
+    """A selection of evenly distributed images from a film of unknown length, in bounded memory.
 
-    Every ``stride``-th picture is kept; beyond four times the wanted number every other one is dropped.
+    Every ``stride``-th image is kept. Beyond four times the wanted number, every other one is dropped.
 
     Args:
-        wanted: pictures on the sheet.
-        width: pixels of each there.
+        wanted: number of images on the sheet.
+        width: width of each image in pixels.
     """
 
     def __init__(self, wanted: int, width: int) -> None:
@@ -50,9 +50,9 @@ class Tiles:
         self._stride, self._seen = 1, 0
 
     def add(self, seconds: float, picture: UInt8) -> None:
-        """Offer the next picture of the film, (H, W, 3) or with a fourth channel that does not count."""
+        """Offers the next image of the film, (H, W, 3) or with a fourth channel that is ignored."""
         if self._seen % self._stride == 0:
-            # Most of what is kept is dropped later, so it is only made smaller by a whole number here.
+            # Most stored images are dropped later, so here they are only reduced by an integer factor.
             factor = max(picture.shape[1] // self._width, 1)
             small = Image.fromarray(np.ascontiguousarray(picture)).reduce(factor).convert("RGB")
             self._kept.append(Tile(seconds, np.asarray(small, np.uint8)))
@@ -62,7 +62,7 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """The tiles of the sheet: at most the wanted number, the first and the last picture among them."""
+        """Returns the tiles: at most the wanted number, including the first and the last image."""
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
@@ -77,10 +77,10 @@ class Tiles:
 
 
 def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitle: str) -> None:
-    """Write the sheet as PNG.
+    """Writes the sheet as PNG.
 
     Raises:
-        ResourceError: where the file cannot be written.
+        ResourceError: if the file cannot be written.
     """
     if not tiles:
         return
@@ -101,7 +101,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
 
 
 def _stamp(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:
-    """A time on a dark plate."""
+    """Draws a time on a dark background."""
     font = ImageFont.load_default(15)
     draw.rounded_rectangle((x, y, x + font.getlength(text) + 14, y + 22), 6, fill=(12, 14, 19))
     draw.text((x + 7, y + 2), text, fill=INK, font=font)

@@ -1,4 +1,4 @@
-"""The link to edges and takes: it receives messages, aligns clocks and sends requests."""
+"""The link to edges and takes: receives messages, aligns clocks and sends requests."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Containers that hold a limited number of values and bytes: an edge cannot fill a viewer's memory."""
+"""Containers with limits on values and bytes, so that an edge cannot fill a viewer's memory."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class BoundedQueue(Generic[T]):
     """A queue that drops its oldest values beyond its limits.
 
     Args:
-        most: values.
-        most_bytes: bytes of all values; one value is kept however large it is.
+        most: maximum number of values.
+        most_bytes: maximum bytes of all values. One value is kept regardless of its size.
     """
 
     def __init__(self, most: int, most_bytes: int) -> None:
@@ -32,7 +32,7 @@ class BoundedQueue(Generic[T]):
         return (value for value, _ in self._held)
 
     def append(self, value: T, size: int) -> None:
-        """Adds a value of a size in bytes."""
+        """Adds a value with its size in bytes."""
         self._held.append((value, size))
         self.bytes += size
         while len(self._held) > self._most or (self.bytes > self._most_bytes and len(self._held) > 1):
@@ -45,7 +45,7 @@ class BoundedQueue(Generic[T]):
         return value
 
     def take(self) -> list[T]:
-        """Removes all values and returns them, the oldest first."""
+        """Removes all values and returns them, oldest first."""
         values = [value for value, _ in self._held]
         self._held.clear()
         self.bytes = 0
@@ -53,11 +53,13 @@ class BoundedQueue(Generic[T]):
 
 
 class NewestValues(dict[str, Any]):
-    """The newest value of each key; keys that were not heard for longest are dropped beyond the limits.
+    """The newest value of each key.
+
+    Beyond the limits, the keys that were not updated for longest are dropped.
 
     Args:
-        most: keys.
-        most_bytes: bytes of all values; one value is kept however large it is.
+        most: maximum number of keys.
+        most_bytes: maximum bytes of all values. One value is kept regardless of its size.
     """
 
     def __init__(self, most: int, most_bytes: int) -> None:
@@ -67,7 +69,7 @@ class NewestValues(dict[str, Any]):
         self.bytes = 0
 
     def put(self, key: str, value: Any, size: int) -> None:
-        """Sets the newest value of a key, of a size in bytes."""
+        """Sets the newest value of a key, with its size in bytes."""
         self.forget(key)
         self[key], self._sizes[key] = value, size
         self.bytes += size
@@ -75,6 +77,6 @@ class NewestValues(dict[str, Any]):
             self.forget(next(iter(self)))
 
     def forget(self, key: str) -> None:
-        """Removes a key, where it is there."""
+        """Removes a key if it exists."""
         self.pop(key, None)
         self.bytes -= self._sizes.pop(key, 0)

@@ -1,4 +1,4 @@
-"""A document that follows an edge: what the link received goes onto the timeline."""
+"""A feed from an edge to a document: received messages are put onto the timeline."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from enliven_viewer.playback import Document, EdgeState
 _NOTICE_SECONDS = 5.0
 """Seconds that a notice is shown: long enough to read two lines."""
 _BARE_SECONDS = 3.0
-"""Seconds without characters after which the control port is said to be wrong: fetching takes less."""
+"""Seconds without characters after which a wrong control port is suspected. Fetching them takes less."""
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
-"""Share of a new latency in the shown one, which would flicker otherwise."""
+"""Smoothing factor of the displayed latency, which would flicker otherwise."""
 
 
 class EdgeFeed:
@@ -26,8 +26,8 @@ class EdgeFeed:
 
     Attributes:
         link: the sockets.
-        heard: called with the topic and the value of everything that arrives, in the order of the timeline.
-        restarted: called where another process of the edge is heard, before what that one says.
+        heard: called with the topic and value of every message, in timeline order.
+        restarted: called when another process of the edge is detected, before its messages.
     """
 
     def __init__(self, link: EdgeClient) -> None:
@@ -44,13 +44,13 @@ class EdgeFeed:
         self._instance: int | None = None
 
     def poll(self, document: Document) -> int:
-        """Apply everything that has arrived since the last call, without waiting; how many messages."""
+        """Applies all received messages without waiting. Returns their number."""
         self.link.poll()
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
         arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
-        if not began_again:  # else two clocks may be mixed
-            # After a slow picture seconds of one topic come before those of the next.
+        if not began_again:  # after a restart, two clocks may be mixed
+            # After a slow frame, seconds of one topic come before those of the next.
             arrived.sort(key=lambda one: _time_ns(one[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)
@@ -66,17 +66,17 @@ class EdgeFeed:
         return len(arrived)
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
-        """Asks the edge to carry out an order; a direction of view is told again to an edge that restarts."""
+        """Asks the edge to carry out an order. A viewing direction is sent again after the edge restarts."""
         if isinstance(order, Look):
             self._look = order
         self.link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Closes the sockets."""
         self.link.close()
 
     def _watch_instance(self) -> bool:
-        """Tell that the edge was started again; returns whether it was."""
+        """Detects a restart of the edge and reports it. Returns whether it has restarted."""
         before, self._instance = self._instance, self.link.edges[0].instance
         began_again = before not in (None, self._instance)
         if began_again:
@@ -84,14 +84,14 @@ class EdgeFeed:
         return began_again
 
     def _forget_cues(self, document: Document) -> None:
-        """Removes the cues of characters that the edge has no longer."""
+        """Removes the cues of characters that the edge no longer has."""
         current = self.link.latest(CUES)
         for name in self._shown_cues - current.keys():
             document.forget_cues(name)
         self._shown_cues = set(current)
 
     def _look_again(self) -> None:
-        """Tell the direction of view again to an edge that has restarted."""
+        """Sends the viewing direction again to a restarted edge."""
         instance = self.link.edges[0].instance
         if instance != self._told_instance and self.link.status is not None:
             self._told_instance = instance
@@ -99,7 +99,10 @@ class EdgeFeed:
                 self.link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""
+        """Returns True if the edge is alive but has not sent characters for a while.
+
+        A wrong port is a common reason.
+        """
         if not connected or self.link.characters:
             self._bare_since = None
             return False
@@ -113,7 +116,7 @@ class EdgeFeed:
         self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
 
     def _state(self) -> EdgeState:
-        """The state of the link and of the edge, as the window shows it."""
+        """Returns the state of the link and of the edge, for display."""
         endpoint, health = next(iter(self.link.health.items()))
         now = time.monotonic()
         for notice in self.link.take_notices():
@@ -138,5 +141,5 @@ class EdgeFeed:
 
 
 def _time_ns(value: Any) -> int:
-    """Returns the sensor's clock of what arrived."""
+    """Returns a message's time on the sensor's clock, in nanoseconds."""
     return value.pose.time_ns if isinstance(value, ReceivedPose) else value.time_ns

@@ -1,4 +1,4 @@
-"""The link to the edges: what they publish, in order and without loss, and the requests to them."""
+"""The link to the edges: receives what they publish in order and without loss, and sends requests."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
 _ALIVE = 1.6
-"""Seconds without a heartbeat (three of them) after which an edge of the same name is not a rival."""
+"""Seconds without a heartbeat (three intervals) after which an edge of the same name no longer counts as a
+clash.
+"""
 
 
 class EdgeClient:
-    """Follows one edge or several: polled from the thread that draws, it never waits.
+    """A client that follows one or several edges. It is polled from the drawing thread and never blocks.
 
-    Start it before or after its edges, and restart them as you like: characters and state are fetched by
-    themselves. Poses that arrive before their character wait for it. Call :meth:`poll` once a frame, then
-    take what is new::
+    Start it before or after its edges, and restart them as you like: characters and state are fetched
+    automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
+    then take the new values::
 
         link = Link(["127.0.0.1:5580"])
         while drawing:
@@ -45,20 +47,21 @@ class EdgeClient:
             for received in link.take(POSE):
                 show(link.characters[received.pose.character], received.pose)
 
-    With several edges a character's id is "edge/id" here; with one it is the id that the edge gave it, unless
-    it is to be ``prefixed`` too.
+    With several edges, a character's id is "edge/id" here. With one edge, it is the id given by the edge,
+    unless ``prefixed`` is set.
 
-    Making one compiles the decoder of poses, which takes some seconds the first time on a machine.
+    The constructor compiles the pose decoder, which takes some seconds the first time on a machine.
 
     Args:
-        endpoints: ``Endpoint``, or "host", "host:port" (commands one port on), "host:port:control_port".
-        name: of this viewer, for the edges.
+        endpoints: ``Endpoint``, or "host", "host:port" (the control port is the next one),
+            "host:port:control_port".
+        name: name of this viewer, sent to the edges.
 
     Attributes:
-        edges: one :class:`EdgeConnection` an endpoint, in the order given.
+        edges: one :class:`EdgeConnection` per endpoint, in the given order.
 
     Raises:
-        InputError: for an address that is none, or no address at all.
+        InputError: if an address is invalid, or none is given.
     """
 
     def __init__(
@@ -83,65 +86,69 @@ class EdgeClient:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        # The process's own context: one of this object's would wait for sockets when garbage is collected.
+        # Use the process's shared context: an own one would wait for sockets at garbage collection.
         context: zmq.Context[Any] = zmq.Context.instance()
         self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
 
     def poll(self) -> None:
-        """Take in everything that has arrived and ask for what is missing; returns at once."""
+        """Processes all received messages and requests missing data; does not block."""
         for edge in self.edges:
             edge.poll()
         self._find_clashes()
 
     @property
     def characters(self) -> dict[str, Character]:
-        """The characters by id; an object is replaced when its edge publishes a new revision."""
+        """Returns the characters by id. An object is replaced when its edge publishes a new revision."""
         return {name: held.character for edge in self.edges for name, held in edge.held.items()}
 
     def latest(self, topic: Topic) -> dict[str, Any]:
-        """The newest value of each key of a topic, such as the cues by character."""
+        """Returns the newest value of each key of a topic, such as the cues by character."""
         return {key: value for edge in self.edges for key, value in edge.latest.get(topic.name, {}).items()}
 
     @property
     def status(self) -> StatusMessage | None:
-        """The last heartbeat of the first edge that was heard, or None."""
+        """Returns the last heartbeat of the first edge with one, or None."""
         return next((e.status for e in self.edges if e.status is not None), None)
 
     @property
     def health(self) -> dict[Endpoint, Health]:
-        """The health of each edge, by endpoint."""
+        """Returns the health of each edge, by endpoint."""
         return {edge.endpoint: edge.health() for edge in self.edges}
 
     @property
     def clock_offset_ns(self) -> int:
-        """The first edge's wall clock less this machine's, as ``ClockEstimate`` has it."""
+        """Returns the offset of the first edge's wall clock from this machine's, see ``ClockEstimate``."""
         return self.edges[0].clock.offset_ns
 
     @property
     def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
-        """The health of each topic of each edge: alive, on rate, valid."""
+        """Returns the health of each topic of each edge: alive, on rate, valid."""
         return {edge.endpoint: edge.topics() for edge in self.edges}
 
     @property
     def stage(self) -> StageLink:
-        """The stage of the first edge."""
+        """Returns the stage of the first edge."""
         return self.edges[0].stage
 
     def take(self, topic: Topic) -> list[Any]:
-        """Every value of a topic since the last call, each edge's in its order."""
+        """Returns all values of a topic since the last call; those of each edge are in order."""
         inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
         return [value for inbox in inboxes for value in inbox.take()]
 
     def take_notices(self) -> list[Notice]:
-        """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""
+        """Returns messages for the user since the last call.
+
+        They are refusals, restarts, version mismatches and name clashes.
+        """
         return _emptied(self._notices)
 
     def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Sends an order to the edge that has its character, else to all edges; a refusal comes as a notice.
+        """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
 
         Args:
-            order: with the character's id as it is here.
-            on_reply: called from a later :meth:`poll` with Done or Refused; at once without an edge.
+            order: the order, with the character's id as used here.
+            on_reply: called from a later :meth:`poll` with Done or Refused; immediately if no edge has the
+                character.
         """
         character = getattr(order, "character", None)
         if character is None:
@@ -161,12 +168,15 @@ class EdgeClient:
             on_reply(refused)
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Closes the sockets."""
         for edge in self.edges:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Mark edges of one name that are alive at once; after a restart the old one is silent."""
+        """Marks edges with the same name that are alive at the same time.
+
+        After a restart the old one is silent.
+        """
         now = time.monotonic()
         for edge in self.edges:
             if edge.status is not None and now - edge.last_heard < _ALIVE:
@@ -182,7 +192,7 @@ class EdgeClient:
             edge.clash = clash
 
     def _has_rival(self, name: str, instance: int) -> bool:
-        """Whether another instance of this name was heard between the first and last word of this one."""
+        """Returns True if another instance of this name was alive at the same time as this one."""
         span = self._heard.get((name, instance))
         return span is not None and any(
             other[0] == name and other[1] != instance and max(first, span[0]) < min(last, span[1])
@@ -191,7 +201,7 @@ class EdgeClient:
 
 
 def _emptied(queue: deque[Any]) -> list[Any]:
-    """Empty a queue and return what was in it."""
+    """Empties a queue and returns its contents."""
     taken = list(queue)
     queue.clear()
     return taken

@@ -10,25 +10,27 @@ from enliven_viewer.playback import Document
 
 
 class Feed(Protocol):
-    """Brings characters, poses, bodies, cues and the edge's state into a document.
+    """A source of characters, poses, bodies, cues and the edge's state for a document.
 
-    ``EdgeFeed`` does so from an edge, ``Take``
-    from a file.
-    Errors of a peer never reach the caller: they become ``document.edge.message``.
+    ``EdgeFeed`` reads from an edge, ``Take`` from a file. Errors of a peer never reach the caller: they
+    become ``document.edge.message``.
     """
 
     def poll(self, document: Document) -> int:
-        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        """Applies everything that has arrived since the last call, without waiting.
+
+        Returns the number of messages.
+        """
         ...
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
-        """Asks for an order to be carried out: to possess, release, smooth, lock, look or browse.
+        """Requests an order: possess, release, smooth, lock, look or browse.
 
         Args:
-            then: called from a later :meth:`poll` once it was.
+            then: called from a later :meth:`poll` after the order was carried out.
         """
         ...
 
     def close(self) -> None:
-        """Let sockets, threads and files go."""
+        """Closes sockets, threads and files."""
         ...

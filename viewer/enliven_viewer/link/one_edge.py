@@ -1,4 +1,4 @@
-"""The link to one edge, through late starts, silences, restarts and other versions."""
+"""The link to one edge; handles late starts, silence, restarts and version mismatches."""
 
 from __future__ import annotations
 
@@ -53,37 +53,45 @@ from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWat
 from enliven_viewer.link.tracks import labelled, track_of
 
 _POLL_WITHIN = 0.01
-"""Seconds that one poll spends on messages at most, so that a flood of them does not stop the drawing."""
+"""Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
+drawing.
+"""
 _KEPT = 4000
-"""Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
+"""Maximum number of poses, and of frames of bodies, stored for a caller that does not take them: two minutes
+of one character.
+"""
 _KEPT_BYTES = 64 * 1024 * 1024
-"""Bytes of one topic that are kept for such a caller: two minutes of poses of a graph of 1,000 nodes."""
+"""Maximum bytes of one topic stored for such a caller: two minutes of poses of a graph with 1,000 nodes."""
 _UNREAD_BYTES = 16 * 1024 * 1024
-"""Bytes of messages that wait for their character, or until it is known which edge sent them."""
+"""Maximum bytes of messages that wait for their character, or until the sending edge is known."""
 _MOST_KEYS = 4096
-"""Keys of a topic with a newest value each, such as the pieces of a scan: an edge tells at most so many."""
+"""Maximum number of keys of a topic with a newest value each, such as the pieces of a scan. An edge sends at
+most this number.
+"""
 _NEWEST_BYTES = 128 * 1024 * 1024
-"""Bytes of the newest values of a topic: a scan of a room has some 40 MB of pieces."""
+"""Maximum bytes of a topic's newest values. The pieces of a scanned room take about 40 MB."""
 _MOST_UNKNOWN = 64
-"""Characters that are heard of before the edge lists them: four times as many as stand on a stage."""
+"""Maximum number of characters that messages mention before the edge lists them: four times the number on a
+stage.
+"""
 _CHARACTER_BYTES = 512 * 1024 * 1024
-"""Bytes of all characters of an edge: four of two million vertices each."""
+"""Maximum bytes of all characters of an edge: four of two million vertices each."""
 _ASK_EVERY = 1.0
-"""Seconds between two requests for the same thing while the streams arrive."""
+"""Seconds between two identical requests while the streams arrive."""
 _ASK_FIRST_EVERY = 0.1
-"""Seconds between two requests before the streams arrive: each makes the edge publish a heartbeat."""
+"""Seconds between two requests before the streams arrive. Each request makes the edge publish a heartbeat."""
 _REPLY_WITHIN = 1.0
-"""Seconds after which a hello or a ping is given up: an edge answers within a frame."""
+"""Timeout in seconds of a hello or a ping. An edge answers within a frame."""
 _CHARACTER_WITHIN = 10.0
-"""Seconds after which the request of a character is given up: it may be megabytes over a slow network."""
+"""Timeout in seconds of a character request, which may transfer megabytes over a slow network."""
 _FETCHED_AT_ONCE = 4
-"""Characters that are requested at the same time, so that poses and heartbeats are not held up."""
+"""Maximum number of simultaneous character requests, so that poses and heartbeats are not delayed."""
 _FULL_ASK_AGAIN = 30.0
-"""Seconds until a character that does not fit into memory is requested again."""
+"""Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER = "does not answer"
-"""End of the reason of a command that was given up: the edge may be busy, and still carry it out."""
+"""End of the refusal text of a command that timed out. A busy edge may still carry it out."""
 _COMMAND_WITHIN = 3.0
-"""Seconds after which a command is given up and the user is told that the edge does not answer."""
+"""Timeout in seconds of a command. Then the user is told that the edge does not answer."""
 
 
 @dataclass(frozen=True)
@@ -95,18 +103,18 @@ class _Held:
 
 
 class EdgeConnection:
-    """One SUB and one DEALER socket to an edge, and the messages that came; an EdgeClient polls it.
+    """One SUB and one DEALER socket to an edge, with the received messages. An EdgeClient polls it.
 
     Args:
-        endpoint: where the edge is, or will be.
-        viewer: the name to say hello with.
-        label: makes the id that a character has in this viewer from its edge's name and its own id.
-        notify: takes notices for the user.
+        endpoint: address of the edge, which need not be running yet.
+        viewer: name of this viewer, sent in the hello.
+        label: returns a character's id in this viewer, for its edge's name and its id on the edge.
+        notify: called with notices for the user.
 
     Attributes:
-        inbox: by topic, the values that the caller has not taken.
+        inbox: by topic, the values that the caller has not taken yet.
         latest: by topic and key, the newest value.
-        stage: puts characters on the edge's stage.
+        stage: puts characters onto the edge's stage.
     """
 
     def __init__(
@@ -142,7 +150,7 @@ class EdgeConnection:
         self._begin(None)
 
     def poll(self) -> None:
-        """Take in what has arrived, and ask for what is missing; returns at once."""
+        """Processes received messages and requests missing data; does not block."""
         self._requests.poll(self._reject)
         until = time.monotonic() + _POLL_WITHIN
         while time.monotonic() < until:
@@ -156,11 +164,11 @@ class EdgeConnection:
 
     @property
     def name(self) -> str:
-        """The edge's name, or its address before it was heard."""
+        """Returns the edge's name, or its address before the first message."""
         return self.status.edge if self.status else str(self.endpoint)
 
     def health(self) -> Health:
-        """The health of the edge."""
+        """Returns the health of the edge."""
         now = time.monotonic()
         poses = self._watch(POSE).health(self.status.fps if self.status else 0.0)
         state, text = self._state(now, poses)
@@ -168,12 +176,12 @@ class EdgeConnection:
         return Health(state, text, hz, self._rejects.total, self._lost)
 
     def topics(self) -> dict[str, TopicHealth]:
-        """The health of each topic of the table, by name."""
+        """Returns the health of each topic, by name."""
         fps = self.status.fps if self.status else 0.0
         return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
+        """Sends a command. A refusal becomes a notice; ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} {NO_ANSWER}")
@@ -191,27 +199,30 @@ class EdgeConnection:
             replied(Refused(f"there is no edge at {self.endpoint}"))
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Sends a request; calls back with the answer, or None when the time is up; False without an edge."""
+        """Sends a request.
+
+        Calls back with the answer, or with None after the timeout. Returns False without an edge.
+        """
         return self._requests.send(body, "stage", seconds, on_reply)
 
     def revision(self, character: str) -> int:
-        """The revision of a character that the edge says it has, by the edge's own id; 0 for none."""
+        """Returns the revision of a character on the edge, by its id there; 0 for none."""
         return self._wanted.get(character, 0)
 
     @property
     def complete(self) -> bool:
-        """Whether it is known what stands on the stage, and all of it is here."""
+        """Returns True if the edge's list of characters is known and all of them have been received."""
         known = self.status is not None and self._known_revision == self.status.revision
         return known and self._revisions == self._wanted
 
     def close(self) -> None:
-        """Let the sockets go."""
+        """Closes the sockets."""
         self.stage.close()
         self._requests.close()
         self._stream.close(linger=0)
 
     def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
-        """The state and the text of :class:`Health`."""
+        """Returns the state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
                 f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
@@ -231,9 +242,9 @@ class EdgeConnection:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """Reset counters and requests for an edge that was started, or started again.
+        """Resets counters and requests for an edge that was started or restarted.
 
-        Its characters stay on the screen until the new one says what it has.
+        Its characters stay on the screen until the new process has sent its list.
         """
         self.instance = instance
         self._known_revision = -1
@@ -248,7 +259,7 @@ class EdgeConnection:
         self.stage.restart()
 
     def _reject(self, error: Malformed) -> None:
-        """Count a message that cannot be read; tell the user where it is of another version."""
+        """Counts a message that cannot be read. Notifies the user if it is of another version."""
         if isinstance(error, OtherVersion) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
@@ -257,7 +268,7 @@ class EdgeConnection:
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
-        """Take one stream message; drop it where it contradicts itself."""
+        """Processes one stream message. Drops it if it is inconsistent."""
         try:
             topic, message = unpack_stream(data)
             if not latched:
@@ -284,19 +295,22 @@ class EdgeConnection:
             self._rejects.add(error)
 
     def _hear(self, topic: Topic) -> None:
-        """Note that the edge is heard; after a silence only its status or a pose tells if it restarted."""
+        """Records that the edge is alive.
+
+        After a silence, only a status or a pose shows whether it has restarted.
+        """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENT_AFTER
         self.last_heard, self._other_version = now, None
 
     def _known_again(self) -> None:
-        """Take what came after a silence, before it was known which process of the edge says it."""
+        """Processes the messages held back after a silence until the sending process was known."""
         self._after_silence = False
         while self._unsure:
             self._receive(self._unsure.popleft(), latched=False)
 
     def _admits(self, topic: Topic, message: Any) -> bool:
-        """Returns whether a message is about a character of the edge's list, or one of a few that are new."""
+        """Returns whether a message is about a listed character, or one of a few new ones."""
         if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
             return True
         if len(self._unknown) >= _MOST_UNKNOWN:
@@ -305,7 +319,7 @@ class EdgeConnection:
         return True
 
     def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
-        """Keeps a value of a size in bytes for the caller, and as the newest of its key."""
+        """Stores a value with its size in bytes for the caller, and as the newest of its key."""
         if topic.name not in self.inbox:
             self.inbox[topic.name] = BoundedQueue(_KEPT, _KEPT_BYTES)
             self.latest[topic.name] = NewestValues(_MOST_KEYS, _NEWEST_BYTES)
@@ -327,7 +341,7 @@ class EdgeConnection:
             self._hello_at = -math.inf
 
     def _take_pose(self, message: PoseMessage, latched: bool) -> None:
-        """Number a pose, and decode it, now or when its character has come."""
+        """Checks a pose's sequence number, and decodes the pose now or once its character has arrived."""
         if message.instance != self.instance:
             if latched:
                 return
@@ -356,10 +370,10 @@ class EdgeConnection:
         self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of), size)
 
     def _ask(self) -> None:
-        """Say hello until welcomed, ask for characters that are missing, and for the time."""
+        """Sends a hello until it is answered, and requests missing characters and the time."""
         now = time.monotonic()
         listening = now - self.last_heard < SILENT_AFTER
-        # Until the streams arrive, every question makes the edge's heart beat once.
+        # Until the streams arrive, every request triggers one heartbeat of the edge.
         pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
         behind = self.status is None or self.status.revision != self._known_revision
         if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
@@ -388,7 +402,7 @@ class EdgeConnection:
             self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
 
     def _welcomed(self, answer: Answer | None) -> None:
-        """Take the edge's list of characters; those that it does not have any more are removed."""
+        """Stores the edge's list of characters, and removes those that are no longer listed."""
         if not isinstance(answer, Welcome):
             return
         self._take_status(answer.status)
@@ -407,14 +421,17 @@ class EdgeConnection:
             self._receive(message, latched=True)
 
     def _forget_others(self, shown: set[str]) -> None:
-        """Forgets the newest messages about characters that the edge does not list."""
+        """Removes the newest messages about characters that the edge does not list."""
         for name, newest in self.latest.items():
             if STREAMS[name].of_character:
                 for gone in newest.keys() - shown:
                     newest.forget(gone)
 
     def _take_character(self, answer: Answer | None) -> None:
-        """Take a character and the poses that waited for it; an unusable one leaves the old character."""
+        """Stores a character and decodes the poses that waited for it.
+
+        If it is unusable, the old one stays.
+        """
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return
         shown = self._label(self.name, answer.id)
@@ -439,7 +456,7 @@ class EdgeConnection:
                 self._rejects.add(error)
 
     def _tell_full(self) -> None:
-        """Tells the user, once, that not all characters fit into memory."""
+        """Notifies the user once that not all characters fit into memory."""
         if not self._told_full:
             self._told_full = True
             most = _CHARACTER_BYTES // 1024**2
@@ -448,7 +465,7 @@ class EdgeConnection:
 
 
 def _bytes_of(message: CharacterMessage) -> int:
-    """Returns the bytes of the arrays and pictures of a character."""
+    """Returns the bytes of a character's arrays and images."""
     parts = [*astuple(message)]
     if message.materials is not None:
         parts += [*astuple(message.materials), *(each.image for each in message.materials.textures)]

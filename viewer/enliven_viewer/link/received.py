@@ -1,4 +1,4 @@
-"""What the link delivers: poses, bodies and cues with their times, notices for the user, an edge's health."""
+"""The link's values: poses, bodies and cues with their times, notices, and an edge's health."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mi
 
 @dataclass(frozen=True)
 class ReceivedPose:
-    """A pose and its history.
+    """A pose with its history.
 
     Attributes:
-        pose: of a character that the link holds.
-        edge: the name of the edge it came from.
-        sequence: counts the character's poses since the edge's start.
-        captured_ns: the edge's wall clock when the frame was read.
-        published_ns: the edge's wall clock when the pose was sent.
-        received_ns: this machine's wall clock when the pose was taken off the socket.
-        clock_offset_ns: the edge's clock less this machine's, as known then.
-        character: the revision of the character that the pose is of.
-        revision: its number.
+        pose: pose of a character that the link holds.
+        edge: name of the edge that sent it.
+        sequence: number of the pose among the character's, since the edge's start.
+        captured_ns: time on the edge's wall clock when the frame was read.
+        published_ns: time on the edge's wall clock when the pose was sent.
+        received_ns: time on this machine's wall clock when the pose was read from the socket.
+        clock_offset_ns: offset of the edge's clock from this machine's, as estimated at that time.
+        character: the revision of the character that the pose belongs to.
+        revision: number of that revision.
     """
 
     pose: Pose
@@ -44,18 +44,21 @@ class ReceivedPose:
 
     @property
     def sensor_to_pose_ms(self) -> float:
-        """From frame read to pose published, on the edge."""
+        """Returns milliseconds from reading the frame to publishing the pose, on the edge."""
         return (self.published_ns - self.captured_ns) * 1e-6
 
     def age_ms(self, now_ns: int | None = None) -> float:
-        """From frame read to ``now_ns`` (``time.time_ns()`` where None), across both machines' clocks."""
+        """Returns milliseconds from reading the frame to ``now_ns``, across both machines' clocks.
+
+        ``None`` means the current time.
+        """
         now = time.time_ns() if now_ns is None else now_ns
         return max(0.0, (now + self.clock_offset_ns - self.captured_ns) * 1e-6)
 
 
 @dataclass(frozen=True)
 class ReceivedBodies:
-    """The bodies in view at one moment of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
+    """The bodies in view at one time of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
 
     edge: str
     time_ns: int
@@ -65,17 +68,18 @@ class ReceivedBodies:
 
 @dataclass(frozen=True)
 class ReceivedCues:
-    """The nodes of a character that are held, or would be.
+    """The attached nodes of a character, or those that a possession would attach.
 
     Attributes:
-        character: its id.
+        character: id of the character.
         state: "free", "preview" or "possessed".
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
-        body: the performer's id, the first of several; -1 for none.
-        time_ns: the sensor's clock.
-        owners: (K,) ids of the performers that hold the nodes; empty where the edge does not tell.
-        held: how many of the first nodes are held, the others would be; None: all or, in a preview, none.
+        body: the performer's id, or the first of several; -1 for none.
+        time_ns: time on the sensor's clock.
+        owners: (K,) ids of the performers that control the nodes; empty if the edge does not send them.
+        held: number of attached nodes, which come first; the others are previewed. None: all, or none in a
+            preview.
     """
 
     character: str
@@ -90,7 +94,7 @@ class ReceivedCues:
 
 @dataclass(frozen=True)
 class Notice:
-    """A sentence for the user; what it repeats of an edge's words is escaped."""
+    """A message for the user. Text that comes from an edge is escaped."""
 
     level: Literal["info", "warning", "error"]
     text: str
@@ -101,16 +105,16 @@ class Notice:
 
 @dataclass(frozen=True)
 class Health:
-    """The health of an edge, as the link hears it.
+    """The health of an edge as seen by the link.
 
     Attributes:
-        state: "waiting": never heard. "connected": its heart beats. "on rate": and poses come as fast as it
-            says. "stale": it has fallen silent. "ended": it said that its stream is over. "version
-            mismatch": it speaks another version. "name clash": another edge has its name.
+        state: "waiting": no message so far. "connected": heartbeats arrive. "on rate": poses also arrive at
+            the announced rate. "stale": no messages recently. "ended": the edge has announced the end of its
+            stream. "version mismatch": it uses another version. "name clash": another edge has the same name.
         text: one sentence for the user.
-        pose_hz: poses a second of late, of all its characters.
-        malformed: messages dropped so far because they could not be read.
-        lost: poses so far that never came.
+        pose_hz: recent poses per second, of all its characters.
+        malformed: number of messages dropped because they could not be read.
+        lost: number of poses that never arrived.
     """
 
     state: State

@@ -1,4 +1,4 @@
-"""Requests to one edge: numbered, sent without waiting, matched with their replies, given up in time."""
+"""Requests to one edge: numbered, non-blocking, matched with their replies, with timeouts."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from enliven.wire import (
 )
 
 _POLL_WITHIN = 0.005
-"""Seconds that one poll spends on replies at most; the rest waits for the next."""
+"""Maximum time in seconds that one poll spends on replies; the rest waits for the next poll."""
 _MOST_LATE = 256
-"""Requests that were given up and may still be answered."""
+"""Maximum number of timed-out requests that are remembered, since they may still be answered."""
 _MOST_UNASKED_BYTES = 4 * 1024 * 1024
-"""Bytes of replies to nothing that was asked, after which the connection is ended."""
+"""Maximum bytes of unrequested replies before the connection is closed."""
 _REOPENED_AFTER = 2.0
-"""Seconds until an edge that sent such replies is connected again."""
+"""Seconds until an edge that has sent such replies is connected again."""
 
 
 @dataclass
@@ -44,7 +44,7 @@ class _Pending:
 
 
 class Requests:
-    """A DEALER socket and its unanswered requests; only replies to these are decoded."""
+    """A DEALER socket and its unanswered requests. Only replies to these are decoded."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._context, self._endpoint = context, endpoint
@@ -57,16 +57,16 @@ class Requests:
         self._open()
 
     def under_way(self, prefix: str) -> int:
-        """Number of unanswered requests with a key that begins with ``prefix``."""
+        """Returns the number of unanswered requests with a key that begins with ``prefix``."""
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Send, without waiting; False where there is no edge to take it.
+        """Sends a request without blocking. Returns False without a connection to an edge.
 
         Args:
-            key: what it is about, see :meth:`under_way`.
-            seconds: how long to wait for the reply.
-            on_reply: called from :meth:`poll` with the reply, or None when the time is up.
+            key: subject of the request, see :meth:`under_way`.
+            seconds: timeout of the reply.
+            on_reply: called from :meth:`poll` with the reply, or with None after the timeout.
         """
         if self._socket is None:
             return False
@@ -79,7 +79,7 @@ class Requests:
         return True
 
     def poll(self, malformed: Callable[[Malformed], None]) -> None:
-        """Call back each request that was answered, with its reply, and each that timed out, with None."""
+        """Calls back each answered request with its reply, and each timed-out request with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
         until = time.monotonic() + _POLL_WITHIN
@@ -98,14 +98,14 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Give up every unanswered request, since the edge is gone."""
+        """Drops every unanswered request, since the edge is gone."""
         pending, self._pending = self._pending, {}
         self._late.extend(pending)
         for each in pending.values():
             each.on_reply(None)
 
     def close(self) -> None:
-        """Let the socket go."""
+        """Closes the socket."""
         if self._socket is not None:
             with contextlib.suppress(zmq.ZMQError):
                 self._socket.close(linger=0)
@@ -116,15 +116,15 @@ class Requests:
         self._unasked = 0
         most = REPLY.max_bytes + 64
         self._socket = make_socket(self._context, zmq.DEALER, most, UNREAD_REPLIES)
-        # A request must not wait in a queue for an edge that starts an hour later.
+        # Without IMMEDIATE, a request would wait in a queue for an edge that starts an hour later.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)
         self._socket.connect(self._endpoint.control_address)
 
     def _take(self, parts: list[bytes]) -> None:
-        """Takes one reply.
+        """Processes one reply.
 
         Raises:
-            Malformed: where it cannot be read, or answers nothing that was asked.
+            Malformed: if it cannot be read, or does not belong to a request.
         """
         if len(parts) != 1:
             self._count_unasked(sum(map(len, parts)))
@@ -140,7 +140,7 @@ class Requests:
         self._pending.pop(number).on_reply(reply.body)
 
     def _count_unasked(self, size: int) -> None:
-        """Counts bytes that were not asked for; ends the connection after too many of them."""
+        """Counts unrequested bytes. Closes the connection after too many of them."""
         self._unasked += size
         if self._unasked > _MOST_UNASKED_BYTES:
             self.close()

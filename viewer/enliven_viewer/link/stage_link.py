@@ -1,4 +1,7 @@
-"""Puts characters on the stage of an edge: packed beside the pictures, sent in parts, each content once."""
+"""Puts characters onto the stage of an edge.
+
+They are packed in the background and sent in parts. Identical content is sent only once.
+"""
 
 from __future__ import annotations
 
@@ -28,45 +31,53 @@ from enliven.wire import (
 )
 
 _PARTS_UNDER_WAY = 8
-"""Parts that wait for their answers: 15 MB a second where an edge answers at each of 30 frames a second."""
+"""Maximum number of unanswered parts: 15 MB per second if an edge answers at 30 frames per second."""
 _ASK_AGAIN = 0.03
-"""Seconds between two questions whether a character stands on the stage: about a frame."""
+"""Seconds between two requests for the state of an upload: about a frame."""
 _ANSWER_WITHIN = 5.0
-"""Seconds after which a request is given up: an edge answers within a frame, a busy one within some."""
+"""Timeout in seconds of a request. An edge answers within a frame, a busy one within a few."""
 _MOST_RESTARTS = 20
-"""Refused parts in one sending, such as after too many requests a second, before it is given up."""
+"""Maximum number of refused parts in one upload, for example because of the edge's rate limit, before it is
+given up.
+"""
 _PAUSE = 0.25
-"""Seconds before a sending goes on after a part was refused: an edge counts requests by the second."""
+"""Seconds to wait after a refused part. An edge counts requests per second."""
 
 Then = Callable[[Answer], None]
 
 
 def _packed(project: Project, character: str) -> bytes:
-    """The bytes of a character, with its textures where the wire carries them back from the edge."""
+    """Returns the packed bytes of a character.
+
+    Its textures are included if the wire can carry them back from the edge.
+    """
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
     return data if len(data) <= MAX_SENT_BYTES else character_bytes(project, character)
 
 
 class StagedEdge(Protocol):
-    """What a :class:`StageLink` needs of the link to an edge."""
+    """The methods of an edge's link that a :class:`StageLink` needs."""
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
-        """Sends a request; calls back with the answer, or None when the time is up; False without an edge."""
+        """Sends a request.
+
+        Calls back with the answer, or with None after the timeout. Returns False without an edge.
+        """
 
     def revision(self, character: str) -> int:
-        """The revision that the edge says it has; 0 for none."""
+        """Returns the revision of a character on the edge; 0 for none."""
 
 
 @dataclass
 class _Sending:
-    """A character on its way.
+    """A character upload in progress.
 
     Attributes:
-        packed: its data, once it is there.
-        sent: bytes that were handed over.
-        under_way: parts that wait for their answers.
-        ask_at: monotonic second of the next question, infinite while parts are under way.
-        refused: whether one of these was refused: no more are sent before the next question.
+        packed: its data, once packed.
+        sent: number of bytes sent.
+        under_way: number of unanswered parts.
+        ask_at: monotonic time of the next state request; infinite while parts are unanswered.
+        refused: whether one of these parts was refused. Then no more are sent before the next state request.
     """
 
     name: str
@@ -83,10 +94,10 @@ class _Sending:
 
 
 class StageLink:
-    """The stage of one edge; :meth:`poll` it as often as the link.
+    """The stage of one edge. Call :meth:`poll` as often as that of the link.
 
-    A character that is put while an earlier revision of it is still on its way waits for that, and only the
-    newest of those that wait is sent.
+    If a character is put while an earlier revision is still being uploaded, it waits for that upload. Only
+    the newest waiting revision is sent.
     """
 
     def __init__(self, edge: StagedEdge) -> None:
@@ -98,18 +109,18 @@ class StageLink:
 
     @property
     def busy(self) -> bool:
-        """Whether a character is on its way."""
+        """Returns True if an upload is in progress."""
         return bool(self._sending)
 
     def put(
         self, project: Project, character: str, *, name: str = "", fit: bool = False, then: Then | None = None
     ) -> None:
-        """Puts a character of a project on the stage, or in the place of the one with its id.
+        """Puts a character of a project onto the stage, replacing the one with its id.
 
         Args:
-            name: its id on the stage; empty: as in the project.
-            fit: whether a possessed mesh is first brought to a person's size, as a mesh from a file is.
-            then: called from a later :meth:`poll` with Done once it stands there, else with Refused.
+            name: its id on the stage; empty for the id in the project.
+            fit: whether a possessed mesh is first scaled to a person's size, like a mesh from a file.
+            then: called from a later :meth:`poll` with Done once it is on the stage, else with Refused.
         """
         name, then = name or character, then or (lambda answer: None)
         if name in self._sending:
@@ -121,12 +132,12 @@ class StageLink:
         self._sending[name] = _Sending(name, fit, then, packed)
 
     def remove(self, character: str, then: Then | None = None) -> None:
-        """Takes a character from the stage."""
+        """Removes a character from the stage."""
         told = then or (lambda answer: None)
         self._ask(RemoveCharacter(character), told)
 
     def poll(self) -> None:
-        """Goes on with what is on its way; returns at once."""
+        """Continues the uploads; does not block."""
         now = time.monotonic()
         for sending in list(self._sending.values()):
             if sending.order is None and sending.packed.done():
@@ -136,16 +147,16 @@ class StageLink:
                 self._ask(sending.order, partial(self._told, sending))
 
     def restart(self) -> None:
-        """Forgets the revisions of an edge that was started again: it counts from the beginning."""
+        """Discards the revisions of a restarted edge, which counts from the beginning."""
         self._last.clear()
 
     def close(self) -> None:
-        """Ends the packing."""
+        """Stops the packing thread."""
         if self._packer is not None:
             self._packer.shutdown(wait=False, cancel_futures=True)
 
     def _announce(self, sending: _Sending) -> None:
-        """Makes the order of a character that is packed."""
+        """Announces a packed character to the edge."""
         try:
             sending.data = sending.packed.result()
         except EnlivenError as error:
@@ -161,14 +172,15 @@ class StageLink:
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
         self._ask(sending.order, partial(self._told, sending))
-        self._send_parts(sending)  # with the announcement: an answer first would take one frame of the edge
+        # together with the announcement, since waiting for an answer would take one frame of the edge
+        self._send_parts(sending)
 
     def _told(self, sending: _Sending, answer: Answer) -> None:
-        """Takes the answer to the question how far a character is."""
+        """Processes the answer to a state request."""
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
         elif sending.under_way:
-            return  # their answers say how far it is
+            return  # the parts' answers will report the state
         elif answer.received >= len(sending.data):
             sending.ask_at = time.monotonic() + _ASK_AGAIN
         else:
@@ -187,7 +199,7 @@ class StageLink:
             self._ask(part, partial(self._part_told, sending))
 
     def _part_told(self, sending: _Sending, answer: Answer) -> None:
-        """Takes the answer to a part; where it was refused, asks from where to go on."""
+        """Processes the answer to a part. After a refusal, asks where to continue."""
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)
         if not sending.refused:
@@ -200,7 +212,7 @@ class StageLink:
             self._end(sending, answer)
 
     def _end(self, sending: _Sending, answer: Answer) -> None:
-        """Ends a sending, and begins the one that waits for it."""
+        """Ends an upload, and starts the one that waits for it."""
         if self._sending.pop(sending.name, None) is None:
             return
         if isinstance(answer, Done):
@@ -213,7 +225,7 @@ class StageLink:
             waiting()
 
     def _ask(self, body: Ask, told: Then) -> None:
-        """Sends a request; an edge that does not answer refuses."""
+        """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
         if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: told(answer or silent)):
             told(Refused("there is no edge"))

@@ -1,4 +1,4 @@
-"""Plays a take from a file: a recording of the messages that went over the wire, by topic."""
+"""Plays a take from a file: a recording of the wire's messages by topic."""
 
 from __future__ import annotations
 
@@ -30,17 +30,19 @@ from enliven_viewer.playback import Document, EdgeState
 log = logging.getLogger(__name__)
 
 _BATCH = 96
-"""Messages that one poll applies: about a second of a take, so that the window draws while it is read."""
+"""Number of messages that one poll applies: about a second of a take, so that the window can draw while
+reading.
+"""
 
 
 class TakeFeed:
-    """A :class:`~enliven_viewer.link.feed.Feed` that reads a take a little further with every poll.
+    """A :class:`~enliven_viewer.link.feed.Feed` that reads a part of a take with every poll.
 
-    A message that cannot be read is left out; the first such is logged. A take holds copies of each
-    character: where the first is damaged, poses are read by any other of their revision.
+    A message that cannot be read is skipped; the first one is logged. A take contains copies of each
+    character. If the first copy is damaged, poses are decoded with another copy of the same revision.
 
     Raises:
-        InputError: where the file is no recording, or holds no poses.
+        InputError: if the file is not a recording, or contains no poses.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,7 +65,7 @@ class TakeFeed:
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
     def poll(self, document: Document) -> int:
-        """Apply the next messages in the order of time; 0 at the end of the take."""
+        """Applies the next messages in order of time. Returns their number; 0 at the end of the take."""
         count = 0
         for _, topic, data in self._next():
             count += 1
@@ -82,14 +84,14 @@ class TakeFeed:
         """Does nothing, since a recorded take does not change."""
 
     def close(self) -> None:
-        """Nothing stays open between polls."""
+        """Does nothing: no file stays open between polls."""
 
     def _next(self) -> Iterator[tuple[int, str, bytes]]:
         for _, message in zip(range(_BATCH), self._messages, strict=False):
             yield message
 
     def _apply(self, document: Document, topic: str, data: bytes) -> None:
-        """One message into the document."""
+        """Applies one message to the document."""
         if topic == CHARACTER.name:
             self._introduce(document, data)
         elif topic == POSE.name:
@@ -105,7 +107,7 @@ class TakeFeed:
             track.put(document, track.read(message, self.name))
 
     def _introduce(self, document: Document, data: bytes) -> None:
-        """Put the character of a message into the document, unless it is there already."""
+        """Adds the character of a message to the document unless it is already there."""
         made = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(made.id) != made.revision:
             character = message_to_character(made)
@@ -114,7 +116,7 @@ class TakeFeed:
             document.add_character(character)
 
     def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
-        """Search a later copy of a character, where its first copy is damaged."""
+        """Searches for a later copy of a character if its first copy is damaged."""
         if (character_id, revision) in self._searched:
             return
         self._searched.add((character_id, revision))
@@ -129,7 +131,7 @@ class TakeFeed:
 
 
 def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:
-    """(time, topic, bytes) of several topics in the order of time."""
+    """Yields (time, topic, bytes) of several topics in order of time."""
 
     def of(order: int, topic: str) -> Iterator[tuple[int, int, str, bytes]]:
         for time_ns, data in recording.messages(topic):

@@ -1,4 +1,4 @@
-"""The health of each topic as the link hears it: alive, on rate, valid."""
+"""The health of each topic as seen by the link: alive, on rate, valid."""
 
 from __future__ import annotations
 
@@ -10,25 +10,29 @@ from typing import Literal
 from enliven.wire import Topic
 
 SILENT_AFTER = 2.0
-"""Seconds without a message after which a topic, or an edge, counts as silent: four heartbeats."""
+"""Seconds without a message after which a topic or an edge counts as silent: four heartbeats."""
 RATE_OVER = 2.0
-"""Seconds over which messages are counted: steady to read, and soon right."""
+"""Length in seconds of the window in which messages are counted: long enough for a steady value, short enough
+to react.
+"""
 _MOST = 8000
-"""Arrivals that are remembered: two seconds of 130 characters."""
+"""Maximum number of stored arrival times: two seconds of 130 characters."""
 _ENOUGH = 0.5
-"""Share of the expected rate from which a topic is on rate: a lost message now and then is no fault."""
+"""Minimum fraction of the expected rate for a topic to be on rate. Occasional lost messages are not a
+fault.
+"""
 
 
 @dataclass(frozen=True)
 class TopicHealth:
-    """What a viewer knows of one topic of an edge.
+    """The health of one topic of an edge.
 
     Attributes:
-        alive: whether a message came within the last seconds.
-        on_rate: whether messages come as often as they should, by the table and the edge's own rate.
-        valid: whether all of the last seconds could be read.
-        hz: messages a second of late, of each key.
-        malformed: messages so far that could not be read.
+        alive: whether a message arrived recently.
+        on_rate: whether messages arrive as often as the topic table and the edge's own rate require.
+        valid: whether all recent messages could be read.
+        hz: recent messages per second and key.
+        malformed: number of messages that could not be read.
     """
 
     alive: bool = False
@@ -39,14 +43,14 @@ class TopicHealth:
 
     @property
     def signal(self) -> Literal["live", "slow", "damaged", "silent"]:
-        """The health in a word."""
+        """Returns the health as one word."""
         if not self.alive:
             return "silent"
         return "damaged" if not self.valid else "live" if self.on_rate else "slow"
 
 
 class TopicWatch:
-    """Counts the messages of one topic of one edge."""
+    """A counter of the messages of one topic of one edge."""
 
     def __init__(self, topic: Topic) -> None:
         self._topic = topic
@@ -55,7 +59,7 @@ class TopicWatch:
         self._malformed = 0
 
     def took(self, key: str) -> None:
-        """Counts a message with the key of its topic."""
+        """Counts a message, with its key."""
         self._heard = time.monotonic()
         self._arrivals.append((self._heard, key))
 
@@ -65,10 +69,10 @@ class TopicWatch:
         self._malformed += 1
 
     def health(self, fps: float = 0.0) -> TopicHealth:
-        """Returns the health now.
+        """Returns the current health.
 
         Args:
-            fps: frames a second that the edge says it has; 0: it does not say.
+            fps: the edge's announced frames per second; 0 if not announced.
         """
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0][0] > RATE_OVER:

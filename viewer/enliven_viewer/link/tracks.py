@@ -1,4 +1,4 @@
-"""How the messages of each topic of the wire get onto the timeline, live and from a take."""
+"""The path of each topic's messages to the timeline, live and from a take."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from enliven_viewer.link.received import ReceivedBodies, ReceivedCues, ReceivedP
 from enliven_viewer.playback import CueFrame, Document
 
 _OBJECT_BYTES = 500
-"""Bytes of a value in addition to its numbers: its object, its arrays and its strings."""
+"""Overhead in bytes of a value in addition to its numbers: object, arrays and strings."""
 
 
 @dataclass(frozen=True)
 class TopicTrack:
-    """The road of a topic's messages into the viewer.
+    """The path of a topic's messages into the viewer.
 
     Attributes:
-        read: (message, the edge's name) to the viewer's own value.
+        read: converts (message, the edge's name) to the viewer's own value.
         put: puts a value onto the timeline of a document.
-        growth: how many times the bytes of a message its value takes.
+        growth: size of the value as a multiple of the message's bytes.
     """
 
     read: Callable[[Any, str], Any]
@@ -48,7 +48,7 @@ class TopicTrack:
     growth: int = 1
 
     def size_of(self, received: int) -> int:
-        """Returns the bytes that a value takes, of a message of ``received`` bytes."""
+        """Returns the size in bytes of a value from a message of ``received`` bytes."""
         return _OBJECT_BYTES + self.growth * received
 
 
@@ -72,7 +72,10 @@ def _put_cues(document: Document, cues: ReceivedCues) -> None:
 
 
 def _put_hold(document: Document, held: HoldMessage) -> None:
-    """Puts a change of holds at the newest moment: who joins late is told what happened long ago."""
+    """Puts a change of attachments at the newest time.
+
+    A viewer that joins late also gets changes from long ago.
+    """
     now = max(held.time_ns, document.timeline.end_ns)
     document.add(HOLDS, msgspec.structs.replace(held, time_ns=now))
 
@@ -87,27 +90,29 @@ TRACKS: dict[str, TopicTrack] = {
     CUES.name: TopicTrack(_read_cues, _put_cues, growth=4),
     HOLDS.name: TopicTrack(lambda message, edge: message, _put_hold),
 }
-"""By topic, in the order in which messages of one time are applied; poses are decoded by their characters."""
+"""The tracks by topic, in the order in which simultaneous messages are applied. Poses are decoded with their
+characters.
+"""
 
 
 def track_of(topic: Topic) -> TopicTrack:
-    """Returns the track of a topic; messages without one of their own stand on the timeline as they are."""
+    """Returns the track of a topic. Messages without a special track are put onto the timeline unchanged."""
     plain = TopicTrack(lambda message, edge: message, lambda document, value: document.add(topic, value))
     return TRACKS.get(topic.name, plain)
 
 
 def in_order(topics: Iterable[Topic]) -> list[Topic]:
-    """Returns topics in the order in which their messages of one time are applied."""
+    """Returns topics in the order in which their simultaneous messages are applied."""
     return sorted(topics, key=lambda t: list(TRACKS).index(t.name) if t.name in TRACKS else len(TRACKS))
 
 
 def shown_topics() -> list[Topic]:
-    """Returns the topics that a take holds and the timeline shows, in the order of their application."""
+    """Returns the topics that are in a take and on the timeline, in order of application."""
     return in_order(topic for topic in STREAMS.values() if topic.recorded)
 
 
 def labelled(message: Any, label: Callable[[str], str]) -> Any:
-    """Returns a message with the character's id that this viewer uses, where it is about a character."""
+    """Returns a message with the character id of this viewer, if it is about a character."""
     if "character" not in message.__struct_fields__:
         return message
     return msgspec.structs.replace(message, character=label(message.character))

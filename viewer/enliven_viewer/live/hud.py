@@ -1,4 +1,4 @@
-"""The head-up display: the state of the link, the pace, what is wrong, and the live timeline."""
+"""The head-up display: state of the link, frame rate, problems, and the live timeline."""
 
 from __future__ import annotations
 
@@ -17,20 +17,24 @@ if TYPE_CHECKING:
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
 _FELT_MS = 150.0
-"""Delay above which people feel that the picture follows them: shorter ones feel like a mirror."""
+"""Delay in milliseconds above which people notice that the image follows them. Below it, it feels like a
+mirror.
+"""
 _DISTURBING_MS = 350.0
-"""Delay above which people overshoot, since they wait for the picture."""
+"""Delay in milliseconds above which people overshoot, since they wait for the image."""
 _SMOOTH = 20.0
-"""Pictures a second below which movement is seen to jerk, and it is said."""
+"""Frames per second below which movement looks jerky, so that a hint is shown."""
 _NOTICE = 84.0
-"""Pixels from the top at which a notice stands over characters: below the hint of the tool in hand."""
+"""Distance in pixels from the top of a notice over characters: below the active tool's hint."""
 SIGNAL: dict[str, Colour] = {
     later("live"): GOOD,
     later("ended"): QUIET,
     later("no edge"): BAD,
     later("silent"): BAD,
 }
-"""The colour of the dot beside the timeline by how the frames arrive; else that of waiting."""
+"""The colour of the dot next to the timeline by the state of the stream; other states have the colour of
+waiting.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,18 +42,18 @@ class HudState:
     """The contents of the head-up display.
 
     Attributes:
-        edge: state of the link; None when a take is played.
+        edge: state of the link; None during playback of a take.
         title: the take's name, or the edge's address.
-        fps: pictures a second.
-        fraction: place on the timeline, 0..1.
-        shown_s, length_s: seconds since the timeline's start, and its length.
-        live, paused, speed: of the playhead.
-        notice: one line for the picture, or empty.
-        among: whether characters are seen that the notice must not cover.
-        near: whether the edge is on this machine, started for this window.
-        possession: what the next possession takes, or empty.
-        score: what is said of loose things, or empty.
-        cards: the matches of a pose that are to choose from.
+        fps: frames per second.
+        fraction: position on the timeline, 0..1.
+        shown_s, length_s: seconds since the timeline's start, and the timeline's length.
+        live, paused, speed: state of the playhead.
+        notice: one line over the image, or empty.
+        among: whether characters are visible, which the notice must not cover.
+        near: whether the edge runs on this machine and was started for this window.
+        possession: description of the next possession, or empty.
+        score: text about loose objects, or empty.
+        cards: the match candidates of a pose.
     """
 
     edge: EdgeState | None = None
@@ -70,13 +74,13 @@ class HudState:
 
 
 def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, float, float]:
-    """x, y, width, height in pixels of the timeline's track."""
+    """Returns x, y, width and height of the timeline's track in pixels."""
     left, right = 96 * scale, 150 * scale
     return left, size[1] - 34 * scale, max(size[0] - left - right, 1.0), 6 * scale
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """The place of a pixel on the timeline, 0..1; None where it is not near the track."""
+    """Returns the position of a pixel on the timeline, 0..1; None if it is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):
@@ -85,10 +89,10 @@ def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -
 
 
 class Hud:
-    """Draws a :class:`HudState` with a pen.
+    """A head-up display, which draws a :class:`HudState` with a pen.
 
     Args:
-        scale: pixels for one of a plain screen (2 on many laptops).
+        scale: pixels per pixel of a standard screen (2 on many laptops).
     """
 
     def __init__(self, canvas: Pen, scale: float = 1.0) -> None:
@@ -96,7 +100,7 @@ class Hud:
         self._small, self._normal, self._large = (round(s * scale) for s in (16, 18, 30))
 
     def draw(self, size: tuple[int, int], state: HudState) -> None:
-        """Draw everything onto an area of a width and height in pixels."""
+        """Draws everything into an area with a width and height in pixels."""
         below = self._state_panel(state)
         if state.edge is not None and state.edge.connected and state.edge.health:
             self._health_panel(size, below, state.edge.health)
@@ -107,14 +111,17 @@ class Hud:
     def draw_choice(
         self, size: tuple[int, int], cards: tuple[Card, ...], notice: str, among: bool = False
     ) -> None:
-        """Draw the matches that are to choose from, and one line, above characters where some are seen."""
+        """Draws the match candidates, and one notice, above characters if some are visible."""
         if cards:
             draw_cards(self._canvas, size, self.scale, self._small, cards)
         if notice:
             self._notice(size, notice, among)
 
     def _state_panel(self, state: HudState) -> float:
-        """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
+        """Draws link, phase, frame rate and latency at the top left.
+
+        Returns the y coordinate of its lower end in pixels.
+        """
         s, canvas, lines = self.scale, self._canvas, "\n".join(_state_lines(state))
         widest, high = canvas.extent(lines, self._small)
         height = 48 * s + high
@@ -126,7 +133,10 @@ class Hud:
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Draw below the state the problems and what to do, the gravest first; count those without room."""
+        """Draws problems and advice below the state, most severe first.
+
+        If space runs out, shows how many are left.
+        """
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
         bottom, y, wrap = size[1] - 62 * s, top + gap, width - 42 * s
@@ -145,7 +155,7 @@ class Hud:
             y += height + gap
 
     def _timeline(self, size: tuple[int, int], state: HudState) -> None:
-        """Along the bottom: time, track, mode."""
+        """Draws time, track and mode along the bottom."""
         s, canvas = self.scale, self._canvas
         x, y, width, height = timeline_area(size, s)
         canvas.rectangle(16 * s, size[1] - 54 * s, size[0] - 32 * s, 42 * s, GLASS, 10 * s)
@@ -163,7 +173,7 @@ class Hud:
             canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
 
     def _notice(self, size: tuple[int, int], notice: str, among: bool) -> None:
-        """One line, large in the middle of an empty picture, small at the top of another one."""
+        """Draws one line: large in the middle of an empty image, or small at the top of others."""
         s, canvas = self.scale, self._canvas
         letters, around = (self._normal, 12 * s) if among else (self._large, 20 * s)
         wide, high = canvas.extent(notice, letters)
@@ -185,21 +195,21 @@ def _headline(state: HudState) -> str:
 
 
 def _signal_word(edge: EdgeState | None) -> str:
-    """How the frames arrive, in a word beside the timeline."""
+    """Returns one word about the state of the stream, shown next to the timeline."""
     if edge is None or edge.phase == "ended":
         return "live" if edge is None else "ended"
     return edge.signal if edge.connected else "no edge"
 
 
 def late_words(late_ms: float | None) -> str:
-    """Returns how far the picture is behind the performer; empty if it is too little to feel."""
+    """Returns a text about the delay of the image; empty if it is too short to notice."""
     if late_ms is None or late_ms < _FELT_MS:
         return ""
     return tr("a little late") if late_ms < _DISTURBING_MS else tr("late: move slowly")
 
 
 def _state_lines(state: HudState) -> list[str]:
-    """Pace and latency, one line each."""
+    """Returns hints about latency and frame rate, one line each."""
     lines, edge = list[str](), state.edge
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
         late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
@@ -216,6 +226,6 @@ def _state_lines(state: HudState) -> list[str]:
 
 
 def time_text(seconds: float) -> str:
-    """Seconds as m:ss.t."""
+    """Returns seconds as m:ss.t."""
     tenths = max(round(seconds * 10), 0)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

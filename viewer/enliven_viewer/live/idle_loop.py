@@ -1,4 +1,4 @@
-"""The idle loop: what was performed last, over and over, while the edge is lost: no picture freezes."""
+"""The idle loop: replays the last performance while the edge is lost, so that the image never freezes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.render import OrbitCamera
 
 _PATIENCE_S = 1.5
-"""Seconds without the edge before the loop begins: a short gap of the network is not worth a cut."""
+"""Seconds without the edge before the loop begins. A short network gap is not worth a cut."""
 _REPLAYED_S = 30.0
-"""Seconds of the performance that the loop shows: long enough not to look like a loop."""
+"""Length in seconds of the replayed performance: long enough not to look like a loop."""
 _ORBIT = 0.05
-"""Radians a second of the idle camera orbit: once in two minutes, slow enough to be calm."""
+"""Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to be calm."""
 
 Loss = Literal["", "away", "silent", "ended", "waiting"]
-"""Why nothing comes: not, the edge is lost, its camera is silent, its recording is over, it never came."""
+"""Why nothing arrives: "" (it does arrive), the edge is lost, its camera is silent, its recording has ended,
+or it has not started yet.
+"""
 WORDS: dict[Loss, str] = {
     "": "",
     "away": later("The stage is away. It comes back by itself."),
@@ -24,11 +26,11 @@ WORDS: dict[Loss, str] = {
     "ended": later("The performance is over."),
     "waiting": later("The stage is not here yet."),
 }
-"""The sentence for the audience while the idle loop plays."""
+"""The text for the audience while the idle loop plays."""
 
 
 def loss_of(live: LiveStage) -> Loss:
-    """Returns why nothing new comes from a stage; "" if it does, and for takes."""
+    """Returns why nothing new arrives from a stage; "" if it does, and for takes."""
     edge, known = live.document.edge, len(live.document.timeline) > 0
     if live.take:
         return ""
@@ -40,10 +42,12 @@ def loss_of(live: LiveStage) -> Loss:
 
 
 class IdleLoop:
-    """Plays back what was performed last while the edge is lost, and follows the edge again once it is back.
+    """The replay of the last performance while the edge is lost.
+
+    It returns to live mode once the edge is back.
 
     Attributes:
-        loss: why nothing comes, once that has lasted; "" while the stage is live.
+        loss: why nothing arrives, once that has lasted; "" while the stage is live.
     """
 
     def __init__(self) -> None:
@@ -52,14 +56,14 @@ class IdleLoop:
 
     @property
     def words(self) -> str:
-        """The sentence for the audience; empty while the stage is live."""
+        """Returns the text for the audience; empty while the stage is live."""
         return WORDS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:
-        """Let time pass: begin or end the loop, and turn the camera.
+        """Advances time: begins or ends the loop, and turns the camera.
 
         Args:
-            orbits: whether the camera goes round; not for those who want less motion.
+            orbits: whether the camera orbits; off if the user prefers less motion.
         """
         loss = loss_of(live) if live is not None else ""
         self._lost_s = self._lost_s + seconds if loss else 0.0

@@ -1,4 +1,4 @@
-"""The matches of a pose as cards: each a small picture of the skeleton, the driven bones in colour."""
+"""Match candidates as cards: a small picture of the skeleton with the driven bones in colour."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from enliven_viewer.render.overlay import Pen
 
 WIDTH = 124.0
-"""Pixels of a card on a plain screen: nine fit beside one another in 1280."""
+"""Width of a card in pixels on a standard screen: nine fit side by side in 1280."""
 HEIGHT = 92.0
-"""Pixels of a card: a line of title, the picture and a line of score."""
+"""Height of a card in pixels: a title line, the picture and a score line."""
 GAP = 8.0
-"""Pixels between two cards."""
+"""Gap between two cards in pixels."""
 PAD = 10.0
-"""Pixels between the edge of a card and its text."""
+"""Distance in pixels between the border of a card and its text."""
 WIDE = 2.0
-"""How much wider than high the picture on a card is."""
+"""Aspect ratio of the picture on a card."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +35,14 @@ class Card:
     """One match, ready to be drawn.
 
     Attributes:
-        title: its place; of several characters that choose, the character before it.
-        score: where it begins, and how alike it looks.
-        meant: whether it is the one that would be taken.
-        bones: (E, 2, 2) the whole skeleton, 0..WIDE to the right and 0..1 down.
-        lines: (K, 2) by branch of the source, likewise.
-        held: 0..1 how long of the time to hold still has passed.
-        row: the number of its character among those that choose.
-        tints: by branch of the source, the colour of its limb, as on the performer.
+        title: rank of the match, after the character's name if several characters choose.
+        score: name of the match with its start and similarity.
+        meant: whether it is the one that would be accepted.
+        bones: (E, 2, 2) the whole skeleton; x is 0..WIDE to the right, y is 0..1 down.
+        lines: (K, 2) for each branch of the source, in the same coordinates.
+        held: elapsed fraction, 0..1, of the time to hold still.
+        row: number of its character among those that choose.
+        tints: for each branch of the source, the colour of its limb, as on the performer.
     """
 
     title: str
@@ -56,7 +56,7 @@ class Card:
 
 
 def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
-    """The cards of each character that has matches to choose from, as the camera sees it."""
+    """Returns the cards of each character with match candidates, as seen by the camera."""
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
     several = len(choosing) > 1
@@ -70,7 +70,7 @@ def _cards(
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]
-    # Pixels are square on the card as on the screen: the picture is as much wider as its projection says.
+    # Pixels are square on the card as on the screen: scale by the projection's aspect ratio.
     seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
     middle, reach = (seen.max(0) + seen.min(0)) / 2, float((np.ptp(seen, axis=0) / [WIDE, 1.0]).max()) or 1.0
     seen = np.array([WIDE / 2, 0.5]) + (seen - middle) / reach
@@ -91,11 +91,11 @@ def _cards(
 
 
 def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]) -> None:
-    """Draws a row of cards for each character above the timeline, centred; those without room are left out.
+    """Draws a centred row of cards above the timeline for each character. Cards without space are left out.
 
     Args:
-        size: width and height of the picture in pixels.
-        text: the size of the writing, pixels.
+        size: width and height of the image in pixels.
+        text: text size in pixels.
     """
     step = (WIDTH + GAP) * scale
     beside = max(int((size[0] - 32 * scale) // step), 0)

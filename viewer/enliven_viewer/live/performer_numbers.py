@@ -1,4 +1,4 @@
-"""Numbers for performers: from 1 on, the same for as long as they are there."""
+"""Numbers of performers: from 1 on, constant while they are present."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ from collections.abc import Iterable
 
 
 class PerformerNumbers:
-    """Small numbers for the performers in view. An edge's own ids only grow: a lost performer gets another.
+    """Small numbers for the performers in view.
 
-    The next performer in view takes the lowest free number.
+    An edge's own ids only grow, and a performer found again gets a new one.
+
+    The next performer in view gets the lowest free number.
     """
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
 
     def see(self, present: Iterable[int]) -> None:
-        """Takes the ids of all performers in view or holding something; other numbers become free."""
+        """Updates the numbers with the ids of all performers in view or in control of something.
+
+        Other numbers become free.
+        """
         ids = sorted(set(present))
         self._numbers = {body: number for body, number in self._numbers.items() if body in ids}
         for body in ids:
             self.number_of(body)
 
     def number_of(self, body: int) -> int:
-        """Return the number of a performer, from 1 on."""
+        """Returns the number of a performer, from 1 on."""
         if body not in self._numbers:
             taken = set(self._numbers.values())
             self._numbers[body] = next(n for n in range(1, len(taken) + 2) if n not in taken)

@@ -1,4 +1,4 @@
-"""The choices of the next possession: the performer, the parts, the smoothing, and who may join."""
+"""The options of the next possession: performer, body parts, smoothing, and whether others may join."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ PARTS = (
     "torso",
     "head",
 )
-"""What the keys 1 to 9 choose, names of :data:`enliven.person.body.PARTS`."""
+"""The body parts chosen with the keys 1 to 9, names of :data:`enliven.person.body.PARTS`."""
 
 
 SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Amounts that the keys go through: 0 is off, 1 is gentle."""
+"""Amounts of smoothing that the keys step through: 0 is off, 1 is gentle."""
 _USUAL = 2
-"""The place in SMOOTHING of the amount that the keys start from: gentle."""
+"""Index in SMOOTHING of the initial amount: gentle."""
 
 
 class PossessionChoice:
-    """The performer and the parts that the next possession takes.
+    """The performer and the body parts of the next possession.
 
     Attributes:
-        body: the performer's id; None: the next performer that comes.
-        parts: what takes hold.
-        locked: whether only those performers count who were there when it was asked for.
+        body: the performer's id. None means the next performer that appears.
+        parts: the body parts that are attached.
+        locked: whether only performers count that were present when the lock was set.
     """
 
     def __init__(self) -> None:
@@ -42,17 +42,17 @@ class PossessionChoice:
         self._smoothing: dict[int, int] = {}
 
     def choose(self, number: int) -> None:
-        """The parts of a key, counted from 0."""
+        """Chooses the body parts of a key, counted from 0."""
         self.parts = PARTS[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """Choose the next performer in view; after the last of them, the next one that comes."""
+        """Chooses the next performer in view; after the last one, the next performer that appears."""
         order: list[int | None] = [None, *sorted(set(present))]
         at = order.index(self.body) if self.body in order else 0
         self.body = order[(at + 1) % len(order)]
 
     def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
-        """Choose the next amount of smoothing for the chosen performer, or for all in view; by id."""
+        """Changes the smoothing of the chosen performer, or of all in view. Returns the amounts by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
             at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)
@@ -60,7 +60,10 @@ class PossessionChoice:
         return amounts
 
     def words(self, number_of: Callable[[int], int]) -> str:
-        """For people: "P steps in: the legs of performer 2"; ``number_of`` gives the number of an id."""
+        """Returns a description such as "P steps in: the legs of performer 2".
+
+        ``number_of`` returns the number of an id.
+        """
         who = tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
         whole = tr(
             "P steps in: the {0} of {1}", tr("whole body") if self.parts == "all" else tr(self.parts), who

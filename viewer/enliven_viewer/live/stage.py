@@ -1,4 +1,4 @@
-"""What comes from an edge or a take, as a scene: polled once a picture, played back, and told what to do."""
+"""A stage from an edge or a take, as a scene: polled once per frame, with playback and commands."""
 
 from __future__ import annotations
 
@@ -16,28 +16,30 @@ from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, Sh
 from enliven_viewer.settings import ViewerSettings
 
 _QUIET = 2.0
-"""Seconds without a message, four heartbeats of an edge, after which the window may rest."""
+"""Seconds without a message, four heartbeats of an edge, after which the window may idle."""
 _LONG = 12.0
-"""Seconds of waiting for a stage of this machine after which it is said why: kernels are compiled once."""
+"""Seconds of waiting for a local stage after which the reason is shown: kernels are compiled at the first
+start.
+"""
 
 
 class LiveStage:
-    """Performers and characters of one feed, and the orders to it.
+    """The performers and characters of one feed, and the orders to it.
 
     Args:
-        feed: where the document is filled from.
-        take: the name of the take that the feed plays, or empty for a live edge.
+        feed: source of the document's data.
+        take: name of the played take, or empty for a live edge.
 
     Attributes:
-        playhead: the moment that is shown.
-        style: which overlays are shown.
-        possession: what the next possession takes.
-        scene: what was shown last.
-        scrubbing: whether the pointer drags the playhead.
-        meant: the character that orders are about; None leaves it to the edge.
-        held: the characters that are held; holding: the ids of the performers who hold something.
-        numbers: of the performers, as people are told of them.
-        near: whether the edge was started on this machine for this window, and has to be waited for.
+        playhead: the displayed time.
+        style: the visible overlays.
+        possession: options of the next possession.
+        scene: the last displayed scene.
+        scrubbing: whether the pointer is dragging the playhead.
+        meant: the character that orders apply to; None leaves the choice to the edge.
+        held: the possessed characters. holding: ids of the performers that control something.
+        numbers: numbers of the performers, as shown to people.
+        near: whether the edge was started on this machine for this window, so that its start takes time.
     """
 
     def __init__(
@@ -60,7 +62,7 @@ class LiveStage:
         self.near = False
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived, and let ``seconds`` of the viewer's clock pass."""
+        """Processes received messages, and advances the viewer's clock by ``seconds``."""
         arrived = self.feed.poll(self.document)
         playing = not (self.playhead.live or self.playhead.paused)
         self._since = 0.0 if arrived or playing else self._since + seconds
@@ -72,66 +74,68 @@ class LiveStage:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing has come for a while, and nothing is played back."""
+        """Returns True if nothing has arrived for a while and nothing is being played back."""
         return self._since > _QUIET
 
     @property
     def present(self) -> tuple[str, ...]:
-        """What a camera is to be turned to anew when it changes: the characters, and whether a person is
-        there."""
+        """Returns the characters, and whether a person is present.
+
+        A camera reframes when these change.
+        """
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Ask the feed to let the chosen performer, or each that is free, possess a character."""
+        """Asks the feed to let the chosen performer, or every free one, possess a character."""
         for name in self._named(self.meant):
             self.feed.ask(self.order_to_possess(mode, name))
 
     def order_to_possess(self, mode: Mode, name: str | None) -> Possess:
-        """Returns the order by which the chosen performer possesses a character with the chosen parts."""
+        """Returns the order to let the chosen performer possess a character with the chosen body parts."""
         return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Ask the feed to release the chosen character, or what the chosen performer holds, or all."""
+        """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
         for name in [self.meant] if self.meant in self.held else self._named(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
-        """Ask the feed that the distance between hands changes the size of a character, or that it stays."""
+        """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
         for name in self._named(self.meant)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
-        """Choose the parts of the next possession, which are previewed from now on."""
+        """Chooses the body parts of the next possession, and previews them."""
         self.possession.choose(number)
         self.possess("preview")
 
     def choose_performer(self) -> None:
-        """Choose the performer of the next possession: the next one in view, or the first that comes."""
+        """Chooses the performer of the next possession: the next one in view, or the first that appears."""
         self.possession.next_performer(body.id for body in self.scene.bodies)
         self.possess("preview")
 
     def smoother(self, step: int) -> None:
-        """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
+        """Asks the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self.scene.bodies]
         for body, amount in self.possession.smoother(step, present).items():
             self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
-        """Ask the feed that only the present performers perform, or all who come again."""
+        """Asks the feed to admit only the present performers, or everyone again."""
         wanted = not self.possession.locked
         self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
 
     def browse(self, step: int) -> None:
-        """Ask the feed for another match, for every character that waits for one to be chosen."""
+        """Asks the feed for another match, for every character that waits for a choice."""
         for name in self.scene.boards:
             self.feed.ask(Browse(name, step))
 
     def show_bones(self, camera: OrbitCamera) -> None:
-        """Turn the camera to where most of the bones of the characters can be seen."""
+        """Turns the camera to the direction that shows most of the characters' bones."""
         turn_to_bones(camera, self.scene)
 
     def report_view(self, view: CameraView) -> None:
-        """Tell the feed the direction of view where a match is being chosen and the view has changed."""
+        """Reports the viewing direction to the feed if a match is being chosen and the view has changed."""
         if not self.scene.boards:
             return
         look = self._view_reporter.changed(view, time.monotonic())
@@ -139,12 +143,12 @@ class LiveStage:
             self.feed.ask(look)
 
     def switch(self, *names: str) -> None:
-        """Switch overlays of the style on, or off where the first of them is on."""
+        """Switches overlays of the style on, or off if the first of them is on."""
         shown = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
         self.style = replace(self.style, **dict.fromkeys(names, shown))
 
     def words(self, view: CameraView) -> str:
-        """The text about the next possession, or about why it cannot be seen; empty for a take."""
+        """Returns the text about the next possession, or about why bones cannot be seen; empty for a take."""
         if self.take:
             return ""
         if hidden(self.scene, view):
@@ -153,7 +157,7 @@ class LiveStage:
 
     @property
     def notice(self) -> str:
-        """The text in the middle of an empty picture."""
+        """Returns the text in the middle of an empty image."""
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge
@@ -165,16 +169,19 @@ class LiveStage:
 
     @property
     def making(self) -> str:
-        """The text about a stage of this machine that is not there yet."""
+        """Returns the text about a local stage that is still starting."""
         more = tr(": the first time it takes some minutes") if self._since > _LONG else ""
         return tr("The stage is being made ready{0}", more)
 
     def close(self) -> None:
-        """Let the feed go."""
+        """Closes the feed."""
         self.feed.close()
 
     def _without_next_matches(self, scene: Scene) -> Scene:
-        """The scene without the next performer's matches on held characters: older edges send them."""
+        """Returns the scene without match candidates on possessed characters.
+
+        Older edges send these for the next performer.
+        """
         shown = {
             name: board
             for name, board in scene.boards.items()
@@ -183,7 +190,7 @@ class LiveStage:
         return replace(scene, boards=shown)
 
     def _named(self, meant: str | None) -> list[str | None]:
-        """The character that an order names; among several the edge finds the one that is meant."""
+        """Returns the character for an order. With several characters, None lets the edge choose."""
         if meant in self.document.characters:
             return [meant]
         return [None] if len(self.document.characters) > 1 else list(self.document.characters)

@@ -1,4 +1,4 @@
-"""Reports the direction of view to the edge, which ranks matches by it, and finds a better direction."""
+"""Reports the viewing direction to the edge, which ranks matches by it, and finds a better direction."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from enliven.wire import Look
 from enliven_viewer.render import CameraView, OrbitCamera, Scene
 
 _EVERY = 0.1
-"""Seconds between two words about it at least."""
+"""Minimum time in seconds between two reports."""
 _END_ON = 0.3
-"""A chain of which less than this share of the way from end to end is seen points at the eye."""
+"""A chain points at the camera if less than this fraction of its end-to-end vector is visible."""
 _TURNED = 0.005
-"""Entry of the rotation matrix, about radians: smaller turns do not change the ranking of matches."""
+"""Change of a rotation matrix entry, about radians, below which the ranking of matches stays the same."""
 _MOVED = 0.02
-"""Metres that the eye moves before it is reported: less does not change the ranking either."""
+"""Camera movement in metres below which the ranking stays the same."""
 
 
 class ViewReporter:
-    """Remembers the view that was reported last, and reports a new one."""
+    """The last reported view, which detects changes."""
 
     def __init__(self) -> None:
         self._told: CameraView | None = None
         self._when = -math.inf
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
-        """The view to report at a time of the wall clock, seconds; None where it has not changed."""
+        """Returns the view to report at a wall-clock time in seconds; None if it has not changed."""
         if seconds - self._when < _EVERY:
             return None
         if self._told is not None:
@@ -40,14 +40,14 @@ class ViewReporter:
 
 
 def look_of(view: CameraView) -> Look:
-    """A camera as the wire says it."""
+    """Returns a camera view as a message of the wire."""
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
     return Look(forward, up, eye)  # type: ignore[arg-type]
 
 
 def hidden(scene: Scene, view: CameraView) -> bool:
-    """Whether a chain that may be chosen points at the eye, so that its direction cannot be seen."""
+    """Returns True if a candidate chain points at the camera, so that its direction is not visible."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():
         for row in board.rows if board.state == "choosing" else ():
@@ -60,7 +60,7 @@ def hidden(scene: Scene, view: CameraView) -> bool:
 
 
 def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
-    """Turns a camera to the view that shows most of the bones of all characters (AniMesh, section 8)."""
+    """Turns a camera to the view that shows most of all characters' bones (AniMesh, section 8)."""
     ends = [actor.pose.positions[actor.character.edges].astype(np.float64) for actor in scene.actors]
     vectors = np.concatenate([np.zeros((0, 3)), *(end[:, 1] - end[:, 0] for end in ends)])
     rows = camera.view(1.0).camera_from_world[:3, :3]

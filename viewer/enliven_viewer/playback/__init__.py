@@ -1,4 +1,4 @@
-"""Playback: the document that is shown, its timeline, and interpolation between two messages."""
+"""Playback: the displayed document, its timeline, and interpolation between two messages."""
 
 import lazy_loader
 

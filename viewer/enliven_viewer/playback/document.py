@@ -20,18 +20,18 @@ from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 
 @dataclass(frozen=True)
 class EdgeState:
-    """The state of the edge, as it reports itself and as the link hears it.
+    """The state of the edge, as reported by itself and as seen by the link.
 
     Attributes:
-        connected: messages arrive.
-        address: where the edge is looked for.
-        phase: as the edge names it, such as "waiting", "possessed" or "ended".
+        connected: whether messages arrive.
+        address: address of the edge.
+        phase: the edge's own word, such as "waiting", "possessed" or "ended".
         message: one sentence for the user, or empty.
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
-        pose_to_screen_ms: milliseconds from publishing to here, or None.
-        health: problems that the edge reports, the gravest first.
-        signal: how the frames arrive of late: "live"; "slow": fewer than the edge says that it sends;
-            "damaged": some cannot be read; "silent": none.
+        pose_to_screen_ms: milliseconds from publishing to arrival here, or None.
+        health: problems reported by the edge, most severe first.
+        signal: recent state of the stream: "live"; "slow": fewer frames than announced; "damaged": some
+            cannot be read; "silent": none.
     """
 
     connected: bool = False
@@ -50,55 +50,61 @@ class EdgeState:
 
 @dataclass
 class Document:
-    """Characters by id, the timeline of what they did, and the edge's state."""
+    """Characters by id, the timeline of their motion, and the edge's state."""
 
     timeline: Timeline = field(default_factory=Timeline)
     characters: dict[str, Character] = field(default_factory=dict)
     edge: EdgeState = field(default_factory=EdgeState)
 
     def add_character(self, character: Character) -> None:
-        """Add a character, or replace the one of the same id."""
+        """Adds a character, or replaces the one with the same id."""
         self.characters[character.id] = character
 
     def remove_character(self, character_id: str) -> None:
-        """Forget a character; the timeline keeps its poses."""
+        """Removes a character; the timeline keeps its poses."""
         self.characters.pop(character_id, None)
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Put a pose, of a revision of its character, on the timeline."""
+        """Adds a pose, for a revision of its character, to the timeline."""
         self.timeline.add_pose(pose, character)
 
     def characters_at(self, moment: TimelineMoment | None) -> dict[str, Character]:
-        """The characters by id, each in the revision that the poses of a moment are of."""
+        """Returns the characters by id, each in the revision that a moment's poses belong to."""
         return {**self.characters, **(moment.characters if moment else {})}
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Put the bodies of one moment on the timeline."""
+        """Adds the bodies of one time to the timeline."""
         self.timeline.add_bodies(time_ns, bodies)
 
     def add_props(self, props: Props) -> None:
-        """Put the props of one moment on the timeline."""
+        """Adds the props of one time to the timeline."""
         self.timeline.add_props(props)
 
     def add_board(self, board: Board) -> None:
-        """Put a board of matches of a character on the timeline."""
+        """Adds a character's match list to the timeline."""
         self.timeline.add_board(board)
 
     def add(self, topic: Topic, message: Any) -> None:
-        """Put a message of a topic without a track of its own on the timeline, by its key."""
+        """Adds a message of a topic without its own track to the timeline, by its key."""
         self.timeline.add(topic.name, topic.key(message), message)
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Set the cues of a character from a time on, or from the newest moment; no nodes: none held."""
+        """Sets the cues of a character from a time on, or from the newest moment.
+
+        Without nodes, nothing is attached.
+        """
         self.timeline.set_cues(cues, time_ns)
 
     def forget_cues(self, character_id: str) -> None:
-        """Remove the cues of a character from the newest moment on."""
+        """Removes the cues of a character from the newest moment on."""
         self.timeline.forget_cues(character_id)
 
 
 def bounds_of(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
-    """Lowest and highest corner, (3,) each, of several (N, 3) arrays; None without a finite point."""
+    """Returns the lowest and highest corner, (3,) each, of several (N, 3) arrays.
+
+    Returns None without a finite point.
+    """
     filled = [p for p in points if len(p)]
     if not filled:
         return None

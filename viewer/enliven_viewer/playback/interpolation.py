@@ -1,7 +1,7 @@
-"""Poses between poses: linear maps by polar decomposition, positions and joints along straight lines.
+"""Interpolation of poses: linear maps by polar decomposition, positions and joints linearly.
 
 A map M = R S is blended as slerp(R0, R1) lerp(S0, S1) (Shoemake and Duff, "Matrix animation and polar
-decomposition", 1992), so that a limb that swings between two frames keeps its length.
+decomposition", 1992). So a limb that swings between two frames keeps its length.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from enliven.person import Body
 from enliven.rotation import from_matrix, slerp, to_matrix
 
 _LEAP = 0.6
-"""Metres between two moments beyond which a thing was put elsewhere, and did not fly there."""
+"""Distance in metres between two moments above which an object was moved instantly instead of flying."""
 
 
 def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
-    """The pose ``share`` in [0, 1] of the way from ``before`` to ``after``.
+    """Returns the pose at ``share`` in [0, 1] from ``before`` to ``after``.
 
-    Two poses with different numbers of transforms (the character was changed) are not blended: the nearer
-    one is returned.
+    If the numbers of transforms differ (the character was changed), returns the nearer pose instead of a
+    blend.
     """
     if before.linear.shape != after.linear.shape:
         return before if share < 0.5 else after
@@ -34,7 +34,10 @@ def blend_poses(before: Pose, after: Pose, share: float, time_ns: int) -> Pose:
 
 
 def blend_linear(before: Float, after: Float, share: float) -> Float:
-    """(J, 3, 3) maps between two sets of (J, 3, 3); plainly linear where a map has no rotation in it."""
+    """Returns (J, 3, 3) maps blended between two sets of (J, 3, 3).
+
+    Maps without a rotation part are blended linearly.
+    """
     straight = before + (after - before) * share
     ok = (np.linalg.det(before) > 1e-6) & (np.linalg.det(after) > 1e-6)
     if not ok.any():
@@ -48,7 +51,7 @@ def blend_linear(before: Float, after: Float, share: float) -> Float:
 
 
 def _blend_body(before: Body, after: Body, share: float) -> Body:
-    """One person between two moments; what only one moment knows is taken from the nearer."""
+    """Returns a person between two moments. Values known at only one moment are taken from the nearer one."""
     nearer = before if share < 0.5 else after
     turns, contacts = nearer.orientations, nearer.contacts
     if before.orientations is not None and after.orientations is not None:
@@ -61,7 +64,10 @@ def _blend_body(before: Body, after: Body, share: float) -> Body:
 
 
 def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float) -> tuple[Body, ...]:
-    """The bodies between two moments: matched by id; one that is in a single moment belongs to the nearer."""
+    """Returns the bodies between two moments, matched by id.
+
+    A body at only one moment is shown if that is the nearer one.
+    """
     later = {body.id: body for body in after}
     blended = []
     for body in before:
@@ -74,9 +80,11 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
 
 
 def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
-    """The props between two moments, by id; those in one moment only, or that leapt, are the nearer's.
+    """Returns the props between two moments, by id.
 
-    Where one of the two moments has no props, those of the other.
+    Props at one moment only, or that jumped, come from the nearer one.
+
+    If one of the moments has no props, returns those of the other.
     """
     if before is None or after is None:
         return before or after
@@ -93,7 +101,10 @@ def blend_props(before: Props | None, after: Props | None, share: float, time_ns
 
 
 def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float) -> dict[str, Board]:
-    """Boards between two moments: the earlier's, with lines that go with the poses where both have them."""
+    """Returns the match lists between two moments: the earlier ones.
+
+    Their lines are interpolated if both moments have them.
+    """
     made = dict(before)
     for name, first in before.items():
         last = after.get(name)
@@ -105,7 +116,7 @@ def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float
 
 
 def _blend_row(first: MatchRow, last: MatchRow, share: float) -> MatchRow:
-    """The same limbs between two moments; the earlier ones where the limbs differ."""
+    """Returns a match row between two moments; the earlier one if the limbs differ."""
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first
     pairs = list(zip(first.lines, last.lines, strict=True))

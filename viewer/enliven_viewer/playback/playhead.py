@@ -1,18 +1,18 @@
-"""A playhead on a timeline: live, paused, scrubbed, stepped, looped, at any speed."""
+"""The playhead of a timeline: live, paused, scrubbed, stepped or looped, at any speed."""
 
 from __future__ import annotations
 
 from enliven_viewer.playback.timeline import NS, Timeline, TimelineMoment
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Seconds of the timeline per second, as the keys step through them; 1 is as it happened."""
+"""Playback speeds that the keys step through; 1 is real time."""
 
 
 class Playhead:
-    """The place on a timeline that the screen shows.
+    """The displayed position on a timeline.
 
-    Live follows the newest moment. Every other mode keeps a time inside the timeline, which moves by
-    ``speed`` seconds a second unless it is paused.
+    In live mode it follows the newest moment. Otherwise it keeps a time inside the timeline, which advances
+    by ``speed`` seconds per second unless it is paused.
     """
 
     def __init__(self, timeline: Timeline, *, live: bool = True, loop: bool = False) -> None:
@@ -27,7 +27,7 @@ class Playhead:
 
     @property
     def time_ns(self) -> int:
-        """The sensor time that is shown, inside the timeline."""
+        """Returns the displayed sensor time, inside the timeline."""
         timeline = self.timeline
         if self.live:
             return timeline.end_ns
@@ -35,16 +35,16 @@ class Playhead:
 
     @property
     def fraction(self) -> float:
-        """The shown time as a share of the timeline, from its start (0) to its end (1)."""
+        """Returns the displayed time as a fraction of the timeline, from start (0) to end (1)."""
         length = self.timeline.end_ns - self.timeline.start_ns
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
     def moment(self) -> TimelineMoment | None:
-        """The moment to draw now; None where nothing was received."""
+        """Returns the moment to draw now; None if nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` of the viewer's clock pass."""
+        """Advances the viewer's clock by ``seconds``."""
         if self._generation != self.timeline.generation:
             self._generation = self.timeline.generation
             self.go_live()
@@ -56,7 +56,7 @@ class Playhead:
             self._time = start + (self._time - end) % max(end - start, 1) if self.loop else end
 
     def toggle_pause(self) -> None:
-        """Freeze the shown time, or go on from it."""
+        """Freezes the displayed time, or continues from it."""
         if self.live:
             self._leave_live()
             self.paused = True
@@ -64,38 +64,38 @@ class Playhead:
             self.paused = not self.paused
 
     def scrub(self, fraction: float) -> None:
-        """Show the time at ``fraction`` in [0, 1] of the timeline, and stay there."""
+        """Shows the time at ``fraction`` in [0, 1] of the timeline, and pauses there."""
         start, end = self.timeline.start_ns, self.timeline.end_ns
         self.live, self.paused = False, True
         self._time = start + min(max(fraction, 0.0), 1.0) * (end - start)
 
     def step(self, count: int) -> None:
-        """Show the moment ``count`` moments later (or earlier), and stay there."""
+        """Shows the moment ``count`` moments later (or earlier), and pauses there."""
         time = self.timeline.neighbour(self.time_ns, count)
         self.live, self.paused = False, True
         self._time = float(time)
 
     def faster(self, steps: int = 1) -> None:
-        """Take the next higher (or lower) speed of :data:`SPEEDS`; a live view begins to play back."""
+        """Switches to the next higher (or lower) speed in :data:`SPEEDS`. From live mode, starts playback."""
         nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
         self.speed = SPEEDS[min(max(nearest + steps, 0), len(SPEEDS) - 1)]
         if self.live:
             self._leave_live()
 
     def go_live(self) -> None:
-        """Follow the newest moment again."""
+        """Returns to live mode."""
         self.live, self.paused, self.speed = True, False, 1.0
         self.loop, self._span_ns = self._loops, None
 
     def replay_last(self, seconds: float) -> None:
-        """Play the newest ``seconds`` over and over, until :meth:`go_live`."""
+        """Loops the newest ``seconds`` until :meth:`go_live`."""
         self.live, self.paused, self.speed, self.loop = False, False, 1.0, True
         self._span_ns = round(seconds * NS)
         self._time = float(self._start_ns)
 
     @property
     def _start_ns(self) -> int:
-        """Where playing back begins: at the timeline's start, or later while only its end is replayed."""
+        """Returns the start of playback: the timeline's start, or later while only its end is replayed."""
         start = self.timeline.start_ns
         return start if self._span_ns is None else max(start, self.timeline.end_ns - self._span_ns)
 

@@ -28,20 +28,22 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _BUDGET = 0.012
-"""Seconds of a picture that a solve may take; a slower one goes on beside the pictures."""
+"""Maximum time in seconds that a solve may take within a frame. A slower one runs in the background."""
 _FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
-"""What solving a mesh may come to: what a stranger sends ends no viewer."""
+"""Exceptions of solving a mesh. A mesh from another machine must not end the viewer."""
 _SETTLING = 12
-"""Pictures for which a surface is still solved after its control points stopped: then it is at rest."""
+"""Number of frames in which a surface is still solved after its control points have stopped, until it is at
+rest.
+"""
 
 
 class SolvedSurfaces:
-    """The surfaces of all puppets, from picture to picture.
+    """The surfaces of all puppets, from frame to frame.
 
-    A mesh is prepared in a thread; until then, and where it cannot be, it is drawn as one rigid piece.
+    A mesh is prepared in a thread. Until then, or if preparation fails, it is drawn as one rigid piece.
 
     Args:
-        wait: every picture has the surface of its own pose, whatever that takes: for films.
+        wait: if True, every frame has the surface of its own pose, however long that takes. For films.
     """
 
     def __init__(self, *, wait: bool = False) -> None:
@@ -49,7 +51,10 @@ class SolvedSurfaces:
         self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
-        """(V, 3) metres in the world of a puppet in a pose; None for what its transforms alone move."""
+        """Returns (V, 3) metres in the world of a puppet in a pose.
+
+        Returns None for characters moved only by transforms.
+        """
         if character.kind != "points":
             return None
         known = self._known.get(character.id)
@@ -59,13 +64,13 @@ class SolvedSurfaces:
         return known.vertices(pose, wait=self._wait)
 
     def forget_but(self, characters: Iterable[Character]) -> None:
-        """Lets go of the puppets that are not among these."""
+        """Discards the puppets that are not among these."""
         names = {character.id for character in characters}
         self._known = {name: known for name, known in self._known.items() if name in names}
 
 
 class _SolvedSurface:
-    """One puppet's surface: prepared, then solved as its control points move."""
+    """One puppet's surface: prepared once, then solved as its control points move."""
 
     def __init__(self, character: Character) -> None:
         self.character = character
@@ -80,7 +85,7 @@ class _SolvedSurface:
         self._by: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
-        """(V, 3) metres in the world, or None while it is not prepared, and where it cannot be."""
+        """Returns (V, 3) metres in the world; None before it is prepared, or if that failed."""
         surface = self._surface(wait)
         frame, pivot = _frame(pose), self.character.pivots[0].astype(np.float64)
         if surface is None or frame is None:
@@ -95,7 +100,7 @@ class _SolvedSurface:
         return self._carried(linear, position - linear @ pivot)
 
     def _carried(self, linear: Float, offset: Float) -> Float32:
-        """(V, 3) the surface in the world; the same array while nothing moves."""
+        """Returns (V, 3): the surface in the world. The same array is returned while nothing moves."""
         assert self._local is not None
         by = np.concatenate([linear, offset[:, None]], 1)
         if self._world is None or self._carried_from is not self._local or not np.array_equal(by, self._by):
@@ -105,7 +110,7 @@ class _SolvedSurface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """The prepared surface; None before it is ready. An error is logged once."""
+        """Returns the prepared surface; None before it is ready. An error is logged once."""
         if not wait and not self._prepared.done():
             return None
         try:
@@ -117,7 +122,7 @@ class _SolvedSurface:
             return None
 
     def _is_due(self, places: Float) -> bool:
-        """Whether the places say something new, or the surface is still on its way to them."""
+        """Returns True if the positions have changed, or the surface is still settling."""
         if self._solving is not None:
             return False
         if not np.isfinite(places).all():
@@ -128,14 +133,14 @@ class _SolvedSurface:
         return self._alike < _SETTLING
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
-        """Solve the next frame: now, or in a thread where it takes longer than a picture may."""
+        """Solves the next frame: now, or in a thread if it takes longer than a frame may."""
         if wait or (self._seconds < _BUDGET and self._local is not None):
             self._local = self._solved(surface, places)
         else:
             self._solving = _beside(lambda: self._solved(surface, places))
 
     def _solved(self, surface: PuppetSurface, places: Float) -> Float32:
-        """The surface in the mesh's frame; the last good one where the places cannot be meant."""
+        """Returns the surface in the mesh's frame; the last valid one if the positions are invalid."""
         began = time.perf_counter()
         try:
             made = surface.settle(places) if self._local is None else surface.solve(places)
@@ -147,19 +152,19 @@ class _SolvedSurface:
         return made.astype(np.float32)
 
     def _take(self) -> None:
-        """Take the surface that a thread has solved, once it is there."""
+        """Takes the surface that a thread has solved, if it is ready."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
 
 
 def _beside(work: Callable[[], T]) -> Future[T]:
-    """The future of a function that runs in a daemon thread: the program's end does not wait for it."""
+    """Returns the future of a function in a daemon thread, so that the program's end does not wait for it."""
     future: Future[T] = Future()
 
     def run() -> None:
         try:
             future.set_result(work())
-        except BaseException as error:  # it is raised where the result is asked for
+        except BaseException as error:  # raised again when the result is requested
             future.set_exception(error)
 
     threading.Thread(target=run, name="puppet", daemon=True).start()
@@ -167,7 +172,7 @@ def _beside(work: Callable[[], T]) -> Future[T]:
 
 
 def _prepared(character: Character) -> PuppetSurface:
-    """The solver of a character's surface."""
+    """Returns the solver of a character's surface."""
     from enliven.deformation.arap import PuppetSurface
 
     assert character.held is not None
@@ -179,7 +184,7 @@ def _prepared(character: Character) -> PuppetSurface:
 
 @njit(cache=True, nogil=True)
 def carry(local: Float32, by: Float, world: Float32) -> None:
-    """Kernel: places (V, 3) by linear | offset (3, 4)."""
+    """Kernel: transforms (V, 3) by linear | offset (3, 4)."""
     for v in range(len(local)):
         x, y, z = local[v, 0], local[v, 1], local[v, 2]
         for c in range(3):
@@ -187,7 +192,7 @@ def carry(local: Float32, by: Float, world: Float32) -> None:
 
 
 def _frame(pose: Pose) -> tuple[Float, Float] | None:
-    """(3, 3) and (3,) of the first transform; None where it has no inverse."""
+    """Returns (3, 3) and (3,) of the first transform; None if it is not invertible."""
     linear, position = pose.linear[0].astype(np.float64), pose.positions[0].astype(np.float64)
     whole = np.isfinite(linear).all() and np.isfinite(position).all()
     return (linear, position) if whole and abs(np.linalg.det(linear)) > 1e-9 else None

@@ -1,4 +1,4 @@
-"""A timeline of moments, received or loaded, in the order of the sensor's clock."""
+"""A timeline of moments, received or loaded, ordered by the sensor's clock."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, bl
 from enliven_viewer.settings import PlaybackSettings
 
 NS = 1_000_000_000
-"""Nanoseconds of a second: the unit of the sensor's clock."""
+"""Nanoseconds per second: the sensor's clock counts nanoseconds."""
 
 
 @dataclass(frozen=True)
 class CueFrame:
-    """The pivots of a character that performers hold at one moment.
+    """The pivots of a character that performers control at one time.
 
     Attributes:
-        character: the id of the character.
+        character: id of the character.
         nodes: (A,) int32 pivots that the body is attached to.
-        strengths: (A,) float32 in [0, 1], how firmly.
-        state: "possessed"; or "preview", what would be held if the body took hold now.
-        owners: (A,) ids of the performers that hold the pivots; empty where one performer holds all.
-        held: how many of the first pivots are held, the others are a preview; None: as the state says.
+        strengths: (A,) float32 in [0, 1], strength of the attachment.
+        state: "possessed", or "preview" for the pivots that a possession would attach now.
+        owners: (A,) ids of the performers that control the pivots; empty if one performer controls all.
+        held: number of attached pivots, which come first; the others are a preview. None: according to the
+            state.
     """
 
     character: str
@@ -42,18 +43,18 @@ class CueFrame:
 
     @property
     def firm(self) -> Bool:
-        """(A,) whether each pivot is held, and not only previewed."""
+        """Returns (A,) whether each pivot is attached, and not only previewed."""
         every = len(self.nodes) if self.state == "possessed" else 0
         return np.arange(len(self.nodes)) < (every if self.held is None else self.held)
 
 
 @dataclass(frozen=True)
 class TimelineMoment:
-    """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props.
+    """Everything at one time of the sensor's clock: poses, cues, match lists by character, bodies, props.
 
-    ``others`` has the messages of other topics of the wire, by topic and key, which are not blended.
-    ``characters`` has, of each pose, the revision of its character that it is of, as far as known.
-    ``bodies_ns`` is the time of the bodies: an earlier one until the moment's own have arrived.
+    ``others`` contains the messages of other topics by topic and key; they are not blended. ``characters``
+    contains, for each pose, the revision of its character, if known. ``bodies_ns`` is the time of the bodies:
+    an earlier one until the moment's own have arrived.
     """
 
     time_ns: int
@@ -68,18 +69,18 @@ class TimelineMoment:
 
     @property
     def possessed(self) -> bool:
-        """Whether any character was possessed."""
+        """Returns True if any character was possessed."""
         return any(cues.state == "possessed" for cues in self.cues.values())
 
 
 class Timeline:
-    """Moments sorted by sensor time; the oldest are dropped beyond the settings' length.
+    """Moments sorted by sensor time. The oldest ones beyond the configured length are dropped.
 
-    A clock that jumps far back (the edge was restarted, the replay began again) starts a new timeline.
+    If the clock jumps far back (the edge was restarted, or the replay began again), a new timeline starts.
 
     Attributes:
-        generation: counts the timelines that were started.
-        posed: the ids of all characters that have had a pose.
+        generation: number of timelines that were started.
+        posed: ids of all characters that have had a pose.
     """
 
     def __init__(self, settings: PlaybackSettings | None = None, *, bounded: bool = True) -> None:
@@ -96,42 +97,45 @@ class Timeline:
 
     @property
     def start_ns(self) -> int:
-        """Time of the first moment; 0 when there is none."""
+        """Returns the time of the first moment; 0 if there is none."""
         return self._times[0] if self._times else 0
 
     @property
     def end_ns(self) -> int:
-        """Time of the last moment; 0 when there is none."""
+        """Returns the time of the last moment; 0 if there is none."""
         return self._times[-1] if self._times else 0
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
-        """Put one pose of a revision of its character at its time, in place of an earlier one."""
+        """Adds one pose, for a revision of its character, at its time; replaces an earlier one."""
         old = self._at(pose.time_ns)
         self.posed.add(pose.character)
         of = old.characters if character is None else {**old.characters, pose.character: character}
         self._put(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
-        """Put the bodies of one time; they replace earlier ones of the same time."""
+        """Adds the bodies of one time; they replace earlier ones at the same time."""
         self._put(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
-        """Put the props of one time; they replace earlier ones of the same time."""
+        """Adds the props of one time; they replace earlier ones at the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
 
     def add_board(self, board: Board) -> None:
-        """Put a board of matches at its time."""
+        """Adds a match list at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
-        """Put a message of another topic at its time; it replaces an earlier one of its key and time."""
+        """Adds a message of another topic at its time, and replaces one with the same key and time."""
         old = self._at(message.time_ns)
         same = {**old.others.get(topic, {}), key: message}
         self._put(replace(old, others={**old.others, topic: same}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Set the cues of a character from a time on (None: the newest moment's) until they are set again."""
+        """Sets the cues of a character from a time on, until they are set again.
+
+        None means from the newest moment on.
+        """
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
         for i in range(max(first, 0), len(self._moments)):
@@ -139,19 +143,19 @@ class Timeline:
             self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
 
     def forget_cues(self, character_id: str) -> None:
-        """Remove the cues of a character from the newest moment and all that follow."""
+        """Removes the cues of a character from the newest moment on."""
         self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
 
     def clear(self) -> None:
-        """Remove all moments; a new generation tells the playhead."""
+        """Removes all moments. The new generation informs the playhead."""
         self._times.clear()
         self._moments.clear()
         self.generation += 1
 
     def at(self, time_ns: int) -> TimelineMoment | None:
-        """The moment at a time: blended between its neighbours, the nearer one across a gap.
+        """Returns the moment at a time, blended between its neighbours; across a gap, the nearer one.
 
-        Outside the timeline the first or last moment; None when the timeline is empty.
+        Outside the timeline, returns the first or last moment; None if the timeline is empty.
         """
         if not self._moments:
             return None
@@ -166,7 +170,7 @@ class Timeline:
         return self._between(before, after, time_ns)
 
     def neighbour(self, time_ns: int, step: int) -> int:
-        """The time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
+        """Returns the time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
         if not self._times:
             return time_ns
         if step >= 0:
@@ -176,12 +180,12 @@ class Timeline:
         return self._times[min(max(index, 0), len(self._times) - 1)]
 
     def drop_before(self, time_ns: int) -> None:
-        """Remove the moments that no time from ``time_ns`` on needs."""
+        """Removes the moments that are not needed for times from ``time_ns`` on."""
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
     def _between(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
-        """The moment between two neighbours."""
+        """Returns the moment between two neighbours."""
         share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS:
             return before if share < 0.5 else after
@@ -199,13 +203,13 @@ class Timeline:
         )
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
-        """Set the cues of the newest moment and all that follow."""
+        """Sets the cues of the newest moment and all later ones."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
 
     def _at(self, time_ns: int) -> TimelineMoment:
-        """The moment at exactly this time, or an empty one."""
+        """Returns the moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         found = index < len(self._times) and self._times[index] == time_ns
         if found:
@@ -213,7 +217,7 @@ class Timeline:
         empty = TimelineMoment(time_ns, cues=self._cues)
         if not index:
             return empty
-        # Boards and bodies come after the poses of their time, and must not vanish meanwhile.
+        # Match lists and bodies arrive after the poses of their time, and must not vanish meanwhile.
         before = self._moments[index - 1]
         held = replace(empty, props=self._still_loose(index, time_ns), boards=before.boards)
         if not self._fresh(before.bodies_ns, time_ns):
@@ -221,7 +225,10 @@ class Timeline:
         return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _whole(self, index: int) -> TimelineMoment:
-        """A moment, with the last poses of characters that have none in it yet: theirs come after others'."""
+        """Returns a moment, completed with the last poses of characters that have none in it.
+
+        This is needed because poses arrive one character after another.
+        """
         moment = self._moments[index]
         before = self._moments[index - 1] if index else moment
         late = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
@@ -232,16 +239,19 @@ class Timeline:
         return replace(moment, poses={**late, **moment.poses}, characters=of)
 
     def _fresh(self, time_ns: int, now_ns: int) -> bool:
-        """Whether a time is so near before another that what was then is shown until its successor comes."""
+        """Returns True if a time is recent enough that its values are shown until their successors arrive."""
         return 0 <= now_ns - time_ns <= self.settings.gap * NS
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
-        """The props of the moment before, so that they stay visible until the moment's own props arrive."""
+        """Returns the previous moment's props, which stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         return props if props is not None and self._fresh(props.time_ns, time_ns) else None
 
     def _put(self, moment: TimelineMoment) -> None:
-        """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
+        """Inserts or replaces a moment.
+
+        Starts a new timeline if the clock went back; drops the oldest beyond the limits.
+        """
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()
         index = bisect.bisect_left(self._times, moment.time_ns)
@@ -254,7 +264,7 @@ class Timeline:
             self._trim()
 
     def _trim(self) -> None:
-        """Keep at most the settings' minutes, in time and in number."""
+        """Limits the timeline to the configured minutes, in time and in number."""
         length = self.settings.minutes * 60
         oldest = self._times[-1] - int(length * NS)
         count = max(

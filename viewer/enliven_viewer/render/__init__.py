@@ -1,4 +1,4 @@
-"""The renderer: it draws a scene of characters, bodies, props and marks into one picture."""
+"""The renderer: draws a scene of characters, bodies, props and marks into one image."""
 
 import lazy_loader
 

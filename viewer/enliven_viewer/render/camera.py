@@ -1,4 +1,4 @@
-"""Cameras that look at the scene: one that a user turns, and one that films by itself."""
+"""Cameras of the scene: an orbit camera for users, and an automatic film camera."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ import numpy as np
 from enliven.arrays import Float
 
 Box = tuple[Float, Float]
-"""Lowest and highest corner, (3,) each, metres, world frame."""
+"""Lowest and highest corner, (3,) each, in metres, world frame."""
 
 FRONT_RIGHT = math.radians(32)
-"""Radians about +Y from the front, where every view begins: a face and a side are seen."""
+"""Initial azimuth in radians about +Y from the front: a face and a side are visible."""
 SLIGHTLY_ABOVE = math.radians(13)
-"""Radians above the horizon, where every view begins: the floor shows where feet stand."""
+"""Initial elevation in radians above the horizon: the floor shows where the feet stand."""
 MARGIN = 0.96
-"""Share of the box that must fit: a subject does not reach the corners of its box."""
+"""Fraction of the box that must be in view. A subject does not reach the corners of its box."""
 LOWEST = math.radians(1.0)
-"""Radians above the horizon at least: the floor has no underside."""
+"""Minimum elevation in radians above the horizon: the floor has no underside."""
 HIGHEST = math.radians(88)
-"""Radians above the horizon at most: straight down, there is no upright direction."""
+"""Maximum elevation in radians: straight down, the upright direction is undefined."""
 DRAG_TURN = 0.008
-"""Radians that the camera turns per pixel of dragging: half a turn across 400 pixels."""
+"""Radians that the camera turns per pixel of a drag: half a turn across 400 pixels."""
 
 
 @dataclass(frozen=True)
 class CameraView:
-    """A camera at one moment.
+    """A camera at one time.
 
     Attributes:
         eye: (3,) metres, world frame.
@@ -44,17 +44,17 @@ class CameraView:
 
     @property
     def clip_from_world(self) -> Float:
-        """(4, 4) projection @ view."""
+        """Returns the (4, 4) matrix projection @ view."""
         return np.asarray(self.clip_from_camera @ self.camera_from_world)
 
     def project(self, points: Float) -> Float:
-        """(N, 2) positions in the image, -1..1 to the right and up, of (N, 3) points."""
+        """Returns (N, 2) image positions, -1..1 to the right and up, of points (N, 3)."""
         clip = np.c_[points, np.ones(len(points))] @ self.clip_from_world.T
         return np.asarray(clip[:, :2] / clip[:, 3:])
 
 
 def look_at(eye: Float, target: Float) -> Float:
-    """(4, 4) camera_from_world of a camera at ``eye`` that looks at ``target``, both (3,), upright."""
+    """Returns (4, 4) camera_from_world of an upright camera at ``eye`` (3,) that looks at ``target`` (3,)."""
     back = (eye - target) / np.linalg.norm(eye - target)
     right = np.cross([0.0, 1.0, 0.0], back)
     right /= np.linalg.norm(right)
@@ -66,7 +66,7 @@ def look_at(eye: Float, target: Float) -> Float:
 
 
 def perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
-    """(4, 4) OpenGL projection; ``field_of_view`` is vertical, radians."""
+    """Returns the (4, 4) OpenGL perspective projection; ``field_of_view`` is vertical, in radians."""
     focal = 1 / math.tan(field_of_view / 2)
     depth = near - far
     return np.array(
@@ -80,7 +80,10 @@ def perspective(field_of_view: float, aspect: float, near: float, far: float) ->
 
 
 def orthographic(low: Float, high: Float) -> Float:
-    """(4, 4) OpenGL projection of the box between ``low`` and ``high``, (3,) each, camera frame."""
+    """Returns the (4, 4) OpenGL orthographic projection of a box.
+
+    The box between ``low`` and ``high``, (3,) each, is in the camera frame.
+    """
     projection = np.eye(4)
     size = high - low
     projection[[0, 1, 2], [0, 1, 2]] = 2 / size[0], 2 / size[1], -2 / size[2]
@@ -93,11 +96,11 @@ def orthographic(low: Float, high: Float) -> Float:
 
 
 def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
-    """Metres from the middle of a box at which it fills the picture (a subject does not reach its corners).
+    """Returns the distance in metres from a box's centre at which the box fills the image.
 
     Args:
         rows: (3, 3) the camera's axes (right, up, back) in the world.
-        field_of_view: vertical, radians.
+        field_of_view: vertical, in radians.
     """
     middle = (box[0] + box[1]) / 2
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -108,10 +111,10 @@ def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float)
 
 
 class OrbitCamera:
-    """A camera on a sphere around a target; moves are eased in by :meth:`advance`.
+    """A camera on a sphere around a target. :meth:`advance` eases its movements.
 
     Args:
-        field_of_view: vertical opening, radians.
+        field_of_view: vertical, in radians.
     """
 
     def __init__(self, field_of_view: float = math.radians(34)) -> None:
@@ -121,55 +124,55 @@ class OrbitCamera:
         self._now = self._goal.copy()
 
     def orbit(self, across: float, up: float) -> None:
-        """Turn by ``across`` and ``up`` radians around the target; the camera stays above the floor."""
+        """Orbits by ``across`` and ``up`` radians around the target. The camera stays above the floor."""
         self._goal[3] += across
         self._goal[4] = min(max(self._goal[4] + up, LOWEST), HIGHEST)
 
     @property
     def target(self) -> Float:
-        """(3,) metres, the point that the camera looks at now."""
+        """Returns (3,) metres, the current target point."""
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:
-        """Look from a side: radians around the target from +Z towards +X, and up."""
+        """Sets the direction in radians: azimuth around the target from +Z towards +X, and elevation."""
         turns = round((self._goal[3] - azimuth) / (2 * math.pi))
         self._goal[3] = azimuth + 2 * math.pi * turns
         self._goal[4] = min(max(elevation, LOWEST), HIGHEST)
 
     @property
     def goal(self) -> tuple[float, float, float, float, float, float]:
-        """Where it is or goes: the target (metres), azimuth, elevation (radians), distance (metres)."""
+        """Returns the goal: target (metres), azimuth, elevation (radians), distance (metres)."""
         x, y, z, azimuth, elevation, distance = map(float, self._goal)
         return x, y, z, azimuth, elevation, math.exp(distance)
 
     def go(self, target: Sequence[float], azimuth: float, elevation: float, distance: float) -> None:
-        """Go to a target (metres), and look at it from a side (radians) and a distance (metres)."""
+        """Moves to a target (metres), direction (radians) and distance (metres)."""
         self._goal[:3], self._goal[5] = target, math.log(distance)
         self.face(azimuth, elevation)
 
     def pan(self, across: float, up: float) -> None:
-        """Move the target by fractions of the picture's height to the right and up."""
+        """Moves the target by fractions of the image height to the right and up."""
         span = 2 * math.tan(self.field_of_view / 2) * math.exp(self._goal[5])
         rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
         self._goal[:3] += span * (across * rows[0] + up * rows[1])
         self._goal[1] = max(self._goal[1], 0.0)
 
     def move(self, way: Float) -> None:
-        """Move the target, and the eye with it, by (3,) metres."""
+        """Moves the target, and the camera with it, by (3,) metres."""
         self._goal[:3] += way
 
     def zoom(self, factor: float) -> None:
-        """Multiply the distance by ``factor`` (0.9 comes closer), between 0.2 and 60 metres."""
+        """Multiplies the distance by ``factor`` (0.9 moves closer), limited to 0.2 to 60 metres."""
         distance = self._goal[5] + math.log(factor)
         self._goal[5] = min(max(distance, math.log(0.2)), math.log(60))
 
     def frame(
         self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False, room: float = 1.0
     ) -> None:
-        """Bring a whole box into the picture; ``reset`` also goes back to the front right.
+        """Frames a whole box. ``reset`` also returns to the initial direction from the front right.
 
         Args:
-            room: how much larger than the box the picture is.
+            room: size of the view relative to the box.
         """
         self._goal[:3] = (box[0] + box[1]) / 2
         if reset:
@@ -180,11 +183,11 @@ class OrbitCamera:
             self._now[:] = self._goal
 
     def advance(self, seconds: float) -> None:
-        """Ease towards the goal: the distance to it halves every 60 milliseconds."""
+        """Eases towards the goal: the difference halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
     def view(self, aspect: float) -> CameraView:
-        """The camera at this moment."""
+        """Returns the current camera view."""
         eye, target = self._eye_and_target(self._now)
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
@@ -203,10 +206,10 @@ class OrbitCamera:
 
 
 class FilmCamera:
-    """A camera that follows its subject gently and drifts a little around it.
+    """A camera that follows its subject smoothly and drifts slightly around it.
 
-    The centre and size of the subject are low-pass filtered, and never further behind than ``slack`` of the
-    subject's radius, so that whatever walks stays in the picture.
+    The centre and size of the subject are low-pass filtered. The lag is at most ``slack`` of the subject's
+    radius, so that a walking subject stays in view.
     """
 
     def __init__(
@@ -225,7 +228,7 @@ class FilmCamera:
         self._seconds = 0.0
 
     def follow(self, box: Box, seconds: float, aspect: float) -> None:
-        """Let ``seconds`` of film pass while the subject fills ``box``; the first box is taken as it is."""
+        """Advances the film by ``seconds`` with the subject in ``box``. The first box is used unfiltered."""
         centre, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
         if self._centre is None:
             self._centre, self._half = centre.copy(), half.copy()
@@ -242,7 +245,7 @@ class FilmCamera:
         self._aim(aspect)
 
     def _aim(self, aspect: float) -> None:
-        """Point the camera at the filtered subject, with the drift of this second."""
+        """Points the camera at the filtered subject, with the current drift."""
         assert self._centre is not None
         box = (self._centre - self._half, self._centre + self._half)
         self._orbit.frame(box, aspect, reset=True)
@@ -251,5 +254,5 @@ class FilmCamera:
         self._orbit.advance(10.0)
 
     def view(self, aspect: float) -> CameraView:
-        """The camera at this moment."""
+        """Returns the current camera view."""
         return self._orbit.view(aspect)

@@ -1,4 +1,4 @@
-"""Moves that a camera makes by itself: it goes along with what travels, and around it like a turntable."""
+"""Automatic camera movements: following a moving subject, and a turntable."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from enliven.arrays import Float
 from enliven_viewer.render.camera import Box, OrbitCamera
 
 _DELAY = 0.5
-"""Seconds by which the camera lags behind what it follows: steps and waving arms do not shake the picture."""
+"""Lag in seconds behind the subject, so that steps and waving arms do not shake the image."""
 _SLACK = 0.3
-"""Share of the subject's radius that the camera is behind at most: who runs stays in the picture."""
+"""Maximum lag as a fraction of the subject's radius, so that a running subject stays in view."""
 _ROUND = 16.0
-"""Seconds of a turn of the turntable: slow enough to look at."""
+"""Seconds per turn of the turntable: slow enough to look at."""
 
 
 class CameraMoves:
-    """Moves a camera as time passes, and keeps the direction, the distance and the place that were chosen.
+    """Automatic movements of a camera that keep the direction, distance and framing chosen by the user.
 
     Attributes:
-        follow: whether it goes along with its subject.
-        turntable: whether it goes around.
+        follow: whether the camera follows its subject.
+        turntable: whether the camera orbits.
     """
 
     def __init__(self) -> None:
@@ -30,16 +30,16 @@ class CameraMoves:
         self._subject: Float | None = None
 
     def toggle_follow(self) -> None:
-        """Follow, or stay; where the subject is now is where it stays in the picture."""
+        """Switches following on or off. The subject's current place in the image stays."""
         self.follow = not self.follow
         self._subject = None
 
     def toggle_turntable(self) -> None:
-        """Go around, or stay."""
+        """Switches the turntable on or off."""
         self.turntable = not self.turntable
 
     def advance(self, camera: OrbitCamera, box: Box | None, seconds: float) -> None:
-        """Let seconds pass while the subject fills a box; without one the camera only goes around."""
+        """Advances time with the subject in a box; without a box, only the turntable runs."""
         if self.turntable:
             camera.orbit(2 * math.pi * seconds / _ROUND, 0.0)
         if not self.follow or box is None:

@@ -1,4 +1,4 @@
-"""The performer as tapered capsules: to draw, to cast shadows, and to see through the mesh around them."""
+"""The performer as tapered capsules: for drawing, shadows, and cutaways of the mesh around them."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.theme import PERFORMERS
 
 MAX_BONES = 64
-"""Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""
+"""Maximum number of capsules in the mesh shader; shaders/mesh.frag has the same number."""
 REVEAL_RADIUS = 0.04
-"""Metres, the radius of a bone as KinEtre takes it (section 4.3)."""
+"""Radius of a bone in metres, as in KinÊtre (section 4.3)."""
 
 _SLIM = 0.026
-"""Metres, radius at most joints; this and those below are of a person 1.75 m tall, slimmer than life."""
+"""Radius in metres at most joints. All radii are for a person 1.75 m tall, slimmer than in reality."""
 _WRIST = 0.019
-"""Metres, radius at wrists and ankles, the thinnest places of a limb."""
+"""Radius in metres at wrists and ankles, the thinnest places of a limb."""
 _HAND = 0.022
-"""Metres, radius at hands and feet."""
+"""Radius in metres at hands and feet."""
 _TRUNK = 0.034
-"""Metres, radius along the spine."""
+"""Radius in metres along the spine."""
 _HEAD_RADIUS = 0.092
-"""Metres, radius of the ball of the head."""
+"""Radius of the head in metres."""
 _JOINT_RADII = np.full(len(Joint), _SLIM)
 _JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST
 _JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND
 _JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK
 _SEGMENTS = 18
-"""Faces around a capsule: its outline looks round at any distance that the camera allows."""
+"""Number of faces around a capsule: its outline looks round at every distance of the camera."""
 _RINGS = 5
-"""Rings of vertices from the middle of a half ball to its pole."""
+"""Number of vertex rings from the equator of a hemisphere to its pole."""
 _SHADOW_SEGMENTS = 10
-"""Faces around a capsule that casts a shadow: the blur is wider than its corners are sharp."""
+"""Number of faces around a shadow-casting capsule: the blur hides its corners."""
 _SHADOW_RINGS = 3
-"""Rings of a half ball that casts a shadow, for the same reason."""
+"""Number of rings of a shadow-casting hemisphere, for the same reason."""
 
 
 def capsules_of(
@@ -47,10 +47,12 @@ def capsules_of(
     opacity: float,
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = MappingProxyType({}),
 ) -> Float32:
-    """(N, 12) float32 of bones, joints and heads: from xyz and radius, to xyz and radius, rgb and opacity.
+    """Returns (N, 12) float32 rows of bones, joints and heads.
+
+    A row has start xyz and radius, end xyz and radius, rgb and opacity.
 
     Args:
-        limbs: by the id of a body, sRGB colours of bones by their outer joint; others have the body's.
+        limbs: by body id, the sRGB colours of bones by their outer joint. Other bones have the body's colour.
     """
     tints = linear_from_srgb(np.array(PERFORMERS, float))
     rows = [_capsules_of_one(body, tints[k % len(tints)], opacity) for k, body in enumerate(bodies)]
@@ -70,7 +72,7 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
     rows[:count, 0:3], rows[:count, 3] = joints[start], 0.72 * _JOINT_RADII[start]
     rows[:count, 4:7], rows[:count, 7] = joints[end], 0.72 * _JOINT_RADII[end]
     rows[:count, 11] = np.minimum(shown[start], shown[end])
-    # A joint is a ball: a capsule of no length.
+    # A joint is a ball: a capsule of length zero.
     rows[count:, 0:3] = rows[count:, 4:7] = joints
     rows[count:, 3] = rows[count:, 7] = 1.12 * _JOINT_RADII
     rows[count + Joint.HEAD, [3, 7]] = _HEAD_RADIUS
@@ -81,7 +83,7 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
 
 
 def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
-    """The uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and how many are filled."""
+    """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and its used length."""
     block = np.zeros((3, MAX_BONES, 4), np.float32)
     rows = []
     for body in bodies:
@@ -97,12 +99,12 @@ def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]
 
 
 class CapsulePass:
-    """Instanced capsules on the GPU: limbs between two balls, and balls.
+    """Instanced capsules on the GPU: limbs between two balls, and the balls.
 
     Args:
-        program: of ``capsule.vert`` or ``tube.vert``.
-        open_limbs: whether balls that are thicker than the limbs stand at all their ends.
-        casting: whether they only cast shadows.
+        program: program of ``capsule.vert`` or ``tube.vert``.
+        open_limbs: whether the limbs need no caps, because thicker balls cover all their ends.
+        casting: whether the capsules only cast shadows.
     """
 
     def __init__(
@@ -134,7 +136,7 @@ class CapsulePass:
         ]
 
     def load(self, rows: Float32) -> None:
-        """Take the (N, 12) rows of :func:`capsules_of`."""
+        """Uploads the (N, 12) rows of :func:`capsules_of`."""
         ball = (rows[:, 0:3] == rows[:, 4:7]).all(1)
         for number, some in enumerate((rows[~ball], rows[ball])):
             self._counts[number] = len(some)
@@ -143,7 +145,7 @@ class CapsulePass:
                 self._instances[number].write(np.ascontiguousarray(some))
 
     def render(self) -> None:
-        """Draw the loaded rows."""
+        """Draws the loaded rows."""
         for array, count in zip(self._arrays, self._counts, strict=True):
             if count:
                 array.render(moderngl.TRIANGLES, instances=count)
@@ -152,12 +154,12 @@ class CapsulePass:
 def capsule_template(
     segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
 ) -> tuple[Float32, Int32]:
-    """(N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
+    """Returns (N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
 
     Args:
-        segments: faces around.
-        rings: rings of vertices from the middle to a pole; 1 leaves both ends open.
-        ball: without the tube between the two halves.
+        segments: number of faces around.
+        rings: number of vertex rings from the equator to a pole; 1 leaves both ends open.
+        ball: whether to leave out the tube between the hemispheres.
     """
     upper = np.linspace(0, np.pi / 2, rings)
     latitude = np.concatenate([-upper[::-1], upper[1:] if ball else upper])
@@ -171,6 +173,6 @@ def capsule_template(
     a, b = row * segments + column, row * segments + (column + 1) % segments
     c, d = a + segments, b + segments
     faces = np.stack([a, c, b, b, c, d], -1)
-    if rings > 1:  # a pole is one place, so half of the faces around it are nothing
+    if rings > 1:  # all vertices of a pole coincide, so half of the faces around it are degenerate
         faces = np.concatenate([faces[0, :, 3:], faces[1:-1].reshape(-1, 3), faces[-1, :, :3]])
     return vertices.reshape(-1, 4).astype(np.float32), faces.reshape(-1, 3).astype(np.int32)

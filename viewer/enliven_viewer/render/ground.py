@@ -1,4 +1,4 @@
-"""The floor and the backdrop: nothing in them has an edge, so one sample a pixel is enough."""
+"""The floor and the backdrop. They have no edges, so one sample per pixel is enough."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from enliven.arrays import Float
 from enliven_viewer.render.gl import load_program
 
 STAGE_RADIUS = 1.9
-"""Metres, of the pool of light."""
-_REACH = 3.0 * STAGE_RADIUS  # beyond, shaders/floor.frag has faded into the horizon
+"""Radius of the pool of light in metres."""
+_REACH = 3.0 * STAGE_RADIUS  # beyond this, shaders/floor.frag has faded into the horizon
 _CELLS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
-"""(3, 3) the first corner of each cell of a grid of 4 by 4 corners."""
+"""(3, 3) the first corner of each cell in a grid of 4 by 4 corners."""
 
 Patch = tuple[Float, Float]
-"""Lowest and highest x and z, (2,) each, metres: a rectangle of the floor."""
+"""Lowest and highest x and z, (2,) each, in metres: a rectangle of the floor."""
 
 
 class GroundPass:
-    """Draws the floor and the backdrop.
+    """The render pass of the floor and the backdrop.
 
-    Only a patch of the floor can be in a shadow; the maps of shadows are not looked at around it.
+    Only a patch of the floor can be in shadow. Outside of it the shadow maps are not sampled.
 
     Args:
         ctx: the renderer's context.
@@ -41,15 +41,15 @@ class GroundPass:
         self._backdrop = ctx.vertex_array(load_program(ctx, "backdrop.vert", "backdrop.frag"), [])
 
     def draw(self, target: moderngl.Framebuffer, stage: Float, shaded: Patch) -> None:
-        """Fill a framebuffer: the floor, then the backdrop where it leaves room.
+        """Fills a framebuffer: the floor, then the backdrop in the remaining pixels.
 
         Args:
-            stage: (3,) metres, the middle of the pool of light.
-            shaded: holds whatever shadow falls on the floor.
+            stage: (3,) metres, the centre of the pool of light.
+            shaded: patch that contains all shadows on the floor.
         """
         middle = stage[[0, 2]]
         inner = np.clip(shaded, middle - _REACH, middle + _REACH)
-        lines = np.stack([middle - _REACH, *inner, middle + _REACH])  # across x, and across z
+        lines = np.stack([middle - _REACH, *inner, middle + _REACH])  # grid lines across x and z
         places = np.stack(np.meshgrid(lines[:, 0], lines[:, 1], indexing="ij"), -1)
         self._corners.write(places.astype(np.float32).tobytes())
         target.use()

@@ -1,4 +1,4 @@
-"""The light on the parts of a mesh that performers hold: seen from across a room, as long as they hold."""
+"""The glow on attached parts of a mesh, visible from across a room while performers control them."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from enliven_viewer.render.overlay import cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
 _STEPS = 3
-"""Edges of a graph that light goes on beyond what is held: as far as a hand's breadth."""
+"""Spread of the glow beyond attached nodes, in graph edges: about a hand's breadth."""
 _LEFT = 0.72
-"""Share of the light that goes on by an edge."""
+"""Fraction of the glow that remains after one edge."""
 _PREVIEW = 0.4
-"""Share of the light on what would be held, and is not yet."""
+"""Fraction of the glow on previewed parts, which are not attached yet."""
 _REACH = 0.16
-"""Distance from a control point at which its light has sunk to a third, as a share of the mesh's size."""
+"""Distance from a control point at which its glow has dropped to 1/e, as a fraction of the mesh's size."""
 PER_ROW = 256
-"""Transforms in a row of the texture; shaders/mesh.vert has the same number."""
+"""Number of transforms in a row of the texture; shaders/mesh.vert has the same number."""
 
 
 def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
-    """(J, 3) linear light on each transform of an actor; None where nothing is held.
+    """Returns (J, 3) linear RGB of the glow on each transform of an actor; None if nothing is attached.
 
     Args:
-        bodies: the ids of those in the picture, in the order of their tints.
+        bodies: ids of the visible performers, in the order of their colours.
     """
     cues, character = actor.cues, actor.character
     count = len(character.pivots)
@@ -46,7 +46,10 @@ def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = (
 
 
 def reach_of_points(character: Character) -> SkinWeights:
-    """How the light of four control points reaches each vertex at rest: the farther, the less."""
+    """Returns how strongly the glow of four control points reaches each vertex.
+
+    The influence decreases with the distance at rest.
+    """
     vertices, points = character.vertices, character.pivots[1:]
     away = np.linalg.norm(vertices[:, None] - points[None], axis=2)
     nearest = np.argsort(away, axis=1)[:, :4]
@@ -57,10 +60,10 @@ def reach_of_points(character: Character) -> SkinWeights:
 
 
 class HeldLight:
-    """The light on the transforms of one character, as a texture.
+    """The glow on the transforms of one character, as a texture.
 
     Args:
-        count: of the transforms.
+        count: number of transforms.
     """
 
     def __init__(self, ctx: moderngl.Context, count: int) -> None:
@@ -71,7 +74,7 @@ class HeldLight:
         self._written: Float32 | None = None
 
     def use(self, light: Float32) -> None:
-        """Bind the light (J, 3), written where it has changed."""
+        """Binds the glow (J, 3). It is uploaded only after a change."""
         if self._written is None or not np.array_equal(light, self._written):
             self._staged[: len(light), :3] = light
             self._texture.write(self._staged)
@@ -79,5 +82,5 @@ class HeldLight:
         self._texture.use(UNITS["held"])
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Frees the GPU memory."""
         self._texture.release()

@@ -1,4 +1,4 @@
-"""The key light's camera and the floor's: projections fitted around whatever casts a shadow."""
+"""The projections of the key light's shadow map and the floor's contact map, fitted to the shadow casters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from enliven_viewer.render.scene import corners
 
 
 def light_from_world(box: Box, to_key: Float) -> Float:
-    """(4, 4) the clip space of the key light's map, square, around a box with room for the blur.
+    """Returns (4, 4): the clip space of the key light's square shadow map around a box.
+
+    It includes a margin for the blur.
 
     Args:
         to_key: (3,) unit direction towards the light.
@@ -25,7 +27,10 @@ def light_from_world(box: Box, to_key: Float) -> Float:
 
 
 def contact_from_world(box: Box) -> Float:
-    """(4, 4) the clip space of a map of the floor seen from below: x and z across, height as depth."""
+    """Returns (4, 4): the clip space of a map of the floor seen from below.
+
+    x and z go across; height is the depth.
+    """
     centre = (box[0] + box[1]) / 2
     side = float((box[1] - box[0])[[0, 2]].max()) / 2 + 0.5
     low, high = -1.0, 4.0

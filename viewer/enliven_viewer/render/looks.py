@@ -1,4 +1,4 @@
-"""The looks that a stage can have: light, backdrop and floor, by name."""
+"""The looks of a stage by name: light, backdrop and floor."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from enliven_viewer.settings import LookName, RenderSettings
 Light = tuple[float, float, float]
 """Linear red, green and blue; 1 is a white wall in the sun."""
 _WHITEST = 0.97
-"""Share of white that a backdrop has at most: the filmic curve comes to white at no light."""
+"""Maximum fraction of white in a backdrop: the filmic curve never quite reaches white."""
 
 
 @dataclass(frozen=True)
 class StageLook:
-    """The light of a stage.
+    """The lighting of a stage.
 
     Attributes:
-        key, sky, bounce, rim: light from the key, from above, from below, and from behind.
-        horizon, zenith: the backdrop at eye level and above; the floor fades into the first.
-        floor: the floor's paint.
-        grid: strength of the lines on the floor; below 0 they are darker than the floor.
-        pool: how much darker the floor is away from the middle, 0..1.
+        key, sky, bounce, rim: key light, light from above, from below, and from behind.
+        horizon, zenith: backdrop colours at eye level and above. The floor fades into the horizon.
+        floor: colour of the floor.
+        grid: strength of the lines on the floor; negative for lines darker than the floor.
+        pool: how much darker the floor is away from the centre, 0..1.
     """
 
     key: Light
@@ -108,14 +108,14 @@ LOOKS: dict[LookName, StageLook] = {
 
 
 def to_key(settings: RenderSettings) -> Float:
-    """(3,) unit direction towards the key light."""
+    """Returns the (3,) unit direction towards the key light."""
     around, up = math.radians(settings.light_around), math.radians(settings.light_up)
     level = math.cos(up)
     return np.array([math.sin(around) * level, math.sin(up), math.cos(around) * level])
 
 
 def look_rows(look: StageLook, settings: RenderSettings) -> Float:
-    """(7, 4) the vectors of the uniform block Frame that hold a look."""
+    """Returns (7, 4): the vectors of the uniform block Frame for a look."""
     bright = settings.brightness
     lights = [look.key, look.sky, look.bounce, look.rim, look.horizon, look.zenith, look.floor]
     rows = np.zeros((7, 4))
@@ -129,7 +129,10 @@ def look_rows(look: StageLook, settings: RenderSettings) -> Float:
 
 
 def light_shown_as(colour: str) -> Float:
-    """(3,) the light that the filmic curve of shaders/develop.glsl shows as a colour, such as "#22334a"."""
+    """Returns (3,) the linear light that is displayed as a colour such as "#22334a".
+
+    It inverts the filmic curve of shaders/develop.glsl.
+    """
     shown = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     y = np.minimum(shown, _WHITEST)
     a, b, c = 6.2 * (1 - y), 0.5 - 1.7 * y, -0.06 * y

@@ -1,4 +1,4 @@
-"""Characters into a picture: solid, with holes, seen through, and clear where a performer is inside them."""
+"""Draws characters: opaque, with cut-out holes, transparent, and with cutaways around a performer inside."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from enliven_viewer.render.skinned import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 ALPHA_TO_COVERAGE = 0x809E
-"""GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
+"""GL_SAMPLE_ALPHA_TO_COVERAGE, which has no name in moderngl."""
 
 _OUTLINE = 0.0056
-"""Width of the line around what is held as a share of the picture's height: four pixels of 720."""
+"""Width of the outline around attached parts, as a fraction of the image height: four pixels of 720."""
 
 
 class MeshPass:
-    """Draws the meshes of a scene with the programs that they need, compiled when one first does.
+    """The render pass of a scene's meshes.
+
+    The required shader programs are compiled on first use.
 
     Args:
         ctx: the renderer's context.
@@ -36,10 +38,10 @@ class MeshPass:
         self._programs: dict[tuple[str, tuple[str, ...]], moderngl.Program] = {}
 
     def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene, eye: Float) -> None:
-        """Draw them before what the picture shows, which is seen through them where they are transparent.
+        """Draws meshes over the existing image, which stays visible through transparent parts.
 
         Args:
-            eye: (3,) metres; what is seen through is drawn from the farthest mesh to the nearest.
+            eye: (3,) metres, camera position. Transparent meshes are drawn from the farthest to the nearest.
         """
         self.height = picture.size[1]
         block, count = bone_block(scene.bodies, scene.style.reveal)
@@ -65,7 +67,7 @@ class MeshPass:
             self._draw_clear(picture, clear, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
-        """Draw the shadows of parts that have holes or are seen through; those of others are drawn."""
+        """Draws the shadows of parts with holes or transparency. Opaque parts are already drawn."""
         for mesh in meshes:
             for each in mesh.parts:
                 if each.part.alpha != "OPAQUE":
@@ -74,7 +76,7 @@ class MeshPass:
                     self._render(mesh, each, program)
 
     def _outline(self, mesh: SkinnedMesh) -> None:
-        """Draw a line around what is held of a mesh."""
+        """Draws an outline around the attached parts of a mesh."""
         program = self._program("grip", ())
         program["pixels"] = max(_OUTLINE * self.height, 1.0)
         mesh.use_hold()
@@ -112,7 +114,7 @@ class MeshPass:
         revealing: bool,
         count: int,
     ) -> None:
-        """Blend parts over the picture; of one with two sides the far side first."""
+        """Blends transparent parts over the image. For double-sided parts the far side is drawn first."""
         self.ctx.enable(moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
@@ -130,14 +132,14 @@ class MeshPass:
         self.ctx.disable(moderngl.BLEND)
 
     def _render(self, mesh: SkinnedMesh, each: DrawnPart, program: moderngl.Program) -> None:
-        """Draw a part with its textures."""
+        """Draws a part with its textures."""
         for name, held in each.textures.items():
             held.texture.use(UNITS[f"{name}_map"])
         set_uniform(program, "cutoff", each.part.cutoff)
         mesh.render(program, each)
 
     def _program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
-        """The program of two shaders with these defines."""
+        """Returns the program of two shaders with these defines; compiled once."""
         if (name, defines) not in self._programs:
             program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)
             set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))

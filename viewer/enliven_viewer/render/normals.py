@@ -1,4 +1,4 @@
-"""Solved vertices for the GPU: their positions, each with a smooth normal."""
+"""Solved vertices for the GPU: positions with smooth normals."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from enliven_viewer.render.surface import DrawnSurface
 
 
 def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
-    """(N, 6) float32 position and unit normal of each drawn vertex.
+    """Returns (N, 6) float32: position and unit normal of each drawn vertex.
 
-    Faces count in a normal by their angle at rest, so that a mesh at rest looks as a skinned one does, and
-    creases stay where they were.
+    Faces are weighted by their corner angle at rest. So a mesh at rest looks like a skinned one, and creases
+    stay in place.
 
     Args:
-        vertices: (V, 3) metres, the character's.
-        faces: (F, 3) the character's.
-        surface: the character as it is drawn.
+        vertices: (V, 3) metres, the character's vertices.
+        faces: (F, 3) the character's faces.
+        surface: the character's surface as drawn.
     """
     rows = np.empty((len(surface.source), 6), np.float32)
     places = np.ascontiguousarray(vertices, np.float32)
@@ -30,7 +30,7 @@ def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float
 
 @njit(cache=True, nogil=True)
 def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: Float) -> None:
-    """Adds each face's unit normal to the groups of its corners."""
+    """Adds each face's angle-weighted unit normal to the groups of its corners."""
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         x, y, z = vertices[a, 0], vertices[a, 1], vertices[a, 2]
@@ -49,7 +49,10 @@ def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: F
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Fill the rows: the normal at rest where faces have no area, the origin for vertices not finite."""
+    """Fills the rows.
+
+    Vertices without face area get the rest normal; coordinates that are not finite become 0.
+    """
     for n in range(len(source)):
         for c in range(3):
             value = vertices[source[n], c]

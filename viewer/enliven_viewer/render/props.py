@@ -10,15 +10,18 @@ from enliven.document import BALL, BOX, Props
 from enliven_viewer.render.materials import linear_from_srgb
 
 _BEVEL = 0.07
-"""Bevel of a box's edges as a share of its least half edge: enough to catch the light."""
+"""Bevel of a box's edges as a fraction of its smallest half edge: enough to catch the light."""
 _MOST_BEVEL = 0.012
-"""Metres of bevel at most, so that a large box stays a box."""
+"""Maximum bevel in metres, so that a large box still looks like a box."""
 _FINENESS = {BOX: 2, BALL: 6}
-"""Points from the middle of a template's side to its edge."""
+"""Number of points from the middle of a template's side to its edge."""
 
 
 def prop_rows(props: Props | None, shape: int) -> Float32:
-    """(N, 14) float32 of one shape: xyz and bevel, turn (x, y, z, w), half edges, linear rgb."""
+    """Returns (N, 14) float32 rows of one shape.
+
+    A row has xyz and bevel, rotation (x, y, z, w), half edges, and linear rgb.
+    """
     if props is None:
         return np.zeros((0, 14), np.float32)
     shown = (props.shapes == shape) & np.isfinite(props.positions).all(1)
@@ -38,7 +41,7 @@ class PropPass:
     """The props of a scene on the GPU, for one program.
 
     Args:
-        program: of ``prop.vert``.
+        program: a program with ``prop.vert``.
     """
 
     def __init__(self, ctx: moderngl.Context, program: moderngl.Program) -> None:
@@ -49,7 +52,7 @@ class PropPass:
             vertices, faces = block_template(fineness)
             names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
             sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}
-            # A shadow has no colour: what the program does not take is skipped.
+            # A shadow has no colour: attributes that the program does not use are skipped.
             skipped = "" if "in_albedo" in program else " 12x"
             layout = " ".join(sizes[n] for n in names) + skipped + "/i"
             points = "3f 3f" if "in_direction" in program else "12x 3f"
@@ -64,7 +67,7 @@ class PropPass:
             )
 
     def load(self, props: Props | None) -> None:
-        """Load the props, or none."""
+        """Uploads the props; None for no props."""
         for shape, buffer in self._rows.items():
             rows = prop_rows(props, shape)
             self._counts[shape] = len(rows)
@@ -73,17 +76,18 @@ class PropPass:
                 buffer.write(rows)
 
     def render(self) -> None:
-        """Draw the loaded rows."""
+        """Draws the loaded rows."""
         for shape, array in self._arrays.items():
             if self._counts[shape]:
                 array.render(moderngl.TRIANGLES, instances=self._counts[shape])
 
 
 def block_template(fineness: int) -> tuple[Float32, Int32]:
-    """(N, 6) unit directions and the corner (-1 or 1 along each axis) they belong to, and (F, 3) faces.
+    """Returns (N, 6) unit directions with their corners (-1 or 1 along each axis), and (F, 3) faces.
 
-    A sphere made of a cube's six sides, ``2 fineness`` points along each, that is cut along the three planes
-    between the corners: pulled apart, the cuts become the flat sides of a box.
+    The template is a sphere made of a cube's six sides, with ``2 fineness`` points along each. It is cut
+    along the three planes between the corners. If the corners are moved apart, the cuts become the flat sides
+    of a box.
     """
     out = np.tan(np.linspace(0.0, np.pi / 4, fineness))
     across = np.concatenate([-out[::-1], out])

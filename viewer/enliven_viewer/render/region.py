@@ -1,4 +1,4 @@
-"""Regions of the picture, of the shadow maps and of the floor that are not empty: only they are drawn."""
+"""The non-empty regions of the image, the shadow maps and the floor. Only these are drawn."""
 
 from __future__ import annotations
 
@@ -13,32 +13,35 @@ from enliven_viewer.render.overlay import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
 
 ROOM = 6
-"""Pixels around what was projected: for marks that are never smaller than some pixels, and for rounding."""
+"""Margin in pixels around projected points: for marks with a minimum size, and for rounding."""
 _NEAREST = 1e-3
-"""Metres before the eye; what comes closer may be anywhere in the picture."""
+"""Minimum distance in metres in front of the camera. The projection of nearer points is unbounded."""
 _UNIT = corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 
 
 def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
-    """(8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
+    """Returns (8 N, 3) metres: the corners of boxes around balls.
+
+    The balls have (N, 3) centres, and radii (N,) or a common radius.
+    """
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
     return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
 
 
 def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
-    """(N, 3) metres, points that hold between them whatever of a scene casts a shadow.
+    """Returns (N, 3) metres: points with a convex hull that contains all shadow casters of a scene.
 
     Args:
         capsules: (C, 12) rows of the bodies.
-        surfaces: (K, 3) of each mesh, as :meth:`~enliven_viewer.render.skinned.SkinnedMesh.hull` says.
+        surfaces: (K, 3) for each mesh, from :meth:`~enliven_viewer.render.skinned.SkinnedMesh.hull`.
     """
     bodies = [ball_corners(capsules[:, 0:3], capsules[:, 3]), ball_corners(capsules[:, 4:7], capsules[:, 7])]
     return np.concatenate([*surfaces, *bodies, _filled_by_props(scene.props)])
 
 
 def marks_of(scene: Scene) -> Float:
-    """(N, 3) metres, points that hold between them the marks of a scene."""
+    """Returns (N, 3) metres: points with a convex hull that contains the marks of a scene."""
     if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
     return np.concatenate(
@@ -47,10 +50,12 @@ def marks_of(scene: Scene) -> Float:
 
 
 def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
-    """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
+    """Returns the pixel region of the hull of (N, 3) points.
+
+    Returns the whole image if a point is next to or behind the camera.
 
     Args:
-        room: pixels to add around it.
+        room: margin in pixels.
     """
     if not len(points):
         return 0, 0, 0, 0
@@ -66,11 +71,13 @@ def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int],
 
 
 def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
-    """Lowest and highest x and z, (2,) each, of the floor under the hull of (N, 3) points and its shadow.
+    """Returns the lowest and highest x and z, (2,) each, of the floor below points and their shadow.
+
+    The hull of the (N, 3) points casts the shadow.
 
     Args:
         to_key: (3,) unit direction towards the light.
-        room: metres to add around it.
+        room: margin in metres.
     """
     if not len(points):
         return np.zeros(2), np.zeros(2)
@@ -82,7 +89,7 @@ def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Flo
 
 
 def _filled_by_props(props: Props | None) -> Float:
-    """(N, 3) metres, the corners of boxes around the props."""
+    """Returns (N, 3) metres: the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
     shown = np.isfinite(props.positions).all(1)

@@ -1,4 +1,4 @@
-"""Draws a picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
+"""Draws an image of a scene: skinning, shadows, floor, bodies, meshes and marks, in this order."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
-"""What the camera and the light look at while there is nothing."""
+"""The box that camera and light are aimed at while the scene is empty."""
 _SHADOW_BLUR = (2.0,)
-"""Texels between the taps of the key light's blur: a soft edge without steps."""
+"""Distance in texels between the taps of the key light's blur: a soft edge without steps."""
 _CONTACT_BLUR = (1.0, 2.2)
-"""Texels between the taps of the two blurs of the contact map, which span decimetres."""
+"""Distance in texels between the taps of the contact map's two blurs, which span decimetres."""
 _FRAME_BYTES = 4 * (4 * 16 + 11 * 4)
-"""Bytes of the uniform block Frame: four matrices and eleven vectors of float32."""
+"""Size in bytes of the uniform block Frame: four matrices and eleven vectors of float32."""
 
 
 class Renderer:
-    """Draws scenes with one OpenGL context, in a window or off-screen.
+    """A renderer of scenes with one OpenGL context, in a window or off-screen.
 
     Args:
         ctx: an OpenGL 3.3 core context that is current in this thread.
-        size: width and height of the picture in pixels.
+        size: width and height of the image in pixels.
     """
 
     def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
@@ -81,19 +81,19 @@ class Renderer:
 
     @property
     def size(self) -> Size:
-        """Width and height of the picture in pixels."""
+        """Returns width and height of the image in pixels."""
         return self.picture.size
 
     def resize(self, size: Size) -> None:
-        """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
+        """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
+            self.picture.drawn.use()  # moderngl rebinds the previous framebuffer, so it must still exist
             before.release()
 
     def draw(self, scene: Scene, view: CameraView) -> None:
-        """Draw a scene into :attr:`picture` and resolve it."""
-        self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
+        """Draws a scene into :attr:`picture`, and resolves it."""
+        self.picture.drawn.use()  # without a bound framebuffer, OpenGL refuses even calls that draw nothing
         self.textures.arrive()
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
@@ -120,18 +120,21 @@ class Renderer:
         self._draw_matches(scene)
 
     def _draw_matches(self, scene: Scene) -> None:
-        """Draw the matched or driven chains over everything."""
+        """Draws the matched or driven chains on top of everything."""
         rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
             self._tubes.draw(self.picture, rows, deepest)
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the picture, top row first."""
+        """Returns (H, W, 3) sRGB of the image, top row first."""
         return self.picture.pixels()
 
     def present(self, screen: moderngl.Framebuffer, corner: tuple[int, int] = (0, 0)) -> None:
-        """Copy the picture to a window's framebuffer, its lower left to ``corner`` (pixels from below)."""
+        """Copies the image to a window's framebuffer.
+
+        Its lower left is at ``corner``, in pixels from the bottom left.
+        """
         screen.viewport = (*corner, *self.size)
         screen.use()
         self._present["corner"] = corner
@@ -140,7 +143,10 @@ class Renderer:
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)
 
     def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
-        """The meshes of the scene in their poses; new characters are loaded, gone ones released."""
+        """Returns the meshes of the scene in their poses.
+
+        New characters are uploaded, and removed ones released.
+        """
         names = {actor.character.id for actor in scene.actors}
         glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
         for gone in set(self._meshes) - names:
@@ -151,7 +157,7 @@ class Renderer:
                 crease = math.radians(self.settings.crease_angle)
                 made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
                 if known is not None:
-                    known.release()  # after the new one has taken the textures that both have
+                    known.release()  # only after the new mesh has taken the textures that both share
                 known = made
                 self._meshes[actor.character.id] = made
             known.hold(held_light(actor, glow, bodies))
@@ -162,9 +168,9 @@ class Renderer:
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: CameraView) -> Float:
-        """Fill the uniform block that every shader shares; returns (3,) the middle of the pool of light.
+        """Fills the uniform block shared by all shaders. Returns (3,) the centre of the pool of light.
 
-        It follows the scene slowly.
+        The centre follows the scene slowly.
         """
         centre = (box[0] + box[1]) / 2
         centre[1] = 0.0
@@ -181,7 +187,7 @@ class Renderer:
         return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
-        """Draw and blur the key light's map and the floor's contact map."""
+        """Draws and blurs the key light's shadow map and the floor's contact map."""
         passes = (
             (self._shadow, self._light, _SHADOW_BLUR, 1.0),
             (self._contact, self._below, _CONTACT_BLUR, 0.0),
@@ -202,7 +208,7 @@ class Renderer:
             target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
 
     def _shaded(self, casters: Float) -> Patch:
-        """The part of the floor that blurred shadows of the casters may reach."""
+        """Returns the part of the floor that the casters' blurred shadows may reach."""
         texels = (
             (self._light, self.settings.shadow_size, _SHADOW_BLUR),
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
@@ -211,13 +217,16 @@ class Renderer:
         return shadow_bounds(casters, self._to_key, room / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
-        """Draw the props; the depth test orders them among the rest."""
+        """Draws the props; the depth test handles occlusion."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()
 
     def _draw_bodies(self) -> None:
-        """Draw the bodies; faint ones cover a share of each pixel's samples, so that no order is needed."""
+        """Draws the bodies.
+
+        Faint ones cover a fraction of each pixel's samples, so that they need no sorting.
+        """
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
         set_uniform(self._body, "hidden", False)
@@ -226,7 +235,7 @@ class Renderer:
         self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """Draw the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
+        """Draws occluded bodies faintly. The brighter value wins, so that overlaps do not add up."""
         if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)

@@ -1,4 +1,4 @@
-"""A scene: characters in their poses, bodies, cues, and how strongly each is shown."""
+"""A scene: characters in their poses, bodies, cues, and the strength of each overlay."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, Timeline
 from enliven_viewer.render.camera import Box
 
 _BOX_REACH = 0.7
-"""Metres from characters and bodies within which the camera keeps loose boxes in the picture."""
+"""Distance in metres from characters and bodies within which the camera keeps loose boxes in view."""
 _SHADOW_REACH = 1.4
-"""Metres from characters and bodies within which loose things have shadows: twice the reach of the camera."""
+"""Distance in metres from characters and bodies within which loose objects have shadows: twice the
+camera's.
+"""
 
 
 @dataclass(frozen=True)
 class SceneStyle:
-    """The strength of each overlay in a scene, 0 (not shown) to 1.
+    """The strength of each overlay in a scene, from 0 (hidden) to 1.
 
     Attributes:
         body: the performer's skeleton.
-        reveal: transparency of the mesh where the body is inside it.
+        reveal: transparency of the mesh around a body inside it.
         cues: glowing attachment points.
         graph: nodes and edges of the deformation graph, or bones.
-        held: light on the parts that are held.
+        held: glow on the attached parts.
     """
 
     body: float = 1.0
@@ -39,7 +41,7 @@ class SceneStyle:
 
 
 PLAIN = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0, held=0.0)
-"""Meshes alone, without overlays: how the studio shows shapes and puppets."""
+"""Only meshes, without overlays: the studio's style for shapes and puppets."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class SceneCharacter:
     """One character in one pose.
 
     Attributes:
-        vertices: (V, 3) float32 metres in the world, where the surface was solved; None where the
-            character's transforms move it.
+        vertices: (V, 3) float32 metres in the world, if the surface was solved; None if the character's
+            transforms move it.
     """
 
     character: Character
@@ -58,13 +60,13 @@ class SceneCharacter:
 
     @property
     def extent(self) -> Float32:
-        """(N, 3) metres, points of the character: the solved surface, or the pivots."""
+        """Returns (N, 3) metres: points of the solved surface, or the pivots."""
         return self.pose.positions if self.vertices is None else self.vertices
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The contents of one picture."""
+    """The contents of one image."""
 
     actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
@@ -72,21 +74,22 @@ class Scene:
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
-    """Lowest and highest corner of all surfaces, where known; shadows reach as far."""
+    """Lowest and highest corner of all surfaces, if known; shadows cover this range."""
 
     @property
     def box(self) -> Box | None:
-        """The box that a camera should show; None where the scene is empty."""
+        """Returns the box that a camera should show; None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
-        return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
+        # without balls, which appear and disappear too fast for a camera
+        return self._around(boxes, _BOX_REACH)
 
     @property
     def lit_box(self) -> Box | None:
-        """The box where shadows are drawn: a little more than :attr:`box`."""
+        """Returns the box in which shadows are drawn: slightly larger than :attr:`box`."""
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
-        """A box with room around characters, bodies, and the loose things within reach of them."""
+        """Returns a box with a margin around characters, bodies, and the loose objects near them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
@@ -107,12 +110,12 @@ def scene_of(
     style: SceneStyle,
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
-    """The scene of one moment; a character without any pose, or with one that does not fit, is at rest.
+    """Returns the scene at one time. A character without any pose, or with one that does not fit, is at rest.
 
-    One that has poses at other moments alone had not come yet, or had gone: it is not drawn.
+    A character that has poses only at other times is not drawn: it had not appeared yet, or was removed.
 
     Args:
-        surfaces: what solves the surfaces of puppets; without it each is one rigid piece.
+        surfaces: solver of the puppets' surfaces. Without it, each puppet is one rigid piece.
     """
     actors = []
     characters = document.characters_at(moment)
@@ -134,9 +137,9 @@ def scene_of(
 
 
 def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
-    """(N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
+    """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
 
-    A thing that rolls away is followed less and less, and not at all beyond twice the reach.
+    So an object that rolls away is followed less and less, and not at all beyond twice the reach.
     """
     inside = np.clip(positions, box[0], box[1])
     out = positions - inside
@@ -146,6 +149,6 @@ def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
 
 
 def corners(box: Box) -> Float:
-    """(8, 3) the corners of a box."""
+    """Returns (8, 3): the corners of a box."""
     grid = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
     return np.where(grid == 0, box[0], box[1]).astype(np.float64)

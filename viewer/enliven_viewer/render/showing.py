@@ -1,4 +1,4 @@
-"""Overlays of a performance: skeletons while something is chosen, then the mesh alone with what is held."""
+"""Visibility of performance overlays: skeletons during a choice, then only the mesh."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from enliven_viewer.render.scene import SceneStyle
 from enliven_viewer.settings import RenderSettings
 
 _FADE = 1.2
-"""Seconds in which the overlays go: slow enough not to be seen as a jump."""
+"""Duration in seconds of the fade-out: slow enough not to look like a jump."""
 
 
 class Showing:
-    """Lets skeletons and attachment points fade once a mesh is held.
+    """The visibility of skeletons and attachment points, which fade out once a mesh is possessed.
 
     Args:
-        linger: seconds for which they stay then.
+        linger: seconds for which they stay before fading.
     """
 
     def __init__(self, settings: RenderSettings, linger: float) -> None:
@@ -24,11 +24,11 @@ class Showing:
         self._since: float | None = None
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
-        """The style at a moment, ``second`` seconds after any beginning, of what is wanted."""
+        """Returns the wanted style adjusted for a moment; ``second`` counts seconds from any start."""
         shown = self._shown(moment, second)
         body = shown
         if moment is not None and moment.props is not None and self._when != "never":
-            # A performer who plays along without a mesh has nothing else to be seen by.
+            # A performer that plays along without a mesh is visible only as a skeleton.
             holding = sum(cues.state == "possessed" for cues in moment.cues.values())
             body = 1.0 if len(moment.bodies) > holding else shown
         return replace(
@@ -36,7 +36,7 @@ class Showing:
         )
 
     def _shown(self, moment: TimelineMoment | None, second: float) -> float:
-        """0 to 1, how strongly the overlays are seen."""
+        """Returns the strength of the overlays, 0 to 1."""
         if self._when != "choosing":
             return float(self._when == "always")
         if moment is None or not moment.possessed or _choosing(moment):
@@ -49,6 +49,6 @@ class Showing:
 
 
 def _choosing(moment: TimelineMoment) -> bool:
-    """Whether a performer sees what would be held now, beside what is."""
+    """Returns True if a performer sees a preview of a possession, in addition to the current one."""
     previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
     return previewed or any(board.state == "choosing" for board in moment.boards.values())

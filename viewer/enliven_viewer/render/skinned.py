@@ -1,4 +1,4 @@
-"""A character on the GPU: skinned once a frame into a buffer that every pass then draws from."""
+"""A character on the GPU: skinned once per frame into a buffer that every pass draws from."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from enliven_viewer.render.surface import (
 )
 
 _PER_ROW = 256
-"""Transforms in a row of the texture; shaders/skin.vert has the same number."""
+"""Number of transforms in a row of the texture; shaders/skin.vert has the same number."""
 _FINE = 0.07
-"""Metres: edges up to this are shorter than what a soft shadow or a transparent zone shows."""
+"""Maximum edge length in metres of a fine mesh: shorter than the detail of soft shadows and cutaways."""
 _COARSE = 0.03
-"""Metres: detail of what is drawn for the contact map."""
+"""Level of detail in metres of the mesh drawn for the contact map."""
 _PAINT = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
-"""The columns of a vertex's paint, in order."""
+"""The attributes of a vertex's paint, in order."""
 
 
 class DrawnPart(NamedTuple):
-    """A part of a mesh on the GPU: its faces by their first and number, and its textures by their names."""
+    """A part of a mesh on the GPU: the range of its faces, and its textures by name."""
 
     part: Part
     start: int
@@ -46,15 +46,15 @@ class DrawnPart(NamedTuple):
 class SkinnedMesh:
     """One character's buffers.
 
-    The transforms travel in a float texture, which OpenGL 3.3 lets be far larger than a uniform block, so
-    that a graph may have thousands of nodes. Transform feedback keeps the skinned vertices for the shadow,
-    the contact map and the picture alike.
+    The transforms are passed in a float texture, which in OpenGL 3.3 can be far larger than a uniform block.
+    So a graph may have thousands of nodes. Transform feedback stores the skinned vertices for the shadow map,
+    the contact map and the image.
 
     Args:
-        character: what to draw.
-        crease: radians beyond which an edge is sharp.
-        skin: the program of ``skin.vert``.
-        textures: those of the context.
+        character: the character to draw.
+        crease: angle in radians above which an edge is sharp.
+        skin: the program with ``skin.vert``.
+        textures: the context's textures.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class SkinnedMesh:
         self._drawn: dict[tuple[int, int], moderngl.VertexArray] = {}
 
     def skin(self, pose: Pose) -> None:
-        """Move the vertices into a pose of this character."""
+        """Skins the vertices for a pose of this character."""
         self._placed = None
         matrices = pose.matrices(self.character.pivots)
         self._staged[: len(matrices)] = np.nan_to_num(matrices, posinf=0.0, neginf=0.0)
@@ -119,34 +119,37 @@ class SkinnedMesh:
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
 
     def place(self, vertices: Float32) -> None:
-        """Put the vertices (V, 3), metres in the world, where a solver put them."""
+        """Sets the vertices (V, 3), in metres in the world, to the positions computed by a solver."""
         if vertices is not self._placed:
             self._skinned.write(solved_rows(vertices, self.character.faces, self._surface))
         self._placed = vertices
 
     def hull(self) -> Float:
-        """(K, 3) metres, points that hold every vertex between them where it is now.
+        """Returns (K, 3) metres: points with a convex hull that contains every current vertex.
 
-        A skinned vertex lies between the places to which each of its transforms alone would move it.
+        A skinned vertex lies between the positions to which each of its transforms alone would move it.
         """
         if self._placed is not None:
-            places = np.where(np.isfinite(self._placed), self._placed, 0.0)  # as normals.placed puts them
+            places = np.where(np.isfinite(self._placed), self._placed, 0.0)  # as in render.normals
             return corners((places.min(0), places.max(0)))
         moved = self._staged[: len(self._boxes)]
         places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
     def render(self, program: moderngl.Program, part: DrawnPart) -> None:
-        """Draw the triangles of a part with a program that takes ``in_position`` and perhaps more."""
+        """Draws the triangles of a part.
+
+        The program uses ``in_position`` and optionally other attributes.
+        """
         self._array(program, self._faces).render(
             moderngl.TRIANGLES, vertices=3 * part.count, first=3 * part.start
         )
 
     def render_all(self, program: moderngl.Program, *, coarse: bool = False) -> None:
-        """Draw whatever is solid with one program that takes ``in_position`` alone.
+        """Draws all opaque parts with one program that only uses ``in_position``.
 
         Args:
-            coarse: draw a few centimetres' detail only, and all of it.
+            coarse: if True, draw the whole mesh at a level of detail of a few centimetres.
         """
         if self.closed:
             self._ctx.enable(moderngl.CULL_FACE)
@@ -159,35 +162,35 @@ class SkinnedMesh:
             self._ctx.disable(moderngl.CULL_FACE)
 
     def hold(self, light: Float32 | None) -> None:
-        """Set the light (J, 3) on each transform for the pictures from here on; None for no light."""
+        """Sets the glow (J, 3) on each transform for the following images; None for no glow."""
         self.held = light is not None
         if light is not None:
             self._held = self._held or HeldLight(self._ctx, len(self.character.pivots))
             self._light = light
 
     def use_hold(self) -> None:
-        """Bind the light on the transforms."""
+        """Binds the glow of the transforms."""
         if self._held is not None:
             self._held.use(self._light)
 
     @cached_property
     def _grip(self) -> list[moderngl.Buffer]:
-        """Which transforms light each drawn vertex, and how much."""
+        """Returns the transforms that light each drawn vertex, and their weights."""
         if self.character.kind != "points":
             return self._inputs[1:]
         reach, source = reach_of_points(self.character), self._surface.source
         return [self._ctx.buffer(part[source].tobytes()) for part in (reach.indices, reach.weights)]
 
     def positions(self) -> Float32:
-        """(N, 3) the skinned vertices, read back; copies along creases included."""
+        """Returns (N, 3): the skinned vertices, read back, including copies along creases."""
         return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, :3]
 
     def normals(self) -> Float32:
-        """(N, 3) the skinned unit normals, read back."""
+        """Returns (N, 3): the skinned unit normals, read back."""
         return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, 3:]
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Frees the GPU memory."""
         buffers = [*self._inputs, self._faces, self._coarse_faces, self._paint, self._skinned]
         for array in (*self._drawn.values(), self._skin):
             array.release()
@@ -230,7 +233,10 @@ class SkinnedMesh:
 
 
 def boxes_of(character: Character) -> Float32:
-    """(J, 8, 3) metres: the corners of the box at rest around what each transform moves; NaN for nothing."""
+    """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform.
+
+    The values are NaN if it has none.
+    """
     moves = character.skin.weights.reshape(-1) > 0
     nodes = character.skin.indices.reshape(-1)[moves]
     order = np.argsort(nodes, kind="stable")
@@ -243,5 +249,5 @@ def boxes_of(character: Character) -> Float32:
 
 
 def _skipped(size: str) -> str:
-    """The padding in place of floats that a program does not take."""
+    """Returns the padding in place of floats that a program does not use."""
     return f"{4 * int(size[0])}x"

@@ -1,4 +1,7 @@
-"""A mesh as it is drawn: vertices doubled along creases, so that boards look flat and seats look round."""
+"""A mesh prepared for drawing.
+
+Vertices are duplicated along creases, so that boards look flat and seats look round.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +25,15 @@ from enliven_viewer.render.surface_kernels import (
 
 @dataclass(frozen=True)
 class DrawnSurface:
-    """Vertices as the GPU wants them.
+    """The vertices and faces as drawn by the GPU.
 
     Attributes:
-        source: (N,) the vertex of the character that each drawn vertex is a copy of.
-        corner: (N,) the corner, of the 3 F, at which each drawn vertex was first met.
-        normals: (N, 3) float32, unit, at rest.
-        faces: (F, 3) int32 into the N.
+        source: (N,) the character's vertex that each drawn vertex is a copy of.
+        corner: (N,) the first of the 3 F corners that uses each drawn vertex.
+        normals: (N, 3) float32 unit normals at rest.
+        faces: (F, 3) int32 indices of drawn vertices.
         groups: (F, 3) the smoothing group of each corner.
-        angles: (F, 3) radians of the corners at rest, by which faces count in their groups' normals.
+        angles: (F, 3) corner angles at rest in radians; weights of the faces in their groups' normals.
         group: (N,) the smoothing group of each drawn vertex.
     """
 
@@ -46,20 +49,20 @@ class DrawnSurface:
 def split_creases(
     vertices: Float32, faces: Int32, crease: float = math.radians(45), keys: Int32 | None = None
 ) -> DrawnSurface:
-    """Smooth normals that break where two faces meet at more than ``crease`` radians.
+    """Computes smooth normals with breaks where two faces meet at more than ``crease`` radians.
 
-    Two faces share a normal at a vertex when a fan of faces with milder edges joins them. Vertices at the
-    same place count as one for this, so that a file with unshared vertices is smooth as well.
+    Two faces share a normal at a vertex if a fan of faces with milder edges connects them. For this,
+    coincident vertices count as one, so that a file with unshared vertices is smooth too.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
-        keys: (3 F, K) bits that two corners must share to be one drawn vertex; None: the same vertex is
-            enough. Normals are of places, so that no seam of a texture is seen in the light.
+        keys: (3 F, K) bits that two corners must share to be one drawn vertex. None: the same vertex is
+            enough. Normals are computed per position, so that texture seams are not visible in the shading.
     """
     faces = np.array(faces, np.int32)
     kinds = faces if keys is None else places_of(keys).reshape(-1, 3)
-    rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # -0 is 0
+    rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # maps -0 to 0
     place = places_of(rounded.view(np.int32))[faces]
     normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))
@@ -79,7 +82,7 @@ def split_creases(
 
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
-    """Whether the mesh is closed with its faces outwards, so that the backs of faces are never seen."""
+    """Returns True if the mesh is closed with its faces outwards, so that back faces are never visible."""
     if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
@@ -87,7 +90,10 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
 
 
 def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
-    """(G, 3) fewer faces over the same vertices: those of a cube of ``cell`` metres stand for one another."""
+    """Returns (G, 3) fewer faces over the same vertices (vertex clustering).
+
+    All vertices in a cell of ``cell`` metres are merged.
+    """
     key = np.floor(vertices / cell).astype(np.int64)
     key -= key.min(0)
     x, y, z = (int(size) for size in key.max(0) + 1)
@@ -99,9 +105,10 @@ def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
 
 
 def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
-    """(F, 3) the same faces, those that lie together one after the other (along Morton's curve).
+    """Returns (F, 3) the same faces, reordered along a Morton curve so that neighbours follow each other.
 
-    What draws keeps the last few vertices that it moved; a face that shares one with the face before it
-    costs less. Software OpenGL moved each vertex of a scanned mesh three times, and so moves it 1.2 times.
+    A GPU caches the last few transformed vertices, so a face that shares one with its predecessor costs less.
+    With software OpenGL, the vertex shader ran 3 times per vertex of a scanned mesh before, and 1.2 times
+    with this order.
     """
     return np.ascontiguousarray(faces[space_curve(vertices[faces].mean(axis=1, dtype=np.float64))])

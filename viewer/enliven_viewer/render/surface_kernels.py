@@ -1,4 +1,4 @@
-"""Single passes over meshes of any size for :mod:`enliven_viewer.render.surface`: hashed, not sorted."""
+"""Hashed single passes over meshes of any size for :mod:`enliven_viewer.render.surface`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from enliven.union_find import root_of
 
 _EMPTY = np.int64(-1)
 _MANY = 64
-"""Edges at a vertex, of which more are sorted."""
+"""Number of edges at a vertex above which they are sorted instead of compared."""
 
 
 @njit(cache=True, nogil=True)
 def _room(count):
-    """Keys and values of a table for so many keys, a power of two with room to spare."""
+    """Returns keys and values of a hash table for ``count`` keys.
+
+    The size is a power of two with spare room.
+    """
     size = 16
     while size < 1.4 * count:
         size *= 2
@@ -23,7 +26,7 @@ def _room(count):
 
 @njit(cache=True, nogil=True, inline="always")
 def _slot(keys, key):
-    """The place of a key in the table, or the empty place where it belongs."""
+    """Returns the slot of a key in the table, or the empty slot for it."""
     mask = np.uint64(len(keys) - 1)
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     at = (mixed ^ (mixed >> np.uint64(32))) & mask
@@ -34,7 +37,7 @@ def _slot(keys, key):
 
 @njit(cache=True, nogil=True)
 def places_of(bits):
-    """(V,) a number of each row; those with the same int32 bits (V, C) have the same."""
+    """Returns (V,) a number per row; rows with the same int32 bits (V, C) get the same number."""
     count, columns = bits.shape
     size = 16
     while size < 1.4 * count:
@@ -67,7 +70,7 @@ def places_of(bits):
 
 @njit(cache=True, nogil=True)
 def corners_of(vertices, faces):
-    """(F, 3) unit normals (zero for a face without area) and (F, 3) angles at the corners."""
+    """Returns (F, 3) unit normals (zero for a face without area), and (F, 3) angles at the corners."""
     normals, angles = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
     edges, lengths = np.empty((3, 3)), np.empty(3)
     for f in range(len(faces)):
@@ -95,22 +98,25 @@ def corners_of(vertices, faces):
 
 @njit(cache=True, nogil=True)
 def groups_of(place, normals, cosine):
-    """(3 F,) the smoothing group of every corner of every face (F, 3), and how many there are.
+    """Returns (3 F,) the smoothing group of every corner of the faces (F, 3), and the number of groups.
 
-    A union over mild edges: each face with the one before it at the same edge.
+    Uses union-find over mild edges: each face is joined with the previous one at the same edge.
     """
     count = len(place)
     most = np.int64(place.max()) + 1 if count else 1
+    # Sort the half-edges by their lower vertex (counting sort): count them, then sum the counts.
     starts = np.zeros(most + 1, np.int64)
     for k in range(3 * count):
         starts[_low(place, k) + 1] += 1
     for v in range(most):
         starts[v + 1] += starts[v]
+    # Put each half-edge into the range of its lower vertex.
     halves, filled = np.empty(3 * count, np.int64), starts[:-1].copy()
     for k in range(3 * count):
         low = _low(place, k)
         halves[filled[low]] = k
         filled[low] += 1
+    # Join the faces on both sides of each mild edge. At a vertex with few edges, compare them pairwise.
     parents = np.arange(3 * count)
     for v in range(most):
         around = halves[starts[v] : starts[v + 1]]
@@ -133,19 +139,19 @@ def groups_of(place, normals, cosine):
 
 @njit(cache=True, nogil=True, inline="always")
 def _low(place, half):
-    """The lower end of the edge that begins at a corner."""
+    """Returns the lower vertex of the edge that begins at a corner."""
     return min(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _high(place, half):
-    """The higher end."""
+    """Returns the higher vertex of that edge."""
     return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
 @njit(cache=True, nogil=True)
 def _link(place, normals, cosine, parents, one, other):
-    """One group for the corners of two faces at both ends of an edge, where it is mild."""
+    """Joins the corners of two faces at both ends of an edge, if the edge is mild."""
     f, g = one // 3, other // 3
     mild = 0.0
     for c in range(3):
@@ -162,7 +168,7 @@ def _link(place, normals, cosine, parents, one, other):
 
 @njit(cache=True, nogil=True)
 def _numbered(parents):
-    """(K,) numbers of the groups of a union of (K,), from 0, and how many there are."""
+    """Returns (K,) group numbers from 0 for a union-find forest (K,), and the number of groups."""
     numbers, found = np.full(len(parents), -1), 0
     for k in range(len(parents)):
         top = root_of(parents, k)
@@ -177,9 +183,9 @@ def _numbered(parents):
 
 @njit(cache=True, nogil=True)
 def drawn_of(group, faces, vertices):
-    """(3 F,) the drawn vertex of every corner, and (N,) the corner at which each was first met.
+    """Returns (3 F,) the drawn vertex of every corner, and (N,) the first corner of each drawn vertex.
 
-    One is drawn for each group and vertex, or what else (F, 3) numbers below ``vertices`` stand for.
+    There is one drawn vertex per group and vertex, or per group and other number (F, 3) below ``vertices``.
     """
     keys, number = _room(len(group))
     corner, first, found = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
@@ -196,7 +202,7 @@ def drawn_of(group, faces, vertices):
 
 @njit(cache=True, nogil=True)
 def summed(group, count, normals, angles):
-    """(G, 3) the normals of the faces around each group, by their angles."""
+    """Returns (G, 3) the sum of the face normals around each group, weighted by corner angle."""
     sums = np.zeros((count, 3))
     for k in range(len(group)):
         f = k // 3
@@ -207,7 +213,7 @@ def summed(group, count, normals, angles):
 
 @njit(cache=True, nogil=True)
 def bounds_something(faces, vertices):
-    """Whether every edge is there once in each direction."""
+    """Returns True if every edge exists once in each direction."""
     keys, _ = _room(3 * len(faces))
     for f in range(len(faces)):
         for k in range(3):
@@ -225,7 +231,7 @@ def bounds_something(faces, vertices):
 
 @njit(cache=True, nogil=True)
 def firsts_of(cells):
-    """(V,) the first vertex that has the same number of (V,)."""
+    """Returns (V,) for each number in (V,) the index of its first occurrence."""
     keys, first = _room(len(cells))
     out = np.empty(len(cells), np.int32)
     for v in range(len(cells)):

@@ -1,4 +1,4 @@
-"""Work that takes long, done in a thread beside the window."""
+"""Long computations in a background thread."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Cancelled(EnlivenError):
 
 
 class WorkProgress:
-    """How far a piece of work is; shared by its thread and the window.
+    """The progress of a computation; shared by its thread and the window.
 
     Attributes:
-        share: done so far, 0 to 1; None if that is not known.
-        seconds: since it began, as the window counts them.
+        share: finished fraction, 0 to 1; None if unknown.
+        seconds: time since the start, as counted by the window.
         cancelled: whether the artist has cancelled it.
     """
 
@@ -30,7 +30,7 @@ class WorkProgress:
         self.cancelled = False
 
     def report(self, share: float) -> None:
-        """Note how far the work is; call it often.
+        """Reports the progress. Call it often, so that cancelling is quick.
 
         Raises:
             Cancelled: if the artist has cancelled it.
@@ -41,23 +41,23 @@ class WorkProgress:
 
 
 class BackgroundTask:
-    """Does one piece of work at a time; its result is taken between two pictures.
+    """A runner for one computation at a time. Its result is taken between two frames.
 
     Args:
-        toasts: where it is told that work began, and what went wrong.
-        busy: what is said where other work is wanted meanwhile.
+        toasts: shows messages about starts and errors.
+        busy: message shown if other work is requested meanwhile.
     """
 
     def __init__(self, toasts: Toasts, busy: str) -> None:
         self._toasts, self._busy = toasts, busy
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[Future[Any], Callable[[Any], object]] | None = None
-        self.progress: WorkProgress | None = None  # of work that can be cancelled
+        self.progress: WorkProgress | None = None  # None if the work cannot be cancelled
         self.said = ""
 
     @property
     def busy(self) -> bool:
-        """Whether something is being done."""
+        """Returns True if a computation is running."""
         return self._work is not None
 
     def begin(
@@ -67,10 +67,10 @@ class BackgroundTask:
         then: Callable[[Any], object],
         progress: WorkProgress | None = None,
     ) -> None:
-        """Begin ``work`` in the thread; ``then`` takes its result in the window's own.
+        """Starts ``work`` in the background thread. ``then`` gets its result in the window's thread.
 
         Args:
-            progress: how far it is, if that is shown and it can be cancelled.
+            progress: progress to display, if the work can be cancelled.
         """
         if self._work is not None:
             self._toasts.say(self._busy, tr("Wait until it is done."))
@@ -81,7 +81,7 @@ class BackgroundTask:
         self._toasts.say(f"{said} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
-        """Give up the work: its result is dropped, and other work can begin at once."""
+        """Cancels the computation. Its result is discarded, and other work can start at once."""
         if self._work is None or self.progress is None:
             return
         self.progress.cancelled = True
@@ -94,7 +94,7 @@ class BackgroundTask:
         )
 
     def poll(self) -> None:
-        """Take a finished result, or tell what went wrong; to be called once a picture."""
+        """Takes a finished result, or shows its error. Call once per frame."""
         if self._work is None or not self._work[0].done():
             return
         (work, then), self._work = self._work, None
@@ -106,7 +106,7 @@ class BackgroundTask:
             self._toasts.tell(error, tr("Nothing was changed."))
 
     def finish(self) -> None:
-        """Wait for it: before the window ends, and in sessions without a window."""
+        """Waits for the computation: before the window closes, and in sessions without a window."""
         if self._work is not None:
             self._work[0].exception()
             self.poll()

@@ -1,8 +1,8 @@
-"""What the window has from the desktop: its title, files that are dropped onto it, and the size of text.
+"""The window's connection to the desktop: its title, dropped files, and display scaling.
 
-A screen of twice the usual density, and text that an artist wants larger, are one thing: the whole window is
-laid out in usual pixels, and each is several pixels of the screen. ImGui knows that from the screens of Macs,
-so panels, pictures and pointer count in usual pixels everywhere, and nothing else knows of a scale.
+High-density screens and a larger text size are handled in the same way. The whole window is laid out in
+logical pixels, each of several screen pixels. ImGui supports this for the screens of Macs, so panels, views
+and pointer use logical pixels everywhere, and no other code depends on the scale.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from enliven_viewer.studio.pointer_path import PointerPath
 from enliven_viewer.studio.workspace import Workspace
 
 _SMALLEST = (640.0, 360.0)
-"""Usual pixels: a window is never laid out for less, so that large text in a small window stays usable."""
+"""Minimum layout size in logical pixels, so that large text in a small window stays usable."""
 
 
 class Desktop:
-    """The title of the studio's window, files dropped onto it, and its scale; made when it is open."""
+    """The title, dropped files and scale of the studio's window. Created once the window is open."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._title = workspace, ""
@@ -35,7 +35,7 @@ class Desktop:
         self._fit()
 
     def follow(self) -> None:
-        """Open what was dropped, and show the project's name; to be called once a picture."""
+        """Opens dropped files, and updates the window title. Call once per frame."""
         dropped, self._dropped = self._dropped, []
         self._workspace.drop(dropped)
         title = self._workspace.store.title
@@ -44,7 +44,7 @@ class Desktop:
             glfw.set_window_title(self._window, title)
 
     def lay_out(self) -> None:
-        """Let the window be laid out in usual pixels; to be called right after a new frame of ImGui."""
+        """Lays out the window in logical pixels. Call right after ImGui begins a new frame."""
         io, view = imgui.get_io(), imgui.get_main_viewport()
         raw, own = io.display_size, io.display_framebuffer_scale
         wanted = self._density() * self._workspace.preferences.text_size
@@ -58,13 +58,16 @@ class Desktop:
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
     def _density(self) -> float:
-        """Pixels of the window over usual pixels; 1 on Macs, where windows count in usual pixels anyway."""
+        """Returns the number of window pixels per logical pixel.
+
+        It is 1 on Macs, where windows use logical pixels anyway.
+        """
         dense = glfw.get_window_content_scale(self._window)[0]
         across = glfw.get_window_size(self._window)[0]
         return dense * across / max(glfw.get_framebuffer_size(self._window)[0], 1) if across else 1.0
 
     def _fit(self) -> None:
-        """Give the window its usual size on a dense screen, as far as the screen has room."""
+        """Enlarges the window on a high-density screen, as far as the screen has room."""
         monitor = glfw.get_primary_monitor()
         if self.scale == 1.0 or not monitor:
             return
@@ -73,8 +76,11 @@ class Desktop:
         glfw.set_window_size(self._window, min(size[0], room[2]), min(size[1], room[3]))
 
     def _listen(self) -> None:
-        """Count the pointer's places in usual pixels; it stays in the window while a button is held."""
-        library = glfw._glfw  # ImGui's own callbacks are known to the library alone
+        """Converts pointer positions to logical pixels.
+
+        The pointer stays in the window while a button is held.
+        """
+        library = glfw._glfw  # only the library itself knows ImGui's callbacks
         before: list[Any] = []
 
         def move(window: Any, x: float, y: float) -> None:

@@ -1,4 +1,4 @@
-"""Lays out and draws a window's panels."""
+"""Lays out and draws the panels of a window."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _WITHOUT: dict[str, tuple[str, ...]] = {
     "Model": ("timeline",),
     "Play": ("tools", "side"),
 }
-"""The panels that each workspace puts out of reach."""
+"""The panels that each workspace hides."""
 
 
 def places_of(workspace: Workspace, *, bare: bool) -> Places:
-    """Returns the layout of the panels at the window's size; of a bare window, that of the picture alone."""
+    """Returns the layout of the panels at the window's size; for a bare window, only the view."""
     size, room = imgui.get_io().display_size, workspace.perform.room
     without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
     if room == "Play" and workspace.perform.live is not None:
-        without = (*without, "timeline")  # the live one is drawn over the picture
+        without = (*without, "timeline")  # the live stage's timeline is drawn over the view
     how = {
         "puppet": edits_puppet(workspace),
         "curves": workspace.curves.on,
@@ -48,7 +48,7 @@ def places_of(workspace: Workspace, *, bare: bool) -> Places:
 
 
 def has_tool(room: str) -> bool:
-    """Returns whether tools are in reach in a workspace."""
+    """Returns whether a workspace has tools."""
     return room in ("Animate", "Model")
 
 
@@ -74,7 +74,7 @@ def draw_panels(workspace: Workspace, places: Places, pictures: WindowPictures) 
 
 
 def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> None:
-    """Draws the outliner, and below it what is chosen."""
+    """Draws the outliner, with the selection below it."""
     tool, column = workspace.input.tool, places.side
     if isinstance(tool, MapTool):
         column, below = split_side(column)
@@ -83,7 +83,7 @@ def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> Non
     above, below = split_outliner(column, workspace.outliner.share)
     chosen = workspace.editor.selection
     if chosen.character is None or (column is not places.side and chosen.layer is None):
-        above = column  # nothing is chosen, or there is no room for more than the tree and the source
+        above = column  # nothing is selected, or there is only room for the tree and the source
     elif places.performer is None:
         draw_side(workspace, below)
     if above.height >= 1.0:

@@ -1,7 +1,7 @@
-"""A small library of motions on chains of a few joints, which scripts/make_samples.py makes by formulas.
+"""A small library of motions on chains of a few joints, generated from formulas by scripts/make_samples.py.
 
-Every one but the last begins and ends in the same pose, so that it can be looped. They are takes like any
-other: map a chain of one onto a chain of a shape.
+All but the last begin and end in the same pose, so that they can loop. They are ordinary takes: map a chain
+of one to a chain of a shape.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from enliven.document import Clip
 from enliven.formats.project import read_project
 
 MOTIONS = Path(__file__).resolve().parent / "motions.enliven"
-"""The file of the motions, a project of takes alone."""
+"""The file of the motions: a project that contains only takes."""
 
 
 def library() -> tuple[Clip, ...]:
-    """Every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
+    """Returns every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
     return tuple(read_project(MOTIONS).takes.values())

@@ -1,4 +1,4 @@
-"""The pictures of a window: the stage in the middle, and what its panels show of takes and performers."""
+"""The rendered images of a window: the stage, and the panels' images of takes and performers."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ from enliven_viewer.theme import look_in_theme
 
 
 class WindowPictures:
-    """Draws into the window that is bound when it is made.
+    """The renderers of a window. They draw into the framebuffer that is bound when the object is created.
 
     Args:
-        films: every picture is waited for, whatever it takes.
+        films: if True, every image waits until it is complete, however long it takes.
 
     Attributes:
-        source: draws the take that motion is mapped from, or a limb from the side.
-        performer: draws the performer of a puppet that is edited.
+        source: draws the source take of a mapping, or the side view of a limb.
+        performer: draws the performer of an edited puppet.
         thumbnails: draws key poses.
-        glances: draws what the cameras of performers see.
+        glances: draws the camera previews of performers.
     """
 
     def __init__(self, workspace: Workspace, *, films: bool) -> None:
         self.workspace = workspace
         settings, context = workspace.editor.settings, window_context()
-        self._screen: Any = context.detect_framebuffer()  # now, while the window's own is bound
+        # read it now, while the window's own framebuffer is bound
+        self._screen: Any = context.detect_framebuffer()
         self.viewport = Viewport(context, (64, 64), settings.render)
         self.viewport.renderer.textures.beside = not films
         self.source = Viewport(context, (64, 64), settings.render)
@@ -46,14 +47,15 @@ class WindowPictures:
         self.glances = GlancePictures(context)
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
+        """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
         width, height = _framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
-        _ = self.viewport.renderer.ctx.error  # moderngl asks a window for buffers that it lacks
+        # clear the error: moderngl queries buffers that the window lacks
+        _ = self.viewport.renderer.ctx.error
         return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
 
     def draw(self, area: Area) -> None:
-        """Draw the stage in a part of the window, and what the panels show."""
+        """Draws the stage in an area of the window, and the images of the panels."""
         workspace = self.workspace
         editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
         self.source.renderer.look = look_in_theme("studio")
@@ -83,7 +85,7 @@ class WindowPictures:
         self._screen.viewport = (0, 0, wide, high)
 
     def _draw_source(self) -> None:
-        """Draw the take while motion is mapped, or the performer while a puppet is edited."""
+        """Draws the take during mapping, or the performer during the editing of a puppet."""
         tool = self.workspace.input.tool
         if edits_puppet(self.workspace):
             self._draw_performer()
@@ -94,7 +96,10 @@ class WindowPictures:
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StandingCharacter], live: Scene | None) -> None:
-        """Draw the limb that is about to be held from the side; performing needs no picture of a take."""
+        """Draws the side view of the limb that is about to be attached.
+
+        While performing, the source view is not needed.
+        """
         workspace = self.workspace
         place = place_of_side_view(workspace, area)
         lens = workspace.perform.close_up.lens(place.width, place.height)
@@ -106,7 +111,7 @@ class WindowPictures:
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
 
     def _draw_performer(self) -> None:
-        """Draw the performer of the puppet, and key poses that were asked for."""
+        """Draws the performer of the puppet, and the requested key poses."""
         view = self.workspace.performer
         view.follow()
         self.thumbnails.work()
@@ -117,7 +122,7 @@ class WindowPictures:
 
 
 def edits_puppet(workspace: Workspace) -> bool:
-    """Whether a puppet is edited; its performer and its key poses are shown then."""
+    """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
     return (
         workspace.puppets.puppet is not None
         and workspace.perform.room in ("Animate", "Model")
@@ -127,18 +132,18 @@ def edits_puppet(workspace: Workspace) -> bool:
 
 
 def hides_live(workspace: Workspace) -> bool:
-    """Whether what is live is hidden by its eye, which holds outside performing."""
+    """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
     return workspace.outliner.live_hidden and workspace.perform.room in ("Animate", "Model")
 
 
 def _dense(wide: float, high: float) -> tuple[int, int]:
-    """Pixels of the screen for a width and height in usual ones, one at least."""
+    """Returns the size in screen pixels for a size in logical pixels; at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(wide * scale), 1), max(round(high * scale), 1)
 
 
 def _framebuffer_size() -> tuple[int, int]:
-    """Pixels of the screen that the window has."""
+    """Returns the size of the window's framebuffer in screen pixels."""
     io = imgui.get_io()
     scale = io.display_framebuffer_scale
     return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)

@@ -1,4 +1,4 @@
-"""The layout of the panels in a window, in pixels: around the viewport, so that nothing covers the work."""
+"""The layout of the panels in a window, in pixels. Panels lie around the viewport and do not cover it."""
 
 from __future__ import annotations
 
@@ -6,39 +6,41 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 MENU = 23.0
-"""Pixels, height of the menu bar: a line of text."""
+"""Height of the menu bar in pixels: one line of text."""
 TOOLS = 92.0
-"""Pixels, width of the toolbar: a button of 72 with room."""
+"""Width of the toolbar in pixels: a button of 72 with margins."""
 SIDE = 288.0
-"""Pixels, width of the side panel: two buttons of 126 side by side."""
+"""Width of the side panel in pixels: two buttons of 126 side by side."""
 TIMELINE = 196.0
-"""Pixels, height of the timeline: the transport, the ruler and five lanes."""
+"""Height of the timeline in pixels: the transport, the ruler and five lanes."""
 TIMELINE_MOST = 0.75
-"""Share of the window's height that an artist can give the timeline."""
+"""Maximum fraction of the window's height that an artist can give the timeline."""
 LEAST = 118.0
-"""Pixels, height of the timeline in a window with less room: the transport, the ruler, and a lane."""
+"""Minimum height of the timeline in pixels, in a low window: the transport, the ruler, and one lane."""
 PICTURE = 270.0
-"""Pixels of height below which the picture takes room from the timeline."""
+"""Height of the view in pixels below which the view takes space from the timeline."""
 CURVES = 178.0
-"""Pixels, height of the curves: as much as three lines of values need."""
+"""Height of the curve area in pixels: as much as three lines of values need."""
 STRIP = 142.0
-"""Pixels, height of the strip of key poses with a puppet: a title and a row of tiles."""
+"""Height in pixels of a puppet's strip of key poses: a title and a row of tiles."""
 STRIP_PICTURE = 190.0
-"""Pixels of height that a puppet's picture keeps: in a lower window there is no strip of key poses."""
+"""Minimum height in pixels of a puppet's view. In a lower window the strip of key poses is hidden."""
 PERFORMER_LEAST = 150.0
-"""Pixels, least width of the performer: the choice of its take. It has up to half of a narrow picture."""
+"""Minimum width in pixels of the performer's view, so that its take can be chosen. It takes at most half of a
+narrow view.
+"""
 PERFORMER = 0.36
-"""Share of the picture that the performer has with a puppet: the puppet stays the larger."""
+"""Fraction of the view's width for the performer, so that the puppet stays larger."""
 HINT = 32.0
-"""Pixels, height of the strip under the picture with the tool's hint: two lines of small letters."""
+"""Height in pixels of the hint strip below the view: two lines of small text."""
 HINT_OVER = 480.0
-"""Least width in pixels of a picture with the hint over it, above the characters."""
+"""Minimum width in pixels of a view that shows the hint inside it, above the characters."""
 HOLDER = 48.0
-"""Pixels, height of a line of large words about who holds what."""
+"""Height in pixels of a line of large text about the performers and their characters."""
 
 
 class Area(NamedTuple):
-    """x, y of the top left, width and height."""
+    """A rectangle: x and y of the top left corner, width and height."""
 
     x: float
     y: float
@@ -46,12 +48,12 @@ class Area(NamedTuple):
     height: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a pixel is inside."""
+        """Returns True if a pixel is inside the rectangle."""
         return self.x <= x < self.x + self.width and self.y <= y < self.y + self.height
 
 
 class Places(NamedTuple):
-    """The areas of one window size."""
+    """The areas of the panels at one window size."""
 
     tools: Area
     side: Area
@@ -73,22 +75,25 @@ def places_in(
     timeline_height: float = TIMELINE,
     without: Collection[str] = (),
 ) -> Places:
-    """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
+    """Returns the areas of the panels and of the view.
 
-    With a puppet the performer has the left of the picture, and its key poses a strip under both, unless the
-    window is too low: the timeline has them too. Curves lie
-    over the timeline, where that is shown. In a low window the timeline leaves the picture some height.
+    Tools are at the left, properties at the right, the timeline is at the bottom, and the view takes the
+    rest.
+
+    With a puppet, the performer is at the left of the view, and the strip of key poses below both. In a low
+    window there is no strip, since the timeline also shows the key poses. Curves lie above the timeline, if
+    that is shown. In a low window the timeline leaves the view a minimum height.
 
     Args:
-        timeline_height: pixels that the artist gave the timeline.
-        hinted: whether the tool has a hint; under a narrow picture it has a strip of its own.
-        without: "menu", "tools", "side", "timeline": what is not shown, and has no width or height.
+        timeline_height: height of the timeline chosen by the artist, in pixels.
+        hinted: whether the tool has a hint. Below a narrow view the hint has its own strip.
+        without: hidden panels, of "menu", "tools", "side" and "timeline"; they have no width or height.
     """
     menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
     right = SIDE * ("side" not in without)
     room = height - menu - PICTURE - CURVES * curves - STRIP * puppet - HINT * hinted
     usual = min(max(room, LEAST), TIMELINE)
-    if timeline_height != TIMELINE:  # chosen by the artist, so the picture may be lower
+    if timeline_height != TIMELINE:  # the artist has chosen it, so the view may be lower
         usual = max(min(timeline_height, TIMELINE_MOST * height - CURVES * curves), LEAST)
     low = height - usual * ("timeline" not in without)
     timeline, above = Area(0.0, low, width, height - low), None

@@ -1,34 +1,34 @@
-"""Every place that the pointer was at between two pictures: ImGui tells only the last of them."""
+"""All pointer positions between two frames. ImGui reports only the last one."""
 
 from __future__ import annotations
 
 import math
 
 Spot = tuple[float, float]
-"""Pixels of the window from its top left."""
+"""Position in pixels from the window's top left corner."""
 _MOST = 4096
-"""Places that are kept: four seconds of a mouse that tells a thousand a second."""
+"""Maximum number of stored positions: four seconds of a mouse with 1000 events per second."""
 
 
 class PointerPath:
-    """The places that the window's own events told, taken picture by picture up to where ImGui is.
+    """The positions from the window's own events, consumed frame by frame up to ImGui's current position.
 
-    ImGui takes moves and buttons in their order, and goes no further in one picture than to the next change
-    of a button. What lies beyond is kept for the next picture: a stroke begins where the button went down.
+    ImGui processes moves and buttons in order. In one frame it goes no further than the next button change.
+    Later positions are kept for the next frame, so that a stroke begins where the button was pressed.
     """
 
     def __init__(self) -> None:
         self._told: list[Spot] = []
 
     def tell(self, x: float, y: float) -> None:
-        """An event: the pointer is at a place now; whole pixels, as ImGui counts them."""
+        """Adds the position of a pointer event, in whole pixels like ImGui's."""
         self._told.append((float(math.floor(x)), float(math.floor(y))))
         del self._told[:-_MOST]
 
     def take(self, at: Spot) -> list[Spot]:
-        """The places up to the one where ImGui has the pointer, which is the last."""
+        """Returns the positions up to ImGui's current one, which comes last."""
         if at not in self._told:
-            self._told.clear()  # it was moved without an event, as by a test
+            self._told.clear()  # the pointer was moved without an event, for example by a test
             return [at]
         end = self._told.index(at) + 1
         taken, self._told = self._told[:end], self._told[end:]

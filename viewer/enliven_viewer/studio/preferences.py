@@ -1,7 +1,7 @@
-"""What an artist chose for good: keys, recent files, the size of text; kept in a file between runs.
+"""The artist's preferences: shortcuts, recent files, text size and more, stored in a file between runs.
 
-Programs of several versions share the file. What this version does not know stays in it, and a file of a
-later format is left alone.
+Programs of several versions share the file. Unknown entries are preserved, and a file of a later format is
+not changed.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ log = logging.getLogger(__name__)
 
 _NAME = "preferences.json"
 _DAMAGED = ".damaged"
-"""Ending of a damaged file that was put aside."""
+"""File extension of a damaged file that was moved aside."""
 _VERSION = 1
-"""Version of the file's format. An added field or value needs no new version; a changed meaning does."""
+"""Version of the file format. An added field or value needs no new version; a changed meaning does."""
 _VERSION_KEY = "version"
-"""Key of the version; the file of enliven 0.1 lacks it and is of version 1."""
+"""Key of the version. The file of enliven 0.1 lacks it and counts as version 1."""
 _MOST = 1 << 20
-"""Bytes of the file that are read: it holds a few hundred short lines."""
+"""Maximum number of bytes read from the file. A valid file contains a few hundred short lines."""
 SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
-"""Sizes of text that are offered, over the usual: steps that are seen, up to twice."""
+"""Offered text sizes relative to the default: visible steps, up to double."""
 _RECENT = 10
-"""Files that are remembered: as many as are read at a glance."""
+"""Number of recent files: as many as can be read at a glance."""
 
 
 class _Kept(msgspec.Struct):
@@ -51,25 +51,25 @@ class _Kept(msgspec.Struct):
 
 
 class Preferences:
-    """What an artist chose, as it is in a file.
+    """An artist's preferences, stored in a file.
 
-    A damaged file is put aside, and the defaults hold. A file of a later version is kept unchanged: the
-    defaults and new choices hold until the program ends. Entries that this version does not know are kept.
+    A damaged file is moved aside, and the defaults apply. A file of a later version is not changed: the
+    defaults and new choices apply until the program ends. Unknown entries are preserved.
 
     Args:
-        folder: where the file is; None takes the user's own place.
+        folder: folder of the file. None means the user's own data folder.
 
     Attributes:
-        keys: the keys of actions by their ids, of those that have others than their own.
-        recent: paths of projects and models that were opened or saved last, the newest first.
-        text_size: size of the text and of the layout over the usual.
-        less_motion: the view turns at once, without gliding.
-        toured: whether the tour was finished or put away; tour_step: the number of the step it resumes at.
-        performer: performers are seen in a corner of the picture as their camera sees them.
-        theme: "dark" or "light"; colours: the set that tells limbs, performers and takes apart.
+        keys: changed shortcuts, by the ids of their actions.
+        recent: paths of the projects and models opened or saved most recently, newest first.
+        text_size: size of text and layout relative to the default.
+        less_motion: if True, the view turns instantly, without animation.
+        toured: whether the tour was finished or closed. tour_step: number of the step at which it resumes.
+        performer: whether the camera previews of performers are shown in a corner of the view.
+        theme: "dark" or "light". colours: the palette that distinguishes limbs, performers and takes.
         language: the code of the window's language.
-        timeline_height: pixels that the timeline was given; 0 for the usual height.
-        refusal: why the file is not used; None if it is.
+        timeline_height: height of the timeline in pixels; 0 for the default.
+        refusal: why the file is not used; None if it is used.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -88,11 +88,12 @@ class Preferences:
         self._begun = self._chosen()
 
     def save(self) -> None:
-        """Write the file; where it cannot be written, the choices hold until the program ends."""
+        """Writes the file. If that fails, the choices apply until the program ends."""
         if self.refusal is not None:
             return
         chosen = self._chosen()
-        # A value that was not changed is written as it was read: only a later version may know it.
+        # Unchanged values are written as they were read, since a later version may have written values
+        # unknown here.
         changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
         kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
         try:
@@ -101,41 +102,41 @@ class Preferences:
             log.warning("preferences are not kept: %s", error)
 
     def resize(self, steps: int) -> None:
-        """Make text, and the layout with it, some steps larger; below 0 smaller."""
+        """Makes text and layout larger by some steps, or smaller if negative."""
         nearest = min(range(len(SIZES)), key=lambda k: abs(SIZES[k] - self.text_size))
         self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
         self.save()
 
     def calm(self) -> None:
-        """Let the view turn at once, or let it glide again."""
+        """Switches camera animation on or off."""
         self.less_motion = not self.less_motion
         self.save()
 
     def paint(self, theme: str = "", colours: str = "") -> None:
-        """Use another theme, or another set of colours, at once; empty leaves it unchanged."""
+        """Changes the theme or the palette immediately; an empty argument keeps the current one."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = theme_in_use()
         self.save()
 
     def speak(self, language: str) -> None:
-        """Use another language at once."""
+        """Changes the language immediately."""
         speak(language)
         self.language = language_in_use()
         self.save()
 
     def watch_performer(self) -> None:
-        """Show the performers in a corner of the picture, or no longer."""
+        """Shows or hides the camera previews of performers."""
         self.performer = not self.performer
         self.save()
 
     def opened(self, path: Path) -> None:
-        """Put a file first among the recent ones."""
+        """Moves a file to the top of the recent files."""
         name = str(path.resolve())
         self.recent = [name, *(one for one in self.recent if one != name)][:_RECENT]
         self.save()
 
     def _chosen(self) -> dict[str, Any]:
-        """Returns the present choices by the names in the file, as JSON has them."""
+        """Returns the current choices by their names in the file, as JSON values."""
         kept = _Kept(**{name: getattr(self, name) for name in _Kept.__struct_fields__})
         return dict(msgspec.json.decode(msgspec.json.encode(kept)))
 
@@ -157,7 +158,7 @@ class Preferences:
         return kept
 
     def _refuse_later(self, version: Any) -> None:
-        """Notes why a file of a later version is not used.
+        """Stores the reason if a file of a later version cannot be used.
 
         Raises:
             InputError: if the version is not a whole number.
@@ -171,7 +172,7 @@ class Preferences:
             self.refusal = error
 
     def _put_aside(self) -> None:
-        """Renames a damaged file; one that cannot be renamed is not used and not replaced."""
+        """Renames a damaged file. If it cannot be renamed, it is neither used nor replaced."""
         try:
             self.path.replace(self.path.with_suffix(_DAMAGED))
         except OSError as error:

@@ -10,7 +10,7 @@ from enliven_viewer.settings import RenderSettings
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """The editor window."""
+    """The settings of the studio's window."""
 
     render: RenderSettings = setting(RenderSettings, "How the picture is made.")
     width: int = setting(1360, "Width of the window.", unit="pixels", low=640, high=16384)

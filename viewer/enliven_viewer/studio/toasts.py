@@ -1,4 +1,4 @@
-"""Short messages that stay a while: what was done, and what to do about what went wrong."""
+"""Short-lived messages (toasts): finished commands, errors, and how to fix them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Toast:
-    """One message: its text, what to do about it (or empty), whether it is bad, seconds that it stays."""
+    """One message: its text, the advice (or empty), whether it is an error, and the remaining seconds."""
 
     text: str
     mend: str
@@ -23,10 +23,10 @@ class Toast:
 
 
 class Toasts:
-    """The messages on the screen, the newest last.
+    """The messages on the screen, newest last.
 
     Args:
-        seconds: how long one stays; what is bad stays twice as long.
+        seconds: how long a message stays; errors stay twice as long.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -34,16 +34,16 @@ class Toasts:
         self.shown: tuple[Toast, ...] = ()
 
     def say(self, text: str, mend: str = "") -> None:
-        """Tell of something that was done."""
+        """Shows a message about something that was done."""
         self._add(Toast(text, mend, False, self._seconds))
 
     def complain(self, error: EnlivenError) -> None:
-        """Tell of something that could not be done."""
+        """Shows an error that the artist can fix."""
         what = f"{error.where}: {error.what}" if error.where else error.what
         self._add(Toast(what, error.mend, True, 2 * self._seconds))
 
     def tell(self, error: BaseException, mend: str = "") -> EnlivenError:
-        """Tell of anything that went wrong: a fault of our own too, since the window must not end by it."""
+        """Shows any error. Internal errors are shown too, since they must not close the window."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
             what = tr("a fault of enliven itself{0}; the log says more", place_of(error))
@@ -52,7 +52,7 @@ class Toasts:
         return error
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advances time, and removes expired messages."""
         older = (Toast(t.text, t.mend, t.bad, t.left - seconds) for t in self.shown)
         self.shown = tuple(t for t in older if t.left > 0)
 

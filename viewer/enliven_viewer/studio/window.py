@@ -1,4 +1,4 @@
-"""The studio's window: hello_imgui runs it, moderngl draws the picture behind its panels."""
+"""The studio's window: hello_imgui runs it, and moderngl draws the 3D view behind its panels."""
 
 from __future__ import annotations
 
@@ -39,23 +39,27 @@ from enliven_viewer.theme import theme_in_use
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
 _LONGEST_STEP = 2.0
-"""Seconds: the playhead follows the clock over slower pictures too; after a longer pause, such as that of a
-suspended computer, it goes on from where it was."""
+"""Maximum time step in seconds. The playhead follows the clock even at low frame rates. After a longer pause,
+such as a suspended computer, it continues from where it was.
+"""
 _SAMPLES = 0
-"""A pixel, of the window's own buffer; 8 where nothing is said. Panels smooth their edges themselves and the
-picture behind them has its own samples, so that more would only take a third of the time of a picture."""
+"""Multisampling of the window's own framebuffer; ImGui's default would be 8. Panels smooth their own edges,
+and the 3D view has its own samples. More samples here would cost a third of the frame time.
+"""
 
 
 _USUAL_CORNER = (80, 80)
-"""Pixels from the screen's corner to a window that leaves the full screen in which it began."""
+"""Position in pixels, from the screen's corner, of a window that leaves the full screen in which it
+started.
+"""
 _USUAL = WindowStart()
-"""With panels, in a window, which asks before it throws work away."""
+"""Default start: a window with panels, which asks before unsaved work is lost."""
 _MINIMISED_PAUSE = 0.05
-"""Seconds of sleep a picture while the window is minimised and nothing of it is seen."""
+"""Sleep per frame in seconds while the window is minimised."""
 
 
 def elapsed_since(last: float, now: float) -> float:
-    """Returns the seconds by which time goes on between two pictures at moments of the clock."""
+    """Returns the time step in seconds between two frames at given clock times."""
     return min(now - last, _LONGEST_STEP)
 
 
@@ -63,17 +67,17 @@ class StudioWindow:
     """One window on a workspace.
 
     Args:
-        workspace: what is edited.
-        step: seconds that each picture takes, for films; None for the clock's.
-        opening: how it begins.
+        workspace: the workspace to edit.
+        step: fixed duration of each frame in seconds, for films. None uses the clock.
+        opening: the start options.
     """
 
     def __init__(
         self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
-        self.pace = 0.0  # pictures a second of late
-        # Where F11 goes back to; a window that begins full screen has no place of its own yet.
+        self.pace = 0.0  # smoothed frames per second
+        # The place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
         self._windowed: Place | None = (
             (*_USUAL_CORNER, settings.width, settings.height) if opening.full_screen else None
@@ -95,12 +99,12 @@ class StudioWindow:
         after: Callable[[StudioWindow], None] | None = None,
         register_tests: Callable[[], None] | None = None,
     ) -> None:
-        """Show the window until it is closed.
+        """Shows the window until it is closed.
 
         Args:
-            seconds: close it after so long.
-            before, after: called before and after every picture, to give input and to take the picture.
-            register_tests: scripted tests of the window, for ImGui's own test engine.
+            seconds: close the window after this time.
+            before, after: called before and after every frame, to inject input and to capture the image.
+            register_tests: registers scripted tests of the window with ImGui's test engine.
         """
         settings = self.workspace.editor.settings
         runner = hello_imgui.RunnerParams()
@@ -162,43 +166,46 @@ class StudioWindow:
             raise
         finally:
             self.workspace.sound.stop()
-            self.workspace.perform.disconnect()  # a recording that ran becomes an edit
-            if not self.workspace.ended:  # nobody was asked whether to save
+            self.workspace.perform.disconnect()  # a running recording becomes an edit
+            if not self.workspace.ended:  # the artist was not asked whether to save
                 self.workspace.store.autosave_now()
 
     def close(self) -> None:
-        """Close the window after this picture."""
+        """Closes the window after this frame."""
         hello_imgui.get_runner_params().app_shall_exit = True
 
     def _may_close(self) -> bool:
-        """Whether the window's own button may close it; with unsaved work a dialogue opens instead."""
+        """Returns True if the window's close button may close it.
+
+        With unsaved work, a dialogue opens instead.
+        """
         self.workspace.ask("quit")
         return self.workspace.ended
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
+        """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
         assert self._pictures is not None
         return self._pictures.pixels()
 
     @property
     def gl_error(self) -> str:
-        """What OpenGL says of the calls since it was asked last; "GL_NO_ERROR" where nothing is wrong."""
+        """Returns the OpenGL error since the last call; "GL_NO_ERROR" if there was none."""
         assert self._pictures is not None
         return str(self._pictures.viewport.renderer.ctx.error)
 
     @property
     def places(self) -> Places:
-        """The layout of the panels at the window's size."""
+        """Returns the layout of the panels at the window's size."""
         return places_of(self.workspace, bare=self.opening.bare or self.audience)
 
     @property
     def audience(self) -> bool:
-        """Whether nothing but the performance is shown, since the window fills the screen of an audience."""
+        """Returns True if only the performance is shown, since the window fills an audience's screen."""
         return self.opening.audience and self._windowed is not None
 
     @property
     def _idle(self) -> bool:
-        """Whether nothing moves, so that few pictures a second are enough."""
+        """Returns True if nothing moves, so that a low frame rate is enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
         still = still and not self._idle_loop.loss
@@ -206,13 +213,13 @@ class StudioWindow:
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
-        # Keys are the tools': Space must not press the button that was clicked last.
+        # Keys belong to the tools: Space must not press the button that was clicked last.
         imgui.get_io().config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
         self._pictures = WindowPictures(self.workspace, films=self.step is not None)
         self.desktop = Desktop(self.workspace)
 
     def _picture(self) -> None:
-        """Let time go on, and draw the 3-D picture in the middle of the window."""
+        """Advances time, and draws the 3D view in the middle of the window."""
         now = time.monotonic()
         elapsed = elapsed_since(self._last, now) if self.step is None else self.step
         self._last = now
@@ -235,7 +242,7 @@ class StudioWindow:
         self._pictures.draw(area)
 
     def _gui(self) -> None:
-        """Draw the panels, and pass the input beside them to the viewport."""
+        """Draws the panels, and passes input outside of them to the viewport."""
         places, pictures = self.places, self._pictures
         assert pictures is not None
         if self.audience and not self.opening.bare:
@@ -249,7 +256,7 @@ class StudioWindow:
                 draw_side_view(self.workspace, places.viewport, texture)
             draw_live(self.workspace, places.viewport, self.pace)
             draw_scan_over(self.workspace, places.viewport)
-        asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
+        asking = self.workspace.asking  # Escape closes only the dialogue, not also what is behind it
         draw_dialogs(self.workspace)
         if not (self.audience or self.opening.bare):
             draw_tour(self.workspace, places)
@@ -263,7 +270,7 @@ class StudioWindow:
             self.close()
 
     def _listen(self, area: Area, *, keys: bool = True) -> None:
-        """Passes pointer, buttons, wheel and keys over the viewport on."""
+        """Passes pointer, buttons, wheel and keys over the viewport to the tools."""
         io, user_input = imgui.get_io(), self.workspace.input
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
@@ -287,7 +294,7 @@ class StudioWindow:
                     self._key(modifiers + name)
 
     def _key(self, key: str) -> None:
-        """Do what a key means: of the window itself, or of the workspace."""
+        """Handles a key: for the window itself, or for the workspace."""
         if key == "f11":
             self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)
         elif (

@@ -1,4 +1,4 @@
-"""Makes OpenGL 3.3 core contexts, or raises an error that says what is missing."""
+"""Creates OpenGL 3.3 core contexts, or raises an error that says what is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import moderngl
 from enliven.errors import ResourceError
 
 GL_VERSION = 330
-"""OpenGL 3.3 core, as moderngl counts: the oldest with instanced drawing, which every platform offers."""
+"""OpenGL 3.3 core in moderngl's notation: the oldest version with instanced drawing, available on every
+platform.
+"""
 MEND = {
     "linux": "Install it: apt install libegl1 libgl1 libgl1-mesa-dri",
     "win32": "Install the driver of the graphics card.",
@@ -18,23 +20,23 @@ MEND = {
 
 
 def offscreen_context() -> moderngl.Context:
-    """A context that draws into memory: EGL on Linux, the system's own elsewhere.
+    """Returns an offscreen context: EGL on Linux, the system's own API elsewhere.
 
     Raises:
-        ResourceError: where OpenGL 3.3 is missing.
+        ResourceError: if OpenGL 3.3 is missing.
     """
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         return moderngl.create_standalone_context(require=GL_VERSION, **options)
-    except Exception as error:  # moderngl raises plain Exception for whatever the loader could not find
+    except Exception as error:  # moderngl raises a plain Exception if the loader does not find something
         raise _missing(error) from None
 
 
 def window_context() -> moderngl.Context:
-    """The context of the window that is current in this thread.
+    """Returns the context of this thread's current window.
 
     Raises:
-        ResourceError: where it is older than OpenGL 3.3.
+        ResourceError: if it is older than OpenGL 3.3.
     """
     try:
         return moderngl.create_context(require=GL_VERSION)

@@ -1,4 +1,4 @@
-"""Shader programs from the files of ``shaders/``, with their includes, blocks and texture units resolved."""
+"""Shader programs from the files in ``shaders/``; resolves includes, uniform blocks and texture units."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ UNITS = {
     "emissive_map": 8,
     "held": 9,
 }
-"""Texture unit of each sampler; those that no program uses together share one."""
+"""Texture unit of each sampler. Samplers that no program uses together share one."""
 
 
 def shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
-    """The text of one shader file; ``#version`` comes first, whatever comment stands above it.
+    """Returns the source of one shader file. ``#version`` is moved to the top, before any comments.
 
     Args:
-        defines: names for ``#ifdef``. A branch on a uniform costs a software renderer both of its sides.
+        defines: names for ``#ifdef``. With a uniform instead, a software renderer would execute both
+            branches.
     """
     text = (resources.files("enliven_viewer.render") / "shaders" / name).read_text(encoding="utf-8")
     text = _INCLUDE.sub(lambda match: shader_source(match.group(1)), text)
@@ -47,7 +48,7 @@ def load_program(
     varyings: tuple[str, ...] = (),
     defines: tuple[str, ...] = (),
 ) -> moderngl.Program:
-    """A program of two shader files; ``varyings`` are captured when there is no fragment shader."""
+    """Returns a program of two shader files. Without a fragment shader, ``varyings`` are captured."""
     program = ctx.program(
         vertex_shader=shader_source(vertex, defines),
         fragment_shader=shader_source(fragment, defines) if fragment else None,
@@ -63,6 +64,6 @@ def load_program(
 
 
 def set_uniform(program: moderngl.Program, name: str, value: object) -> None:
-    """Set a uniform that the compiler may have removed because nothing needs it."""
+    """Sets a uniform, unless the compiler has removed it because it is unused."""
     if name in program:
         program[name] = value

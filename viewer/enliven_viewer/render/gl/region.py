@@ -1,18 +1,18 @@
-"""Rectangles of a picture."""
+"""Rectangular regions of an image."""
 
 from __future__ import annotations
 
 Region = tuple[int, int, int, int]
-"""Left, lower, width and height in pixels, from the lower left of the picture."""
+"""Left, bottom, width and height in pixels, from the lower left of the image."""
 
 
 def full_region(size: tuple[int, int]) -> Region:
-    """All of a picture of this size."""
+    """Returns the whole region of an image of this size."""
     return 0, 0, *size
 
 
 def regions_around(region: Region, size: tuple[int, int]) -> list[Region]:
-    """The rest of a picture around a region, as at most four regions."""
+    """Returns the rest of an image around a region, as at most four regions."""
     x, y, width, height = region
     right, top = x + width, y + height
     rest = [

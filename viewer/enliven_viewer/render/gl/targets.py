@@ -1,4 +1,4 @@
-"""The framebuffers: a picture that is multisampled where it has edges, and blurred maps for soft shadows."""
+"""Framebuffers: an image that is multisampled only where it has edges, and blurred maps for soft shadows."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from enliven_viewer.render.gl.region import Region, full_region, regions_around
 
 Size = tuple[int, int]
 _OUTERMOST = 3.23
-"""Taps of shaders/blur.frag from its middle to its outermost fetch."""
+"""Distance of the outermost tap in shaders/blur.frag from the centre, in tap spacings."""
 
 
 class RenderTarget:
-    """A picture to read, draw over or show, and a multisampled framebuffer where its edges are drawn.
+    """An image to read, draw over or show, with a multisampled framebuffer for regions with edges.
 
-    The ground is drawn with one sample a pixel. Where anything stands before it, :attr:`drawn` takes it
-    over, is drawn into, and is averaged back. Without multisampling all are one framebuffer.
+    The ground is drawn with one sample per pixel. Where objects are in front of it, :attr:`drawn` copies the
+    ground, is drawn into, and is averaged back. Without multisampling, all of them are one framebuffer.
 
     Args:
         size: width and height in pixels, at least 1.
-        samples: samples a pixel; lowered to what the context has.
+        samples: samples per pixel; limited to what the context supports.
     """
 
     def __init__(self, ctx: moderngl.Context, size: Size, samples: int) -> None:
@@ -40,43 +40,43 @@ class RenderTarget:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
             self.drawn = ctx.framebuffer([colour], depth)
-            self.resolved = ctx.framebuffer([self.texture])  # without a depth, which would be averaged too
+            self.resolved = ctx.framebuffer([self.texture])  # without depth, which would be averaged too
             self._own += [colour, depth, self.drawn, self.resolved]
 
     def begin(self, region: Region) -> None:
-        """Draw before the ground, in a region of the picture alone, from here to :meth:`resolve`."""
+        """Begins drawing in front of the ground, in one region of the image, until :meth:`resolve`."""
         self.region = region
         self._take_over(region)
         self.drawn.use()
 
     def write_depth(self, on: bool) -> None:
-        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
+        """Turns writing to the depth buffer on or off. moderngl applies the mask when binding."""
         self.drawn.depth_mask = on
         self.drawn.use()
 
     def widen(self) -> None:
-        """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
+        """Allows drawing anywhere in the image until the next :meth:`resolve`."""
         for rest in regions_around(self.region, self.size):
             self._take_over(rest)
         self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
-        """Fill the samples of a region with the ground and its depth."""
+        """Copies the ground and its depth into the samples of a region."""
         if self.drawn is not self.ground:
             self.drawn.scissor = region
             self.drawn.use()
             self.ctx.copy_framebuffer(self.drawn, self.ground)
 
     def resolve(self) -> None:
-        """Average the samples of the region into the picture."""
+        """Averages the samples of the region into the image."""
         if self.drawn is not self.resolved:
-            self.drawn.use()  # whose region bounds the copy
+            self.drawn.use()  # its scissor region limits the copy
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
-            self.resolved.use()  # else the next framebuffer would be cleared in this region only
+            self.resolved.use()  # otherwise the next framebuffer would be cleared only in this region
 
     def behind(self) -> moderngl.Texture:
-        """The picture so far as a texture, which a transparent mesh drawn next shows."""
+        """Returns the current image as a texture, which transparent meshes drawn next can sample."""
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()
@@ -89,27 +89,27 @@ class RenderTarget:
         return self._seen[0]
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of the resolved picture, top row first."""
+        """Returns (H, W, 3) sRGB of the resolved image, top row first."""
         return upright(self.raw())
 
     def raw(self) -> UInt8:
-        """(H, W, 4) the resolved picture as OpenGL keeps it, bottom row first."""
+        """Returns (H, W, 4) the resolved image as stored by OpenGL, bottom row first."""
         width, height = self.size
         return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Frees the GPU memory."""
         for item in reversed(self._own):
             item.release()  # type: ignore[attr-defined]
 
 
 def upright(raw: UInt8) -> UInt8:
-    """(H, W, 3) sRGB, top row first, of a picture as OpenGL keeps it, (H, W, 4)."""
+    """Returns (H, W, 3) sRGB, top row first, of an image (H, W, 4) as stored by OpenGL."""
     return np.ascontiguousarray(raw[::-1, :, :3])
 
 
 def _available(ctx: moderngl.Context, wanted: int) -> int:
-    """The largest number of samples up to ``wanted``; 0 for none."""
+    """Returns the largest supported number of samples up to ``wanted``; 0 for none."""
     limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
     return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
 
@@ -129,11 +129,11 @@ class SoftMap:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """The blurred map."""
+        """Returns the blurred map."""
         return self._maps[0]
 
     def begin(self, value: float) -> None:
-        """Clear to (value, value) and draw here until :meth:`blur`."""
+        """Clears to (value, value) and makes the map the render target until :meth:`blur`."""
         for buffer in reversed(self._buffers):
             buffer.scissor = full_region((self.size, self.size))
             buffer.use()
@@ -142,10 +142,10 @@ class SoftMap:
         self.ctx.depth_func = "<"
 
     def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
-        """Blur by nine-tap Gaussians one after the other, their taps ``widths`` texels apart.
+        """Applies nine-tap Gaussian blurs one after the other, with taps ``widths`` texels apart.
 
         Args:
-            drawn: holds what was drawn, with :func:`reach_of` the widths around it.
+            drawn: region of the drawing, enlarged by :func:`reach_of` the widths.
         """
         self.ctx.enable_only(moderngl.NOTHING)
         for buffer in self._buffers:
@@ -159,5 +159,5 @@ class SoftMap:
 
 
 def reach_of(widths: tuple[float, ...]) -> int:
-    """Texels by which :meth:`SoftMap.blur` spreads a drawing."""
+    """Returns the spread of a drawing by :meth:`SoftMap.blur`, in texels."""
     return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)

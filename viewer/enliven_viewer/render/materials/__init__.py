@@ -1,4 +1,4 @@
-"""Materials as the GPU draws them: what a material says, faces that are drawn together, and textures."""
+"""Materials on the GPU: material parameters, batches of faces, and textures."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A glTF material as the shaders need it, read from its JSON; a value that is wrong counts as left out."""
+"""The shader parameters of a glTF material, read from its JSON. Invalid values count as missing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Transform = tuple[float, float, float, float, float, float]
 """a, b, c, d, e, f of u' = a u + b v + c and v' = d u + e v + f."""
 
 STRAIGHT: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-"""Texture coordinates as they are."""
+"""The identity transform of texture coordinates."""
 MAPS = ("base", "finish", "normal", "occlusion", "emissive")
-"""The textures that a material may have, as the shaders name them."""
+"""The textures of a material, by their names in the shaders."""
 _BRIGHTEST = 1000.0
-"""Times that an emission may be stronger than white; beyond, everything is white anyway."""
+"""Maximum emission relative to white. Beyond it, everything is white anyway."""
 _SPREAD = 1e4
-"""Repeats of a texture at most: beyond, no picture of it is left."""
+"""Maximum number of texture repeats. Beyond it, the image is not recognisable."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Map:
     """A texture of a material.
 
     Attributes:
-        texture: its number among the textures of the mesh.
-        uvs: which set of texture coordinates it is placed by.
-        transform: what moves the coordinates first (KHR_texture_transform).
+        texture: number among the textures of the mesh.
+        uvs: number of the set of texture coordinates.
+        transform: transform of the coordinates (KHR_texture_transform).
     """
 
     texture: int
@@ -38,19 +38,19 @@ class Map:
 
 @dataclass(frozen=True)
 class SurfaceMaterial:
-    """What a surface is made of.
+    """The material of a surface.
 
     Attributes:
-        base: linear colour and opacity.
+        base: linear base colour and opacity.
         metallic, roughness: 0..1.
-        emissive: linear light.
-        alpha: how its opacity is drawn.
-        cutoff: opacity below which nothing is drawn, for "MASK".
-        double_sided: whether its faces are seen from behind.
-        unlit: whether its colour is its light.
-        normal_scale: how strongly the normal map counts.
-        occlusion_strength: how strongly the occlusion map counts, 0..1.
-        maps: its textures by the names of :data:`MAPS`.
+        emissive: linear emitted light.
+        alpha: how opacity is drawn.
+        cutoff: minimum opacity that is drawn, for "MASK".
+        double_sided: whether back faces are visible.
+        unlit: whether it shows its colour without lighting.
+        normal_scale: strength of the normal map.
+        occlusion_strength: strength of the occlusion map, 0..1.
+        maps: its textures by the names in :data:`MAPS`.
     """
 
     base: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
@@ -67,7 +67,7 @@ class SurfaceMaterial:
 
 
 def material_of(definition: str) -> SurfaceMaterial:
-    """The material of a glTF material's JSON object."""
+    """Returns the material of a glTF material's JSON object."""
     value = json.loads(definition)
     own = _table(value, "pbrMetallicRoughness")
     extensions = _table(value, "extensions")
@@ -121,13 +121,13 @@ def _map(value: dict[str, Any], name: str) -> Map | None:
 
 
 def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
-    """An object within an object; empty where it is something else."""
+    """Returns a nested JSON object; empty if the value is something else."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 
 
 def _number(value: dict[str, Any], name: str, usual: float, most: float, least: float = 0.0) -> float:
-    """A number within its bounds; ``usual`` where it is none."""
+    """Returns a number clamped to its bounds; ``usual`` if the value is not a number."""
     given = value.get(name)
     good = isinstance(given, (int, float)) and not isinstance(given, bool)
     return min(max(float(given), least), most) if good else usual
@@ -136,7 +136,10 @@ def _number(value: dict[str, Any], name: str, usual: float, most: float, least: 
 def _numbers(
     value: dict[str, Any], name: str, usual: tuple[float, ...], most: float, least: float = 0.0
 ) -> tuple[float, ...]:
-    """As many numbers as ``usual`` has, within their bounds; ``usual`` where they are not."""
+    """Returns a list of numbers clamped to their bounds, as long as ``usual``.
+
+    Returns ``usual`` if the value is something else.
+    """
     given = value.get(name)
     if not isinstance(given, list) or len(given) != len(usual):
         return usual

@@ -1,4 +1,4 @@
-"""A character's colours and materials as rows for drawn vertices, and its faces in the order of drawing."""
+"""A character's colours and materials as vertex attributes, and its faces in drawing order."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from enliven_viewer.render.materials.parts import PLAIN_PART, Part, parts_of
 from enliven_viewer.render.surface import DrawnSurface
 
 DEFAULT_COLOUR = (226, 142, 84)
-"""sRGB of a mesh that brings no colours: warm, on the cold stage."""
+"""sRGB of a mesh without colours: warm, in contrast to the cold stage."""
 _BARE = SurfaceMaterial()
-"""What a surface without a material is made of: skin, wood, matt paint."""
+"""The material of a surface without one: like skin, wood or matt paint."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class PaintedFaces:
     """A surface with its colours.
 
     Attributes:
-        order: (F,) the faces in the order of drawing.
-        parts: each with the first and the number of its faces in that order.
-        rows: (N, 13) float32 of each drawn vertex: two texture coordinates, twice; linear colour and
-            opacity; metallic and roughness; emitted light.
+        order: (F,) the faces in drawing order.
+        parts: each part with its first face and number of faces in that order.
+        rows: (N, 13) float32 per drawn vertex: two sets of texture coordinates; linear colour and opacity;
+            metallic and roughness; emitted light.
     """
 
     order: Int
@@ -36,7 +36,10 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """(3 F, K) bits by which two corners of one vertex are drawn as two; None where all corners are alike."""
+    """Returns (3 F, K) keys: two corners of a vertex with different keys need separate drawn vertices.
+
+    None if all corners are alike.
+    """
     own = character.materials
     if own is None:
         return None
@@ -49,14 +52,14 @@ def paint_keys(character: Character) -> Int32 | None:
 
 
 def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
-    """The colours of a character's drawn vertices, and which faces are drawn together."""
+    """Returns the vertex attributes of a character's colours, and the batches of its faces."""
     own = character.materials
     rows = np.zeros((len(surface.source), 13), np.float32)
     rows[:, 4:7] = _linear_colours(character)[surface.source]
     rows[:, 7:10] = 1.0, _BARE.metallic, _BARE.roughness
     if own is None:
         return PaintedFaces(np.arange(len(surface.faces)), ((PLAIN_PART, 0, len(surface.faces)),), rows)
-    materials = [*map(material_of, own.definitions), _BARE]  # -1, for none, is the last
+    materials = [*map(material_of, own.definitions), _BARE]  # index -1, no material, is the last one
     parts = [*parts_of(materials[:-1], own.textures, own.uvs.shape[2]), PLAIN_PART]
     _paint(rows, own, materials, parts, surface)
     kinds = sorted(set(parts), key=lambda part: part.rank)
@@ -76,7 +79,7 @@ def _paint(
     parts: list[Part],
     surface: DrawnSurface,
 ) -> None:
-    """Fill the rows of the corners that have a material."""
+    """Fills the rows of the corners that have a material."""
     face, corner = np.divmod(surface.corner, 3)
     of = own.of[face]
     for k, (material, part) in enumerate(zip(materials[:-1], parts, strict=False)):
@@ -93,7 +96,7 @@ def _paint(
 
 
 def _linear_colours(character: Character) -> Float32:
-    """(V, 3) float32 linear light of the character's colours."""
+    """Returns (V, 3) float32 linear RGB of the character's colours."""
     colours = character.colours
     if colours is None:
         colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))
@@ -101,7 +104,7 @@ def _linear_colours(character: Character) -> Float32:
 
 
 def linear_from_srgb(srgb: np.ndarray) -> Float32:
-    """Linear light, float32, of sRGB values 0..255 (IEC 61966-2-1)."""
+    """Returns linear RGB, float32, of sRGB values 0..255 (IEC 61966-2-1)."""
     coded = np.asarray(srgb, np.float64) / 255
     linear = np.where(coded <= 0.04045, coded / 12.92, ((np.maximum(coded, 0.0) + 0.055) / 1.055) ** 2.4)
     return np.asarray(linear, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Faces that are drawn in one call; numbers in which their materials differ are kept with the vertices."""
+"""Batches of faces for one draw call. Numeric differences between materials are stored in the vertices."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMateria
 from enliven_viewer.render.materials.textures import mirrored
 
 Placing = tuple[int, Transform]
-"""A set of texture coordinates, and what moves them first."""
+"""A set of texture coordinates, and its transform."""
 
 _ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
 
 
 @dataclass(frozen=True)
 class Part:
-    """How some faces are drawn; materials that differ in numbers alone are drawn together.
+    """The draw state of a batch of faces. Materials that differ only in numbers share a batch.
 
     Attributes:
-        maps: the name of each texture, its number, and by which of the two placings it is placed.
+        maps: name and number of each texture, and which of the two placings it uses.
         placings: at most two.
-        glows: whether anything in it emits light.
+        glows: whether any material in it emits light.
     """
 
     alpha: Alpha = "OPAQUE"
@@ -37,12 +37,12 @@ class Part:
 
     @property
     def rank(self) -> int:
-        """Its place in the order of drawing: what is solid first, what is seen through last."""
+        """Returns its rank in the drawing order: opaque parts first, transparent parts last."""
         return _ORDER.index(self.alpha)
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """What the shaders of its program are told."""
+        """Returns the preprocessor defines of its shaders."""
         places = ("uv.xy", "uv.zw")
         named = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
         flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
@@ -50,18 +50,18 @@ class Part:
 
     @property
     def cutter(self) -> tuple[str, ...]:
-        """What the shader of its shadow is told: its opacity alone counts."""
+        """Returns the preprocessor defines of its shadow shader, which only needs the opacity."""
         return (*(one for one in self.defines if one.startswith("BASE_MAP")), self.alpha)
 
 
 def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
-    """The part that each material is drawn in.
+    """Returns the part of each material.
 
-    A texture with a third placing takes the first one, and one without coordinates is left out.
+    A texture with a third placing uses the first one. A texture without coordinates is left out.
 
     Args:
-        textures: what the materials name.
-        sets: how many sets of texture coordinates there are.
+        textures: the textures that the materials refer to.
+        sets: number of sets of texture coordinates.
     """
     folds = [mirrored(one) for one in textures]
     return [_part(one, folds, sets) for one in materials]
@@ -95,4 +95,4 @@ def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) 
 
 
 PLAIN_PART = Part()
-"""Of faces without a material."""
+"""The part for faces without a material."""

@@ -1,4 +1,4 @@
-"""The textures of characters on the GPU: decoded once, shared by all meshes that name them, with mipmaps."""
+"""The textures of characters on the GPU: decoded once, shared by all meshes that use them, with mipmaps."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from enliven.meshes import Texture, opened_picture
 
 log = logging.getLogger(__name__)
 _MOST_PIXELS = 1 << 26
-"""Pixels of one picture, 8192 x 8192: a few kilobytes can state more than the memory holds."""
+"""Maximum number of pixels of one image, 8192 x 8192. A file of a few kilobytes can declare more than fits
+into memory.
+"""
 _SRGB8_ALPHA8 = 0x8C43
-"""GL_SRGB8_ALPHA8: read as linear light, filtered in it."""
+"""GL_SRGB8_ALPHA8: converted to linear light when read and filtered."""
 _NEAREST = 9728
-"""OpenGL's number in a glTF sampler: no smoothing between texels."""
+"""OpenGL constant in a glTF sampler: no smoothing between texels."""
 _CLAMP = 33071
-"""OpenGL's number in a glTF sampler: the edge goes on."""
+"""OpenGL constant in a glTF sampler: clamp to the edge."""
 _MIRROR = 33648
-"""OpenGL's number in a glTF sampler: the picture goes on mirrored."""
+"""OpenGL constant in a glTF sampler: mirrored repeat."""
 _COLOURS = ("base", "emissive")
-"""Textures of colours, which are in sRGB; the others are numbers."""
+"""Colour textures, which are in sRGB; the others contain numbers."""
 _SOFTWARE = ("llvmpipe", "softpipe", "swiftshader")
-"""Renderers without a GPU, for which more samples of a texture took a third of the time of a picture."""
+"""Software renderers. On these, anisotropic filtering took a third of the frame time."""
 _WHITE = np.full((1, 1, 4), 255, np.uint8)
 
 _Key = tuple[int, bool]
@@ -37,11 +39,13 @@ _Key = tuple[int, bool]
 
 @dataclass
 class HeldTexture:
-    """A texture on the GPU, how many meshes use it, and what its key was made of, which lives as long.
+    """A texture on the GPU with its number of users.
+
+    It keeps the source alive, since its key contains the source's id.
 
     Attributes:
-        texture: white until the picture is decoded.
-        decoding: the picture on its way; None once it is there.
+        texture: white until the image is decoded.
+        decoding: the pending image; None once it is there.
     """
 
     texture: moderngl.Texture
@@ -54,11 +58,11 @@ class Textures:
     """The textures of one OpenGL context.
 
     Args:
-        most: pixels of a side; a larger picture is made smaller.
-        anisotropy: samples along the direction in which a texture is seen at a slant; 1 for none.
+        most: maximum side in pixels; larger images are scaled down.
+        anisotropy: samples of anisotropic filtering; 1 for none.
 
     Attributes:
-        beside: whether pictures are decoded in threads while white is drawn; a window sets it.
+        beside: whether images are decoded in threads while white is drawn; a window sets it.
     """
 
     def __init__(self, ctx: moderngl.Context, most: int, anisotropy: int) -> None:
@@ -72,7 +76,7 @@ class Textures:
         self._pool: ThreadPoolExecutor | None = None
 
     def take(self, source: Texture, name: str) -> HeldTexture:
-        """The texture for a map of a material, which is used until it is given back."""
+        """Returns the texture for a map of a material. The caller must give it back."""
         key = id(source), name in _COLOURS
         if key not in self._held:
             self._held[key] = self._begun(source, key[1])
@@ -80,7 +84,7 @@ class Textures:
         return self._held[key]
 
     def arrive(self) -> None:
-        """Take the pictures that were decoded meanwhile; to be called once a picture."""
+        """Uploads the images that have been decoded since the last call. Call once per frame."""
         for (_, colours), held in self._held.items():
             if held.decoding is not None and held.decoding.done():
                 pixels, held.decoding = held.decoding.result(), None
@@ -95,7 +99,7 @@ class Textures:
         return HeldTexture(self._uploaded(source, colours, _WHITE), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
-        """Count one user less; a texture without any leaves the GPU."""
+        """Removes one user of a texture. A texture without users is freed."""
         key = id(source), name in _COLOURS
         held = self._held[key]
         held.users -= 1
@@ -120,7 +124,10 @@ class Textures:
 
 
 def mirrored(source: Texture) -> tuple[bool, bool]:
-    """Whether a texture goes on mirrored across and down: it is kept unfolded, twice as long."""
+    """Returns whether a texture repeats mirrored across and down.
+
+    Such a texture is stored unfolded, twice as long.
+    """
     sampler = _sampler(source)
     return sampler.get("wrapS") == _MIRROR, sampler.get("wrapT") == _MIRROR
 
@@ -130,7 +137,7 @@ def _sampler(source: Texture) -> dict[str, object]:
 
 
 def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
-    """The picture and its mirror image in a row, in the ways in which it goes on mirrored."""
+    """Returns the image together with its mirror image, along each axis with mirrored repeat."""
     for axis, way in ((1, "wrapS"), (0, "wrapT")):
         if sampler.get(way) == _MIRROR:
             pixels = np.concatenate([pixels, np.flip(pixels, axis)], axis)
@@ -138,7 +145,7 @@ def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
 
 
 def _pixels(source: Texture, most: int) -> UInt8:
-    """(H, W, 4) a decoded texture, its sides at most so long; white where it cannot be read."""
+    """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
     try:
         with opened_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MOST_PIXELS:
@@ -147,6 +154,6 @@ def _pixels(source: Texture, most: int) -> UInt8:
             whole = picture.convert("RGBA")
             whole.thumbnail((most, most), Image.Resampling.BOX)
             return np.asarray(whole, np.uint8)
-    except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
+    except Exception as error:  # a library that decodes untrusted bytes can raise any exception
         log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
         return _WHITE

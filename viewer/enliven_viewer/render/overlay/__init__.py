@@ -1,4 +1,4 @@
-"""Overlays on a picture: flat shapes and text, glowing marks, lines of matches, tubes of graphs."""
+"""Overlays on an image: flat shapes and text, glowing marks, lines of matches, tubes of graphs."""
 
 import lazy_loader
 

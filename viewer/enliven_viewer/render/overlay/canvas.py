@@ -1,4 +1,4 @@
-"""Flat shapes and text over a picture, drawn by ImGui: rounded rectangles, discs, lines and lines of text."""
+"""Flat shapes and text over an image, drawn by ImGui: rounded rectangles, discs, lines and text."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from enliven_viewer.theme import FONT, Colour
 
 
 class Pen:
-    """Draws into a list of ImGui; positions are pixels from an origin.
+    """A pen for an ImGui draw list; positions are pixels from an origin.
 
     Args:
-        draw: the list.
-        origin: left and top, pixels.
+        draw: the draw list.
+        origin: left and top in pixels.
     """
 
     def __init__(self, draw: Any = None, origin: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -27,15 +27,15 @@ class Pen:
     def rectangle(
         self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0
     ) -> None:
-        """A rectangle with round corners; ``x``, ``y`` is its top left."""
+        """Draws a rounded rectangle with its top left corner at ``x``, ``y``."""
         self._list.add_rect_filled(self._at(x, y), self._at(x + width, y + height), _packed(colour), radius)
 
     def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
-        """A disc around ``x``, ``y``."""
+        """Draws a disc centred at ``x``, ``y``."""
         self._list.add_circle_filled(self._at(x, y), radius, _packed(colour))
 
     def line(self, points: Float, width: float, colour: Colour) -> None:
-        """A line through points (N, 2), with round ends."""
+        """Draws a polyline through points (N, 2), with round ends."""
         self._list.add_polyline((points + self._origin).tolist(), _packed(colour), width, 0)
         for x, y in points[[0, -1]].tolist():
             self.disc(x, y, width / 2, colour)
@@ -43,13 +43,13 @@ class Pen:
     def text(
         self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
     ) -> float:
-        """Add text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+        """Draws text below ``y``. It starts at ``x`` (``align`` 0), is centred there (0.5) or ends there (1).
 
         Args:
-            wrap: pixels of a line at most, broken between words; 0 for one line.
+            wrap: maximum line width in pixels, broken between words; 0 for one line.
 
         Returns:
-            its height in pixels.
+            The text's height in pixels.
         """
         wide, high = self.extent(text, size, wrap)
         at = self._at(round(x - align * wide), round(y))
@@ -57,7 +57,10 @@ class Pen:
         return high
 
     def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
-        """Width and height in pixels of text, in lines of ``wrap`` pixels at most; 0 for one line."""
+        """Returns width and height of a text in pixels, with lines of at most ``wrap`` pixels.
+
+        A ``wrap`` of 0 means a single line.
+        """
         imgui.push_font(None, size)
         wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
         imgui.pop_font()
@@ -68,9 +71,9 @@ class Pen:
 
 
 class Canvas(Pen):
-    """A context of ImGui for one OpenGL context; positions are pixels from the picture's top left.
+    """An ImGui context for one OpenGL context; positions are pixels from the image's top left.
 
-    Shapes and text are added inside :meth:`over`, which draws them at its end.
+    Shapes and text are added inside :meth:`over`, which draws them when it ends.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -84,14 +87,14 @@ class Canvas(Pen):
         imgui.backends.opengl3_init("#version 330")
 
     def release(self) -> None:
-        """Give the GPU's memory back."""
+        """Frees the GPU memory."""
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()
         imgui.destroy_context(self._imgui)
 
     @contextmanager
     def over(self, target: moderngl.Framebuffer) -> Iterator[None]:
-        """Draws onto a framebuffer everything that is added inside."""
+        """Draws everything that is added inside this context onto a framebuffer."""
         imgui.set_current_context(self._imgui)
         imgui.get_io().display_size = target.size
         imgui.backends.opengl3_new_frame()

@@ -1,4 +1,4 @@
-"""Glowing attachment points, and the graph's nodes and edges."""
+"""Glowing attachment points, and the nodes and edges of deformation graphs."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.theme import PERFORMERS
 
 CUE_TINT = (1.0, 0.74, 0.22)
-"""Linear light of attachment points where one performer holds a mesh: amber."""
+"""Linear RGB of attachment points if one performer controls a mesh: amber."""
 NODE_TINT = (0.30, 0.62, 1.0)
-"""Linear light of a graph's nodes: cold, apart from attachment points."""
+"""Linear RGB of a graph's nodes: cold, in contrast to attachment points."""
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
-"""Linear light and opacity of a graph's edges: fainter than its nodes."""
+"""Linear RGB and opacity of a graph's edges: fainter than its nodes."""
 CUE_RADIUS = 0.030
-"""Metres, radius of an attachment point at full strength: as thick as a wrist."""
+"""Radius in metres of an attachment point at full strength: as thick as a wrist."""
 NODE_RADIUS = 0.012
-"""Metres, radius of a node: small, since a graph has hundreds of them."""
+"""Radius of a node in metres: small, since a graph has hundreds of them."""
 POINT_RADIUS = 0.020
-"""Metres, radius of a control point of a puppet, which has only a few."""
+"""Radius in metres of a control point of a puppet, which has only a few."""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
 def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
-    """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
+    """Returns (A, 8) float32 rows of an actor's attachment points: xyz and radius, rgb and strength.
 
     Args:
-        bodies: the ids of those in the picture, in the order of their tints.
+        bodies: ids of the visible performers, in the order of their colours.
     """
     cues = actor.cues
     if cues is None or strength <= 0:
@@ -50,7 +50,10 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
 
 
 def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
-    """(A, 3) linear light of attachment points, as :func:`cue_rows`: as the skeletons of their performers."""
+    """Returns (A, 3) linear RGB of attachment points, as in :func:`cue_rows`.
+
+    They have the colours of their performers' skeletons.
+    """
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
     tints = linear_from_srgb(np.array(PERFORMERS, float))
@@ -59,7 +62,10 @@ def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
 
 
 def node_rows(actor: SceneCharacter, strength: float) -> Float32:
-    """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
+    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`cue_rows`.
+
+    For a puppet, they are its control points.
+    """
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions
     rows = np.empty((len(places), 8), np.float32)
@@ -69,7 +75,7 @@ def node_rows(actor: SceneCharacter, strength: float) -> Float32:
 
 
 class Marks:
-    """Draws the marks of a scene over its picture."""
+    """The render pass of a scene's marks, over its image."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -84,7 +90,7 @@ class Marks:
         self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
 
     def draw(self, scene: Scene) -> None:
-        """Draw graphs as strongly as the scene's style says, then attachment points; hidden ones fainter."""
+        """Draws graphs with the style's strength, then attachment points. Occluded ones are fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         if scene.style.graph > 0:
@@ -96,9 +102,7 @@ class Marks:
 
     def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
-        if (
-            len(ends) and actor.character.kind != "points"
-        ):  # nothing is between control points and their frame
+        if len(ends) and actor.character.kind != "points":  # control points have no edges between them
             self._points.orphan(ends.nbytes)
             self._points.write(np.ascontiguousarray(ends))
             self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

@@ -1,4 +1,4 @@
-"""The matched bones on the model: a tube along each chain, a colour for each limb."""
+"""The matched bones on the model: a tube along each chain, with one colour per limb."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from enliven_viewer.theme import LIMBS
 Tint = tuple[float, float, float]
 """Red, green and blue, sRGB in [0, 1]."""
 _THICK = 0.012
-"""Radius as a share of the longest chain; half of it once the chain is driven."""
+"""Tube radius as a fraction of the longest chain; halved once the chain is driven."""
 _DEEP = 0.3
-"""How far beneath the surface a tube shows clearly, likewise: as deep as a fat limb's bone lies."""
+"""Depth below the surface up to which a tube is visible, as a fraction of the longest chain: as deep as the
+bone of a thick limb.
+"""
 
 
 def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
-    """(N, 12) rows for ``Tubes``, and how deep they show through, metres."""
+    """Returns (N, 12) rows for ``Tubes``, and the depth in metres up to which they show through."""
     rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
     for board in boards.values():
         for row in meant_rows(board):
@@ -32,21 +34,21 @@ def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
 
 
 def meant_rows(board: Board) -> tuple[MatchRow, ...]:
-    """What drives the character, or the match that would; none where no choice is made."""
+    """Returns the match that drives the character, or the highlighted candidate; empty if there is none."""
     if board.state == "off" or board.shown < 0:
         return ()
     return board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]
 
 
 def tints_of(row: MatchRow) -> tuple[Tint, ...]:
-    """The colour of each line of a match: that of the performer's limb, or by their order."""
+    """Returns the colour of each line of a match: that of the performer's limb, or else by order."""
     limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
     tints = [(red, green, blue) for red, green, blue in LIMBS]
     return tuple(tints[limb % len(tints)] for limb in limbs)
 
 
 def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
-    """For each performer's id the colours of bones by their outer joint, as they are on the model."""
+    """Returns the colours of bones by their outer joint for each performer's id, as shown on the model."""
     tints: dict[int, dict[int, Tint]] = {}
     for row in (row for board in boards.values() for row in meant_rows(board)):
         if len(row.limbs) != len(row.lines):
@@ -58,7 +60,7 @@ def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
 
 
 def _tubes(line: Float, radius: float, tint: Float32) -> list[Float32]:
-    """A tube a bone, and a ball a joint."""
+    """Returns one tube per bone and one ball per joint."""
     if len(line) < 2:
         return []
     radii, tints = np.full(len(line), radius), np.tile(tint, (len(line), 1))

@@ -1,4 +1,4 @@
-"""Draws a graph as tubes and balls over a finished picture, fainter where the mesh covers it."""
+"""Draws a graph as tubes and balls over a finished image, fainter where the mesh occludes it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from enliven_viewer.render.capsules import CapsulePass
 from enliven_viewer.render.gl import RenderTarget, load_program
 
 FAINT = 0.2
-"""Opacity of what the mesh covers."""
+"""Opacity of occluded parts."""
 
 
 def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
-    """(N, 12) float32 for :class:`Tubes`: from xyz and radius, to xyz and radius, rgb and opacity.
+    """Returns (N, 12) float32 rows for :class:`Tubes`.
+
+    A row has start xyz and radius, end xyz and radius, rgb and opacity.
 
     Args:
-        starts, ends: (N, 3) metres; a ball where they are equal.
+        starts, ends: (N, 3) metres; equal points make a ball.
         radii: (N,) metres.
-        tints: (N, 3) linear light.
+        tints: (N, 3) linear RGB.
     """
     rows = np.ones((len(starts), 12), np.float32)
     rows[:, 0:3], rows[:, 3] = starts, radii
@@ -29,7 +31,7 @@ def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float
 
 
 class Tubes:
-    """Draws tubes over the last picture of a renderer, with the same camera.
+    """A render pass that draws tubes over the last image of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.
@@ -41,11 +43,11 @@ class Tubes:
         self._capsules = CapsulePass(ctx, self._program)
 
     def draw(self, picture: RenderTarget, rows: Float32, bias: float) -> None:
-        """Draw the (N, 12) rows of :func:`tube_rows` and resolve the picture.
+        """Draws the (N, 12) rows of :func:`tube_rows`, and resolves the image.
 
         Args:
-            bias: metres that a tube may lie beneath the surface and still be seen clearly, as the chord of
-                a round limb does.
+            bias: depth in metres below a surface up to which a tube is fully visible, such as a bone inside a
+                round limb.
         """
         picture.widen()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)

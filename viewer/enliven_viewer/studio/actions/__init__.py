@@ -1,4 +1,7 @@
-"""Actions: what an artist can do, each one object, from which menus, keys, help, palette and tests come."""
+"""Actions: the commands available to an artist.
+
+Menus, shortcuts, help, command palette and tests are built from them.
+"""
 
 import lazy_loader
 

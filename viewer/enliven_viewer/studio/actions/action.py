@@ -1,4 +1,4 @@
-"""An action: its name, what it does, when it can be done, and its keys."""
+"""An action: its name, function, availability and shortcuts."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from dataclasses import dataclass
 
 
 def always() -> str:
-    """The reason against an action that can always be done: none."""
+    """Returns an empty reason: the action is always available."""
     return ""
 
 
 @dataclass(frozen=True)
 class Action:
-    """Something that an artist can do.
+    """A command that an artist can run.
 
     Attributes:
-        id: a name that stays, as in saved keys: the menu and the deed, such as "file.save".
+        id: a permanent name, used in saved shortcuts: menu and command, such as "file.save".
         menu: the menu that shows it.
-        label: its name in menus, in the palette and on buttons.
-        keys: its keys until the artist gives it others; the first is shown.
-        do: does it; an EnlivenError that it raises is shown.
-        why_not: why it cannot be done now, and what to do about it; empty where it can.
-        on: for a switch, whether it is on.
-        about: one sentence of what it does, for its tooltip.
+        label: its name in menus, in the command palette and on buttons.
+        keys: default shortcuts; the first is displayed.
+        do: runs the action. An EnlivenError that it raises is shown.
+        why_not: returns why it is unavailable now, with advice; empty if it is available.
+        on: for a toggle, returns whether it is on.
+        about: one sentence about its effect, for the tooltip.
         icon: its glyph in Font Awesome 4, for buttons.
-        apart: a line stands above it in its menu.
-        group: the menu within its menu that shows it, without what is before a colon in its label; or empty.
-        rooms: the workspaces in which its keys mean it, before what they mean elsewhere; empty for all.
+        apart: whether a separator is drawn above it in the menu.
+        group: the submenu that shows it, or empty. There, the part of the label before the colon is left out.
+        rooms: the workspaces in which its shortcuts are active and take precedence over general ones; empty
+            for all.
     """
 
     id: str
@@ -45,14 +46,17 @@ class Action:
 
     @property
     def entry(self) -> str:
-        """Its name in its menu: "legs" for "With: legs" in the menu "With"."""
+        """Returns its name in its menu: "legs" for "With: legs" in the submenu "With"."""
         return self.label.removeprefix(f"{self.group}: ") if self.group else self.label
 
     @property
     def place(self) -> str:
-        """Where it is found: "Perform/With/legs"."""
+        """Returns its menu path: "Perform/With/legs"."""
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
     def rivals(self, other: Action) -> bool:
-        """Whether a key cannot be that of both: they share a workspace, or both have theirs everywhere."""
+        """Returns True if both cannot have the same shortcut.
+
+        This applies if they share a workspace, or if both are active everywhere.
+        """
         return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})

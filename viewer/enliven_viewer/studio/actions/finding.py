@@ -1,4 +1,4 @@
-"""The state of the palette: what is typed, and which of the actions found is marked."""
+"""The state of the command palette: the search text, and the highlighted result."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from enliven_viewer.studio.actions.table import ActionTable
 
 @dataclass
 class Finding:
-    """Letters that are typed to find an action.
+    """A search for an action by name.
 
     Attributes:
-        typed: the letters.
-        marked: the number of the action that Enter does, among those found.
-        refused: Enter was pressed for an action that cannot be done; letters are to be typed again.
+        typed: the search text.
+        marked: number of the highlighted result, which Enter runs.
+        refused: whether Enter was pressed on an unavailable action, so that the text field needs the focus
+            again.
     """
 
     table: ActionTable
@@ -26,21 +27,21 @@ class Finding:
 
     @property
     def found(self) -> list[Action]:
-        """The actions that the letters may mean, the likeliest first."""
+        """Returns the matching actions, best match first."""
         if self._found is None:
             self._found = self.table.find(self.typed)
         return self._found
 
     def type(self, typed: str) -> None:
-        """Take other letters; the likeliest action is marked."""
+        """Changes the search text, and highlights the best match."""
         if typed != self.typed:
             self.typed, self.marked, self._found = typed, 0, None
 
     def step(self, count: int) -> None:
-        """Mark an action further down, or above 0 counts; the last is followed by the first."""
+        """Moves the highlight down by `count`, or up if negative; wraps around."""
         self.marked = (self.marked + count) % max(len(self.found), 1)
 
     def chosen(self) -> Action | None:
-        """The marked action, where one is found and it can be done now."""
+        """Returns the highlighted action if there is one and it is available."""
         one = self.found[self.marked] if self.found else None
         return one if one is not None and not one.why_not() else None

@@ -1,4 +1,4 @@
-"""The keys of a keyboard by their names, and which are held."""
+"""ImGui's keys by their names, and the held modifiers."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ KEYS = {
     **{way: getattr(imgui.Key, f"{way}_arrow") for way in ("left", "right", "up", "down")},
     **{name: getattr(imgui.Key, name) for name in (*_OTHERS, *_MORE)},
 }
-"""Every key that an action can have, by the name that it has in files and sessions."""
+"""Every key that a shortcut can use, by its name in files and scripted sessions."""
 
 
 def held_keys() -> str:
-    """The modifiers that are held now, as the name of a key begins: "ctrl+shift+", or empty."""
+    """Returns the held modifiers as a shortcut prefix: "ctrl+shift+", or empty."""
     io = imgui.get_io()
     held = (io.key_ctrl, io.key_shift, io.key_alt)
     return "".join(f"{name}+" for name, down in zip(MODIFIERS, held, strict=True) if down)

@@ -1,9 +1,9 @@
-"""Names of keys, such as "ctrl+shift+z": as they are saved, and as people read them."""
+"""Names of shortcuts, such as "ctrl+shift+z": as saved in files, and as displayed."""
 
 from __future__ import annotations
 
 MODIFIERS = ("ctrl", "shift", "alt")
-"""Keys that are held while another is pressed, in the order of their names."""
+"""The modifier keys, in the order of their names in a shortcut."""
 _SAID = {
     "delete": "Del",
     "escape": "Esc",
@@ -18,11 +18,11 @@ _SAID = {
     "left_bracket": "[",
     "right_bracket": "]",
 }
-"""Keys that have another name on a keyboard than in a file."""
+"""Keys with a displayed name that differs from the saved one."""
 
 
 def spoken(key: str) -> str:
-    """A key as people read it: "ctrl+shift+z" is Ctrl+Shift+Z."""
+    """Returns a shortcut as displayed: "ctrl+shift+z" becomes Ctrl+Shift+Z."""
     return "+".join(
         _SAID.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
     )

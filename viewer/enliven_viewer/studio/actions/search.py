@@ -1,4 +1,4 @@
-"""Finding an action by some letters of its name."""
+"""Fuzzy search for an action by name."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 
 _START = 8.0
-"""Points for a letter at the start of a word: people type initials."""
+"""Score of a letter at the start of a word, since people type initials."""
 _NEXT = 6.0
-"""Points for a letter right after the one before: people type parts of words."""
+"""Score of a letter that directly follows the previous match, since people type parts of words."""
 _SKIPPED = 0.1
-"""Points lost for each letter of the name that was not typed: of equal finds the shorter name is first."""
+"""Penalty per letter of the name that was not typed, so that shorter names come first."""
 _ELSEWHERE = 50.0
-"""Points lost where the letters are found only together with the menu's name or the sentence."""
+"""Penalty if the letters match only together with the menu's name or the description."""
 
 
 def likeness(typed: str, name: str) -> float | None:
-    """How well typed letters fit a name, larger is better; None where they are not in it in their order."""
+    """Returns how well typed letters match a name; larger is better.
+
+    None if the name does not contain them in order.
+    """
     wanted, text = typed.lower().replace(" ", ""), name.lower()
     if not wanted:
         return 0.0
@@ -36,12 +39,15 @@ def likeness(typed: str, name: str) -> float | None:
 
 
 def _likest(typed: str, *texts: str) -> float | None:
-    """The largest :func:`likeness` to one of some texts: the words of two languages are not mixed."""
+    """Returns the best :func:`likeness` to any of several texts.
+
+    Letters must match within one text, so languages are not mixed.
+    """
     return max((found for one in {*texts} if (found := likeness(typed, one)) is not None), default=None)
 
 
 def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
-    """The actions that some letters may mean, the likeliest first; all in their order for none."""
+    """Returns the matching actions, best match first. Without letters, returns all in their order."""
     scored = []
     for action in actions:
         label, about = tr(action.label), tr(action.about)

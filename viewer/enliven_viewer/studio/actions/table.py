@@ -1,4 +1,4 @@
-"""The table of all actions, with the keys that the artist gave them."""
+"""The table of all actions, with the shortcuts changed by the artist."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from enliven_viewer.studio.toasts import Toasts
 
 _LAST = "Help"
 _MOST_RECENT = 8
-"""Actions that an empty palette shows first: a glance."""
+"""Maximum number of recent actions that the empty palette shows first."""
 
 
 class ActionTable:
-    """All actions: what menus show, what keys do, and what the palette finds.
+    """All actions: for menus, shortcuts and the command palette.
 
     Args:
-        toasts: where it is said why an action cannot be done, or what went wrong.
-        preferences: where changed keys are kept.
+        toasts: shows why an action is unavailable, or its errors.
+        preferences: stores changed shortcuts.
 
     Attributes:
-        recent: ids of the actions that were done last, the newest first.
-        room: the workspace that has keys of its own, which come first; empty where none has.
+        recent: ids of the most recently run actions, newest first.
+        room: returns the workspace with its own shortcuts, which take precedence; empty if there is none.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
@@ -37,10 +37,10 @@ class ActionTable:
         self.room: Callable[[], str] = lambda: ""
 
     def add(self, *actions: Action) -> None:
-        """Add actions to their menus.
+        """Adds actions to their menus.
 
         Raises:
-            InputError: where an id is there already, or a key is another's.
+            InputError: if an id already exists, or a shortcut is taken.
         """
         for action in actions:
             rivals = [other for other in self if other.rivals(action)]
@@ -61,13 +61,13 @@ class ActionTable:
 
     @property
     def menus(self) -> dict[str, list[Action]]:
-        """The actions of each menu, in the order of the bar: help is last."""
+        """Returns the actions of each menu, in the order of the menu bar; Help is last."""
         names = dict.fromkeys(action.menu for action in self)
         order = [name for name in names if name != _LAST] + [_LAST] * (_LAST in names)
         return {name: [action for action in self if action.menu == name] for name in order}
 
     def do(self, action_id: str) -> bool:
-        """Do an action, or say why it cannot be done; returns whether it was tried."""
+        """Runs an action, or shows why it is unavailable. Returns whether it was run."""
         action = self._actions[action_id]
         first, _, rest = tr(action.why_not()).partition(". ")
         if first:
@@ -76,17 +76,18 @@ class ActionTable:
         self.recent = [action_id, *(one for one in self.recent if one != action_id)][:_MOST_RECENT]
         try:
             action.do()
-        except Exception as error:  # a fault of our own must not end the artist's window
+        except Exception as error:  # an internal error must not close the artist's window
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
             self._toasts.tell(error, tr("Save your work, and report it."))
         return True
 
     def press(self, key: str, *, own: bool = False) -> bool:
-        """Do the action that has a key; returns whether one has.
+        """Runs the action with a shortcut. Returns whether there is one.
 
         Args:
-            own: only those of the workspace: their keys come before what the tool in hand does with them.
+            own: if True, only consider shortcuts of the current workspace, which take precedence over the
+                active tool.
         """
         room = self.room() if own else ""
         action = self.holder(key, room) if room or not own else None
@@ -95,62 +96,62 @@ class ActionTable:
         return action is not None
 
     def keys_of(self, action: Action) -> tuple[str, ...]:
-        """The keys of an action: those that the artist gave it, or its own."""
+        """Returns the shortcuts of an action: those set by the artist, or the defaults."""
         return self._preferences.keys.get(action.id, action.keys)
 
     def shown_key(self, action: Action) -> str:
-        """The first key of an action as people read it; empty where it has none."""
+        """Returns the first shortcut of an action as displayed; empty if it has none."""
         return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def holder(self, key: str, room: str = "") -> Action | None:
-        """The action that a key does in one workspace, or, where none is named, everywhere."""
+        """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
         with_key = (action for action in self if key in self.keys_of(action))
         return next((one for one in with_key if (room in one.rooms if room else not one.rooms)), None)
 
     def rival(self, action_id: str, key: str) -> Action | None:
-        """The other action that has a key where an action would have it."""
+        """Returns another action with the same shortcut that would conflict with this action."""
         wanted = self._actions[action_id]
         others = (one for one in self if one is not wanted and one.rivals(wanted))
         return next((one for one in others if key in self.keys_of(one)), None)
 
     def give(self, action_id: str, key: str) -> None:
-        """Give an action a key instead of those it has, and take the key from another action."""
+        """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
         while (other := self.rival(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(one for one in self.keys_of(other) if one != key)
         self._preferences.keys[action_id] = (key,)
         self._tidy()
 
     def free(self, action_id: str) -> None:
-        """Take all keys from an action."""
+        """Removes all shortcuts of an action."""
         self._preferences.keys[action_id] = ()
         self._tidy()
 
     def own_keys(self) -> None:
-        """Give every action its own keys again."""
+        """Restores the default shortcuts of all actions."""
         self._preferences.keys.clear()
         self._preferences.save()
 
     @property
     def changed(self) -> bool:
-        """Whether an action has other keys than its own."""
+        """Returns True if an action has shortcuts other than its defaults."""
         return bool(self._preferences.keys)
 
     def find(self, typed: str) -> list[Action]:
-        """The actions that some letters may mean, the likeliest first; the newest first for none."""
+        """Returns the matching actions, best match first. Without text, recent actions come first."""
         if typed.strip():
             return ranked(typed, self)
         first = [self._actions[one] for one in self.recent if one in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
     def tip(self, action: Action) -> str:
-        """The tooltip of an action: what it does, its key, and why it cannot be done now."""
+        """Returns the tooltip of an action: its effect, its shortcut, and why it is unavailable."""
         key = self.shown_key(action)
         label = tr(action.label)
         first = f"{label}  ({key})" if key else label
         return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)
 
     def _tidy(self) -> None:
-        """Forget keys that are an action's own anyway, and save the rest."""
+        """Removes shortcuts that equal the defaults, and saves the rest."""
         changed = self._preferences.keys
         for one in [
             one for one in changed if one in self._actions and changed[one] == self._actions[one].keys

@@ -1,4 +1,4 @@
-"""An action that waits for another key."""
+"""The state of changing a shortcut."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from enliven_viewer.studio.actions.table import ActionTable
 
 @dataclass
 class WantedKey:
-    """The action that is to have another key, and the key that was pressed for it.
+    """The action with a shortcut being changed, and the key pressed for it.
 
     Attributes:
-        action: its id; empty where none waits.
-        key: a key that is another action's, until it is taken or left; else empty.
+        action: its id; empty if no change is in progress.
+        key: a pressed key that belongs to another action, until the artist confirms or cancels; else empty.
     """
 
     action: str = ""
     key: str = ""
 
     def begin(self, action: str) -> None:
-        """Wait for the key of an action; of none where it is empty."""
+        """Starts waiting for the shortcut of an action; an empty id cancels."""
         self.action, self.key = action, ""
 
     def press(self, table: ActionTable, key: str) -> None:
-        """Take a pressed key where it is free; Escape ends the waiting."""
+        """Handles a pressed key: assigns it if it is free. Escape cancels."""
         if key == "escape":
             self.begin("")
         elif table.rival(self.action, key) is None:
@@ -34,6 +34,6 @@ class WantedKey:
             self.key = key
 
     def take(self, table: ActionTable) -> None:
-        """Give the action the key, and take it from another."""
+        """Assigns the key to the action, and removes it from the other one."""
         table.give(self.action, self.key)
         self.begin("")

@@ -1,4 +1,4 @@
-"""Curves over time of what is chosen: turns, places, keys, weight and speed, and edits of keys."""
+"""Curves over time of the selection: turns, places, keys, weight and speed, and edits of keys."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The curves of what is chosen: groups of channels of one unit, sampled at even times."""
+"""The curves of the selection: groups of channels with a common unit, sampled at regular times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from enliven.rotation import (
 
 AXES = ("x", "y", "z")
 NUMBERS: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
-"""The groups of numbers of a layer, and which of its keys are theirs."""
+"""The numeric groups of a layer, with the attribute that holds their keys."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Dot:
     """A key on a curve.
 
     Attributes:
-        number: among the keys of the bone, or the key poses of the puppet.
+        number: number of the key among the keys of the bone or the key poses of the puppet.
         axis: the channel.
-        time: seconds of the project.
-        value: in the group's unit.
-        ease: how it goes over into the next; empty where examples decide that.
+        time: time in the project in seconds.
+        value: value in the group's unit.
+        ease: interpolation to the next key; empty if the examples decide it.
     """
 
     number: int
@@ -50,10 +50,10 @@ class CurveGroup:
 
     Attributes:
         name: "keys", "moves", "turn", "place", "weight" or "speed".
-        unit: what stands behind a value.
-        channels: their names.
-        values: (T, C) at the times that were asked for; nothing is drawn where one is not finite.
-        dots: the keys on them, which can be dragged.
+        unit: unit shown after a value.
+        channels: names of the channels.
+        values: (T, C) at the requested times. Values that are not finite are not drawn.
+        dots: the draggable keys on the curves.
     """
 
     name: str
@@ -65,7 +65,7 @@ class CurveGroup:
 
 @dataclass(frozen=True)
 class Thing:
-    """What curves are of: a character, and a handle or a layer of it."""
+    """The object of the curves: a character, and a handle or a layer of it."""
 
     character: str
     handle: int | None
@@ -73,10 +73,10 @@ class Thing:
 
 
 def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
+    """Returns the curves of an object at times (T,), without its keys, which :func:`key_groups` returns.
 
     Raises:
-        EnlivenError: where it cannot be played.
+        EnlivenError: if the character cannot be played.
     """
     character = project.character(thing.character)
     found = list[CurveGroup]()
@@ -98,10 +98,10 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
 
 
 def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The keys of a thing and the curves through them: "keys" in degrees, and "moves" in metres.
+    """Returns the keys of an object and the curves through them: "keys" in degrees, and "moves" in metres.
 
-    They are of the chosen bone or node, or else of the whole; a bone is only turned, and the control points
-    of a puppet have key poses instead.
+    The keys are those of the selected bone or node, or else of the whole character. A bone has only
+    rotations. Control points of a puppet have key poses instead.
     """
     character = project.characters.get(thing.character)
     if character is None or (thing.handle is not None and thing.handle >= character.keyable):
@@ -120,7 +120,7 @@ def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveG
 
 
 def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
-    """A dot for each key and axis; ``values`` names what of a key they show."""
+    """Returns a dot for each key and axis. ``values`` names the shown attribute of the keys."""
     return tuple(
         Dot(k, axis, time, getattr(key, values)[axis], key.ease)
         for k, (time, key) in enumerate(keys)
@@ -129,7 +129,10 @@ def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, 
 
 
 def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
-    """The places that the key poses of a puppet give the chosen control point, when they are played."""
+    """Returns the selected control point's positions in the puppet's key poses.
+
+    Their times are those at which the key poses are played.
+    """
     puppet, layer = project.characters.get(thing.character), layer_of_thing(project, thing)
     if not isinstance(puppet, Puppet) or thing.handle is None or layer is None:
         return ()
@@ -143,7 +146,7 @@ def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
 
 
 def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
-    """The keys of the weight or the speed of a thing's layer, with the values that are drawn."""
+    """Returns the keys of the weight or the speed of an object's layer, with the drawn values."""
     number = layer_number(project, thing)
     if number is None or group not in NUMBERS:
         return ()
@@ -162,7 +165,7 @@ def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
 
 
 def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
-    """What a value of 1 of a key of a layer's weight or speed is drawn as: the layer's own number."""
+    """Returns the drawn value of a layer key with value 1: the layer's own weight or speed."""
     layer = layer_of_thing(project, thing)
     if layer is None or group == "weight":
         return float(getattr(layer, "weight", 1.0)) or 1.0
@@ -171,13 +174,13 @@ def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
 
 
 def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
-    """The chosen layer of a thing, or else the first that is heard."""
+    """Returns the selected layer of an object, or else the first audible one."""
     number = layer_number(project, thing)
     return None if number is None else project.character(thing.character).playing[number]
 
 
 def layer_number(project: Project, thing: Thing) -> int | None:
-    """The number of that layer; None where nothing is heard."""
+    """Returns the number of that layer; None if no layer is audible."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
@@ -188,7 +191,10 @@ def layer_number(project: Project, thing: Thing) -> int | None:
 def _moving(
     project: Project, character: RigBase, thing: Thing
 ) -> Callable[[float], tuple[Float, Float]] | None:
-    """What gives the turn (4,) and the place (3,) of a thing at a time; None where none is chosen."""
+    """Returns the function that maps a time to the rotation (4,) and position (3,) of an object.
+
+    Returns None if no handle is selected.
+    """
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
         if thing.handle is not None:
@@ -210,7 +216,7 @@ def _moving(
     def of_handle(time: float) -> tuple[Float, Float]:
         pose, handles = player(time)
         linear = np.asarray(pose.linear, np.float64)
-        if isinstance(character, Puppet):  # in the mesh's own frame, as its key poses are
+        if isinstance(character, Puppet):  # in the mesh's own frame, like its key poses
             frame, place = linear[0], handles[handle] - pose.positions[0]
             return from_matrix(frame), frame.T @ place
         turn = from_matrix(linear[handle])
@@ -224,7 +230,7 @@ def _moving(
 def _of_node(
     player: Callable[[float], tuple[Pose, Float]], node: int
 ) -> Callable[[float], tuple[Float, Float]]:
-    """What gives the turn and the place of a node of a deformation graph."""
+    """Returns the function that maps a time to the rotation and position of a deformation graph's node."""
 
     def at(time: float) -> tuple[Float, Float]:
         pose = player(time)[0]
@@ -234,7 +240,7 @@ def _of_node(
 
 
 def _unwrapped(turns: Float) -> Float:
-    """(T, 3) degrees of rotation vectors of turns (T, 4) without jumps of whole rounds."""
+    """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):
         angle = float(np.linalg.norm(vectors[k]))
@@ -246,7 +252,10 @@ def _unwrapped(turns: Float) -> Float:
 
 
 def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
-    """Seconds of the take for a second of the project at a time; 0 where it stands."""
+    """Returns the playback speed at a time: seconds of the take per second of the project.
+
+    The speed is 0 if the take stands still.
+    """
     one, other = layer.moment(time, length), layer.moment(time + wide, length)
     if one.rounds != other.rounds:
         return float("nan")

@@ -1,4 +1,7 @@
-"""The curves of what is chosen, and the pointer over them: keys are dragged, added, removed and eased."""
+"""The curve editor, with the curves of the selection.
+
+Keys can be dragged, added, removed and eased with the pointer.
+"""
 
 from __future__ import annotations
 
@@ -29,18 +32,18 @@ from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
 
 GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
-"""All groups, in the order in which they are offered."""
+"""All groups of channels, in the order of their buttons."""
 REACH = 8.0
-"""Pixels around a key within which the pointer takes hold of it."""
+"""Distance in pixels within which a key can be grabbed."""
 _SAMPLES = 240
-"""Times at which curves are sampled over what is shown: one every few pixels."""
+"""Number of samples of a curve over the visible time span: one every few pixels."""
 _ZOOM = 0.85
-"""Share of the values that are shown after one notch of the wheel."""
+"""Factor of the visible value range per notch of the wheel."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """Curves that are to be sampled."""
+    """A request for sampled curves."""
 
     project: Project
     thing: Thing
@@ -58,17 +61,17 @@ class _Wanted:
 
 
 _EASED = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
-"""The step of the history for each way in which a key goes over into the next."""
+"""The name in the history of each change of a key's interpolation."""
 
 
 class CurveInput:
-    """What curves are shown, and the edits that the pointer makes on them.
+    """The state of the curve editor, and the edits made with the pointer.
 
     Attributes:
         on: whether the curves are shown.
-        group: which group of channels is shown.
-        height: pixels of the area of the curves.
-        chosen: the key that was clicked last: its number, or None.
+        group: name of the shown group of channels.
+        height: height of the curve area in pixels.
+        chosen: number of the key that was clicked last, or None.
     """
 
     def __init__(self, editor: Editor, timeline: TimelineInput) -> None:
@@ -84,12 +87,15 @@ class CurveInput:
         self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
-        """Show or hide the curves."""
+        """Shows or hides the curves."""
         self.on = not self.on
 
     @property
     def thing(self) -> Thing | None:
-        """What the curves are of: the chosen character with its handle and layer."""
+        """Returns the object of the curves: the selected character with its handle and layer.
+
+        Returns None without a selection.
+        """
         chosen = self.editor.chosen()
         if chosen is None:
             return None
@@ -97,12 +103,15 @@ class CurveInput:
 
     @property
     def times(self) -> Float:
-        """(T,) seconds at which curves are sampled: those that the timeline shows."""
+        """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
         layout = self.timeline.layout
         return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
 
     def refresh(self) -> None:
-        """Take curves that were sampled, and begin with the newest; once a picture, and it never waits."""
+        """Takes finished curves from the background thread, and starts sampling if they are outdated.
+
+        Call once per frame; does not block.
+        """
         thing = self.thing
         if thing is None:
             return
@@ -116,7 +125,7 @@ class CurveInput:
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
-        """Every group of curves of what is chosen, as far as it is known."""
+        """Returns all groups of curves of the selection that have already been sampled."""
         thing, project = self.thing, self.editor.project
         if thing is None:
             return {}
@@ -135,7 +144,10 @@ class CurveInput:
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
-        """Every group of curves, all of them solved and sampled: for sessions without a window."""
+        """Returns all groups of curves, completely solved and sampled.
+
+        Blocks; for sessions without a window.
+        """
         chosen = self.editor.chosen()
         if isinstance(chosen, Puppet):
             self.editor.solving.settle(self.editor.project, chosen.id)
@@ -146,23 +158,23 @@ class CurveInput:
         return self.groups()
 
     def shown(self) -> CurveGroup | None:
-        """The group that is shown: the one that was asked for, or else the first that there is."""
+        """Returns the shown group: the requested one, or else the first available one."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
     def sampled(self) -> Float:
-        """(T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
+        """Returns (T,) the sample times of :meth:`shown`, which may be slightly outdated."""
         if self._known is None or self.shown_name() in KEYED:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
 
     def shown_name(self) -> str:
-        """The name of the group that is shown, or empty."""
+        """Returns the name of the shown group, or empty."""
         group = self.shown()
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
-        """The scale of the values: around all of them, until it is zoomed or panned."""
+        """Returns the value scale: it fits all values until the user zooms or pans."""
         if self._seen != (self.thing, group.name):
             self._seen, self._scale, self.chosen = (self.thing, group.name), None, None
         if self._held is not None:
@@ -173,23 +185,23 @@ class CurveInput:
         return Scale.around(values, group.unit, self.height)
 
     def fit(self) -> None:
-        """Show all values again."""
+        """Fits the value scale to all values again."""
         self._scale = None
 
     def zoom(self, notches: float, y: float) -> None:
-        """Show fewer or more values; the one at a pixel stays there."""
+        """Zooms the value range in or out around a pixel."""
         group = self.shown()
         if group is not None:
             self._scale = self.scale(group).zoomed(_ZOOM**notches, y)
 
     def pan(self, pixels: float) -> None:
-        """Move the values down by some pixels."""
+        """Pans the values down by some pixels."""
         group = self.shown()
         if group is not None:
             self._scale = self.scale(group).panned(pixels)
 
     def dot_at(self, x: float, y: float) -> Dot | None:
-        """The key under a pixel, counted from the timeline's left and the curves' top."""
+        """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
         group = self.shown()
         if group is None:
             return None
@@ -202,7 +214,7 @@ class CurveInput:
         return best[3] if best is not None and best[0] <= REACH else None
 
     def press(self, x: float, y: float) -> None:
-        """The left button went down: on a key, or beside all, where the playhead goes."""
+        """Handles a press of the left button: grabs a key, or else moves the playhead."""
         dot, group = self.dot_at(x, y), self.shown()
         self.chosen = None if dot is None else dot.number
         if dot is not None and group is not None:
@@ -211,12 +223,12 @@ class CurveInput:
             self.editor.scrub(self.timeline.layout.time(x))
 
     def drag(self, x: float, y: float) -> None:
-        """The pointer moved: the held key goes along, as a draft."""
+        """Handles pointer movement: previews the move of the held key."""
         if self._held is not None:
             self.editor.sketch(self._moved(x, y))
 
     def release(self, x: float, y: float) -> None:
-        """The button was let go: what was dragged is one edit."""
+        """Handles the release of the button: the drag becomes one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
             if self.thing is not None:
@@ -224,15 +236,16 @@ class CurveInput:
             self.editor.edit("move key", self._moved(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
-        self.chosen = self.chosen if dot is None else dot.number  # a key that passed another has its number
+        # keys are numbered by time, so a key dragged past another one gets that one's number
+        self.chosen = self.chosen if dot is None else dot.number
 
     @property
     def busy(self) -> bool:
-        """Whether a key is held."""
+        """Returns True if a key is being dragged."""
         return self._held is not None
 
     def double(self, x: float, y: float) -> None:
-        """A double click: a key more, with the value at the pointer on the nearest channel."""
+        """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
         thing, group = self.thing, self.shown()
         if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
             return
@@ -243,7 +256,7 @@ class CurveInput:
         self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
-        """Remove the chosen key."""
+        """Removes the selected key."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is None or number is None:
             return
@@ -252,20 +265,26 @@ class CurveInput:
         self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
-        """Whether a key of the keyboard meant the chosen key: Delete removes it."""
+        """Handles keyboard input for the selected key: Delete removes it.
+
+        Returns whether it had an effect.
+        """
         if not self.on or self.chosen is None or key not in ("delete", "backspace"):
             return False
         self.remove()
         return True
 
     def ease(self, ease: str) -> None:
-        """Let the chosen key go over into the next in another way."""
+        """Changes the interpolation from the selected key to the next one."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
             self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
 
     def _lane(self, thing: Thing) -> tuple[int, ...]:
-        """The numbers of the layers that share a bar of the timeline with the thing's layer."""
+        """Returns the numbers of the layers that share a timeline bar with the object's layer.
+
+        That layer comes first.
+        """
         number = layer_number(self.editor.project, thing) or 0
         bars = self.timeline.layout.bars()
         mine = (one.layers for one in bars if one.character.id == thing.character and number in one.layers)
@@ -273,25 +292,25 @@ class CurveInput:
         return (number, *rest)
 
     def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
-        """Say that a value cannot be played, and that the nearest is taken."""
+        """Reports if a value is outside the playable range, so that the nearest valid value is used."""
         if said := beyond(self.editor.project, thing, name, time, value):
             self.editor.toasts.say(said)
 
     def _wanted(self, x: float, y: float) -> tuple[float, float]:
-        """The time and the value that the held key is dragged to by a pointer at a pixel."""
+        """Returns the time and the value to which the pointer drags the held key."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
         layout = self.timeline.layout
         time = dot.time + layout.time(x) - layout.time(from_x)
         value = dot.value + scale.value(y) - scale.value(from_y)
-        # A drag that goes one way leaves the other as it is.
+        # A drag along one axis leaves the value on the other axis unchanged.
         return (
             dot.time if abs(x - from_x) < REACH / 2 else time,
             dot.value if abs(y - from_y) < REACH / 2 else value,
         )
 
     def _moved(self, x: float, y: float) -> Edit:
-        """The edit that brings the held key to a pixel."""
+        """Returns the edit that moves the held key to a pixel."""
         assert self._held is not None
         thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
         assert thing is not None
@@ -299,11 +318,11 @@ class CurveInput:
         return lambda project: moved(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
-        """Take the curves that were sampled."""
+        """Takes the finished curves from the background thread."""
         if self._work is None or not self._work[1].done():
             return
         (wanted, future), self._work = self._work, None
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
-            self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
+            self.editor.toasts.tell(error)  # the panel that plays the character reports the other errors
         self._known = (wanted, {} if error is not None else future.result())

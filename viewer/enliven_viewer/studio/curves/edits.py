@@ -1,4 +1,4 @@
-"""The edits of keys of every group of curves: added, moved, eased and removed."""
+"""Edits of keys in every group of curves: add, move, ease and remove."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.curves.channels import NUMBERS, Dot, Thing, layer_of_thing, scale_of
 
 KEYED = {"keys": "degrees", "moves": "metres"}
-"""The groups of keys over motion, and what of a key each shows."""
+"""The groups of motion keys, and the attribute of a key that each shows."""
 _ENDS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
-"""The least and the greatest value of a key of a layer's numbers."""
+"""Minimum and maximum value of the keys of a layer's weight and speed."""
 Lane = tuple[int, ...]
 
 
 def added(project: Project, thing: Thing, lane: Lane, group: str, time: float, value: float) -> Project:
-    """A project with a key of a group at a time, with a value on the nearest channel.
+    """Returns a project with a new key at a time. The channel with the nearest value gets the given value.
 
     Args:
-        lane: the numbers of the layers of the thing's lane.
+        lane: the numbers of the layers in the object's lane.
     """
     if group in NUMBERS:
         own = within(project, thing, group, time, value)
@@ -49,7 +49,7 @@ def added(project: Project, thing: Thing, lane: Lane, group: str, time: float, v
 def moved(
     project: Project, thing: Thing, lane: Lane, group: str, dot: Dot, time: float, value: float
 ) -> Project:
-    """A project with a key at another time, with another value."""
+    """Returns a project with a key moved to another time and value."""
     if group in NUMBERS:
         own = within(project, thing, group, time, value)
         number = NUMBERS[group]
@@ -64,14 +64,14 @@ def moved(
 
 
 def eased(project: Project, thing: Thing, lane: Lane, group: str, number: int, ease: str) -> Project:
-    """A project in which a key goes over into the next in another way."""
+    """Returns a project with another interpolation from a key to the next one."""
     if group in NUMBERS:
         return move_layer_key(project, thing.character, lane, NUMBERS[group], number, ease=ease)
     return ease_key(project, thing.character, thing.handle, number, ease)
 
 
 def removed(project: Project, thing: Thing, lane: Lane, group: str, number: int) -> Project:
-    """A project without a key, or without a key pose of a puppet."""
+    """Returns a project without a key, or without a key pose of a puppet."""
     if group in NUMBERS:
         return remove_layer_key(project, thing.character, lane, NUMBERS[group], number)
     if group in KEYED:
@@ -80,13 +80,13 @@ def removed(project: Project, thing: Thing, lane: Lane, group: str, number: int)
 
 
 def within(project: Project, thing: Thing, group: str, time: float, value: float) -> float:
-    """The value of a layer's key that is drawn at ``value``, within what can be played."""
+    """Returns the value of a layer's key that is drawn at ``value``, clamped to the playable range."""
     low, high = _ENDS[group]
     return min(max(value / scale_of(project, thing, group, time), low), high)
 
 
 def beyond(project: Project, thing: Thing, group: str, time: float, value: float) -> str:
-    """A sentence where a value cannot be played and a nearer one was taken; else empty."""
+    """Returns a sentence if a value is outside the playable range and was clamped; else empty."""
     if group not in NUMBERS or not np.isfinite(value):
         return ""
     wanted = value / scale_of(project, thing, group, time)
@@ -98,7 +98,10 @@ def beyond(project: Project, thing: Thing, group: str, time: float, value: float
 
 
 def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
-    """A project in which a key pose puts the control point elsewhere, or is of another moment."""
+    """Returns a project with a key pose of a puppet changed.
+
+    The control point gets another position, or the key pose another time.
+    """
     puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
     if layer is None or thing.handle is None:
         raise InputError(tr("no control point is chosen"), where=puppet.where, mend=tr("Click one first."))

@@ -1,4 +1,4 @@
-"""The scale of values of the curves: which value is at which pixel, and numbers to write beside it."""
+"""The vertical scale of the curves: maps values to pixels, and chooses the labelled values."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from enliven.arrays import Float
 
 _ROOM = 0.12
-"""Share of the values' range that is left free above and below."""
+"""Margin above and below, as a fraction of the value range."""
 _LEAST = {"\u00b0": 10.0, "m": 0.1, "x": 1.0, "": 1.0}
-"""Range of values that is shown at least, by the unit."""
+"""Minimum visible value range, by unit."""
 _APART = 26.0
-"""Pixels between two numbers at least."""
+"""Minimum distance between two labels in pixels."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """The values from ``low`` at the bottom to ``high`` at the top of an area of some pixels height."""
+    """A scale from ``low`` at the bottom to ``high`` at the top of an area with a height in pixels."""
 
     low: float
     high: float
@@ -27,7 +27,7 @@ class Scale:
 
     @staticmethod
     def around(values: Float, unit: str, height: float) -> Scale:
-        """The scale that shows all of some values."""
+        """Returns the scale that shows all given values."""
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
         wide = max(high - low, _LEAST.get(unit, 1.0))
@@ -36,25 +36,28 @@ class Scale:
         return Scale(middle - half, middle + half, height)
 
     def y(self, value: float) -> float:
-        """The pixel of a value, from the top."""
+        """Returns the y coordinate of a value, in pixels from the top."""
         return self.height * (self.high - value) / (self.high - self.low)
 
     def value(self, y: float) -> float:
-        """The value of a pixel."""
+        """Returns the value at a y coordinate."""
         return self.high - y / self.height * (self.high - self.low)
 
     def zoomed(self, factor: float, y: float) -> Scale:
-        """The scale with a range ``factor`` times as wide; the value at a pixel stays there."""
+        """Returns the scale with the range multiplied by ``factor``.
+
+        The value at pixel ``y`` stays in place.
+        """
         at = self.value(y)
         return Scale(at - (at - self.low) * factor, at + (self.high - at) * factor, self.height)
 
     def panned(self, pixels: float) -> Scale:
-        """The scale with everything moved down by some pixels."""
+        """Returns the scale with all values panned down by some pixels."""
         by = pixels / self.height * (self.high - self.low)
         return Scale(self.low + by, self.high + by, self.height)
 
     def ticks(self) -> tuple[float, ...]:
-        """Round values to write, no nearer than some pixels to one another."""
+        """Returns round values to label, with a minimum distance in pixels."""
         wanted = (self.high - self.low) * _APART / self.height
         ten = 10.0 ** math.floor(math.log10(max(wanted, 1e-12)))
         step = next(one * ten for one in (1.0, 2.0, 5.0, 10.0) if one * ten >= wanted * (1 - 1e-9))

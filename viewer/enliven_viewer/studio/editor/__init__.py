@@ -1,4 +1,4 @@
-"""The editor without a window: the project with its past, time, camera and selection."""
+"""The editor without a window: the project with its history, time, camera and selection."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The editor without a window: the project with its past, time, camera and selection."""
+"""The editor without a window: the project with its history, time, camera and selection."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCh
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
 SHORTEST_RANGE_S = 0.1
-"""Seconds of the marked range at least: less is a slip of the hand."""
+"""Minimum length of the marked range in seconds. A shorter range is an accident."""
 _ROOM = 1.25
-"""Size of the picture over that of all shapes when they are framed: room to drag their ends."""
+"""Framing margin: size of the view relative to the shapes, which leaves room to drag their ends."""
 
 
 class Editor:
     """The project with its history, the time, the camera and the selection.
 
-    An edit is a function Project -> Project; :meth:`edit` does it and remembers what was before. While
-    something is dragged :attr:`draft` is what is shown, and nothing is remembered until it is dropped.
+    An edit is a function Project -> Project. :meth:`edit` applies it and stores the result in the history.
+    During a drag :attr:`draft` is shown, and nothing is stored until the drag ends.
     """
 
     def __init__(self, settings: StudioSettings | None = None, project: Project | None = None) -> None:
@@ -52,10 +52,10 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
-        self.keying = False  # whether posing a bone sets a key at the playhead
-        self.growing = 0.0  # seconds on the timeline where a recording has come to
-        self.marked: tuple[float, float] | None = None  # the seconds in which recordings begin and end
-        self.beside_box: Box | None = None  # around what stands beside the project, live
+        self.keying = False  # auto-key: whether posing a bone sets a key at the playhead
+        self.growing = 0.0  # time in seconds that a running recording has reached
+        self.marked: tuple[float, float] | None = None  # the seconds at which recordings begin and end
+        self.beside_box: Box | None = None  # bounds of the live characters next to the project
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
@@ -64,56 +64,59 @@ class Editor:
 
     @property
     def project(self) -> Project:
-        """The project that is shown: the draft during a drag, else the newest of the history."""
+        """Returns the project as shown: the draft during a drag, else the newest state of the history."""
         return self.draft if self.draft is not None else self.history.project
 
     @property
     def length(self) -> float:
-        """Seconds that the project plays."""
+        """Returns the duration of the project in seconds."""
         return max(length_of(self.project, self.settings.shortest), self.growing)
 
     @property
     def lens(self) -> Lens:
-        """The camera and the viewport's size."""
+        """Returns the camera and the viewport's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
     def standing(self) -> tuple[StandingCharacter, ...]:
-        """Every character as it is shown now."""
+        """Returns every character in its current pose."""
         return self._stage.standing
 
     @property
     def handled(self) -> tuple[StandingCharacter, ...]:
-        """The characters with handles that every tool takes."""
+        """Returns the characters with handles that every tool can edit."""
         return tuple(one for one in self.reachable if len(one.handles) and not one.own_tool)
 
     @property
     def seen(self) -> tuple[StandingCharacter, ...]:
-        """The characters that are not hidden."""
+        """Returns the visible characters."""
         handling = self.project.handling
         return tuple(one for one in self.standing if not handling.get(one.id, FREE).hidden)
 
     @property
     def reachable(self) -> tuple[StandingCharacter, ...]:
-        """The characters that can be picked: neither hidden nor locked."""
+        """Returns the characters that can be picked: visible and not locked."""
         handling = self.project.handling
         return tuple(one for one in self.seen if not handling.get(one.id, FREE).locked)
 
     def posed(self, character_id: str) -> StandingCharacter:
-        """One character as it is shown now.
+        """Returns one character in its current pose.
 
         Raises:
-            InputError: where there is none of the id.
+            InputError: if no character has the id.
         """
         return self._stage.of(character_id)
 
     def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
-        """The chosen character, where it has that rig; None where none is chosen, or another."""
+        """Returns the selected character if it has this type of rig.
+
+        Returns None if no character is selected, or one of another type.
+        """
         found = self.project.characters.get(self.selection.character or "")
         return found if isinstance(found, rig) else None
 
     def begin(self, project: Project) -> None:
-        """Another project, with no past."""
+        """Opens another project, with an empty history."""
         self.history, self.draft = History(project), None
         self.puppets.accept()
         self.selection, self.time, self.playing, self.marked = Selection(), 0.0, False, None
@@ -121,14 +124,14 @@ class Editor:
 
     @property
     def chosen_all(self) -> tuple[RigBase, ...]:
-        """Every chosen character, in the project's order."""
+        """Returns every selected character, in the project's order."""
         return tuple(one for one in self.project.characters.values() if one.id in self.selection.characters)
 
     def edit(self, name: str, change: Edit, *, over_locks: bool = False) -> bool:
-        """Do an edit and remember it; where it cannot be done, say why and change nothing.
+        """Applies an edit and adds it to the history. If it fails, shows the reason and changes nothing.
 
         Args:
-            over_locks: also of locked characters, for what must not be lost.
+            over_locks: if True, locked characters may change too. For results that must not be lost.
         """
         self.draft = None
         after = self._tried(change, over_locks)
@@ -140,13 +143,13 @@ class Editor:
         return True
 
     def sketch(self, change: Edit) -> None:
-        """Show what an edit would make, while something is dragged; nothing is remembered."""
+        """Previews an edit during a drag, without adding it to the history."""
         self.draft = self._tried(change)
 
     def _tried(self, change: Edit, over_locks: bool = False) -> Project | None:
-        """The project after an edit; None, and a message, where it cannot be done.
+        """Returns the project after an edit. If the edit fails, shows a message and returns None.
 
-        A fault of our own is told as well, not raised: an artist's window must not go down with it.
+        Internal errors are also shown instead of raised, so that they do not close the artist's window.
         """
         try:
             before = self.history.project
@@ -161,7 +164,7 @@ class Editor:
         return None
 
     def undo(self) -> None:
-        """Undo the last edit."""
+        """Undoes the last edit."""
         self._step(
             later("Undone: {0}"),
             later("Nothing is left to be undone"),
@@ -170,7 +173,7 @@ class Editor:
         )
 
     def redo(self) -> None:
-        """Redo the edit that was undone last."""
+        """Redoes the last undone edit."""
         self._step(
             later("Done again: {0}"),
             later("Nothing is left to be done again"),
@@ -179,31 +182,31 @@ class Editor:
         )
 
     def go_to(self, step: int) -> None:
-        """Show the project as it was after a step of the history; 0 is as it was opened."""
+        """Shows the project after a step of the history; step 0 is the state when it was opened."""
         self.draft = None
         self.history.go(step)
         self._mend_selection()
 
     def select(self, **changes: object) -> None:
-        """Change parts of the selection; another character forgets handle, chain and layer."""
+        """Changes parts of the selection. Another character clears handle, chain and layer."""
         self.selection = self.selection.changed(**changes)
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
-        """Choose a character alone, and perhaps a handle of it."""
+        """Selects only this character, and optionally one of its handles."""
         self.selection = Selection(character, handle)
 
     def choose_all(self, *characters: str) -> None:
-        """Choose these characters, the last one leading."""
+        """Selects these characters; the last one is the active one."""
         self.selection = Selection.of(*characters)
 
     def toggle(self, character: str) -> None:
-        """Choose a character beside the others, or no longer."""
+        """Adds a character to the selection, or removes it."""
         chosen = self.selection.characters
         rest = tuple(one for one in chosen if one != character)
         self.choose_all(*(rest if character in chosen else (*chosen, character)))
 
     def advance(self, seconds: float) -> None:
-        """Let time pass: the playhead, the camera, the messages."""
+        """Advances the playhead, camera and messages by a time step."""
         self.moves.advance(self.camera, self._followed(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
@@ -213,9 +216,10 @@ class Editor:
             self._play_on(seconds * self.speed)
 
     def _play_on(self, seconds: float) -> None:
-        """Let the playhead go on; in the marked range it begins again at the range's in point.
+        """Advances the playhead. Within the marked range it loops back to the in point.
 
-        A playhead beyond the out point plays on to the end, so that the rest can be heard without unmarking.
+        A playhead beyond the out point continues to the end, so that the rest can be played without removing
+        the range.
         """
         first, last = 0.0, self.length
         if self.marked is not None and self.growing <= 0.0 and self.time <= min(self.marked[1], self.length):
@@ -227,30 +231,34 @@ class Editor:
             self.playing = self.playing and self.loop
 
     def mark(self, end: int) -> None:
-        """Make the playhead the in point (0) or the out point (1) of the marked range."""
+        """Sets the in point (0) or the out point (1) to the playhead."""
         first, last = self.marked or (0.0, self.length)
         marked = (self.time, last) if end == 0 else (first, self.time)
-        if marked[1] - marked[0] <= SHORTEST_RANGE_S:  # the other end goes to the end of the project
+        # the other point moves to the start or the end of the project
+        if marked[1] - marked[0] <= SHORTEST_RANGE_S:
             marked = (self.time, self.length) if end == 0 else (0.0, self.time)
         self.marked = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None
 
     def scrub(self, time: float) -> None:
-        """Show a time, and stay there."""
+        """Stops playback and moves the playhead to a time."""
         self.playing = False
         self.time = min(max(time, 0.0), self.length)
 
     def finish_scrubbing(self) -> None:
-        """The playhead was let go: surfaces that were solved in haste meanwhile are settled."""
+        """Ends scrubbing: settles surfaces that were only solved coarsely meanwhile."""
         if self.scrubbing:
             self.scrubbing = False
             self.puppets.stage.surfaces.settle()
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
-        """Bring every character into the picture."""
+        """Moves the camera so that all characters are visible."""
         self._frame(self.box(), at_once=at_once, reset=reset)
 
     def frame_way(self) -> None:
-        """Bring into the picture what is there, and the whole way of what is chosen, or else of all."""
+        """Moves the camera so that all characters are visible on the whole path of the selection.
+
+        Without a selection, the paths of all characters are visible.
+        """
         box = self.box()
         if box is None:
             self._frame(None)
@@ -264,7 +272,7 @@ class Editor:
         self._frame(bounds_of(ways))
 
     def _solved(self, name: str) -> tuple[Project, RigBase]:
-        """A character with the motion that is shown of it: that of a puppet is solved beside the window."""
+        """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
         if name in self.project.puppets:
             return self.solving.shown(self.project, name)
         return self.project, self.project.character(name)
@@ -274,13 +282,16 @@ class Editor:
         self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
 
     def next_look(self) -> None:
-        """Show the stage in the next look."""
+        """Switches the stage to the next look."""
         names = list(LOOKS)
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
     def _followed(self) -> Box | None:
-        """The box around what the camera follows: the chosen character, or all; None where it stays."""
+        """Returns the bounding box of the camera's subject: the selected characters, or all.
+
+        Returns None if following is off.
+        """
         if not self.moves.follow:
             return None
         seen = self.seen
@@ -288,7 +299,7 @@ class Editor:
         return bounds_of([one.extent for one in chosen or seen])
 
     def box(self) -> Box | None:
-        """The box around all that is seen now, and what is live; None where there is nothing."""
+        """Returns the bounding box of all visible and live characters; None if there are none."""
         points = [seen_points(one.handles, one.vertices) for one in self.seen]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
@@ -305,6 +316,6 @@ class Editor:
         self.toasts.say(tr(said, tr(name)))
 
     def _mend_selection(self) -> None:
-        """Remove from the selection what the project no longer has."""
+        """Removes from the selection what the project no longer contains."""
         self.selection = self.selection.within(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

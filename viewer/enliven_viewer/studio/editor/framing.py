@@ -1,4 +1,4 @@
-"""How much room characters take while they play, so that the camera can take in all of it."""
+"""The space that characters take up during playback, so that the camera can show all of it."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from enliven.document import Project, RigBase
 from enliven.modeling.edits import rig_of
 
 _MOMENTS = 40
-"""Moments at which the way of a character is looked at: some of each step of a walk."""
+"""Number of sampled times on a character's path: several per step of a walk."""
 
 _STRAY = 0.5
-"""Share of a surface's longest side: a joint farther off it is a target of an animator's rig, not a limb."""
+"""Maximum distance of a joint from the surface, as a fraction of the surface's longest side. Joints farther
+away are control targets of an animation rig.
+"""
 
 
 def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
-    """(2M, 3) metres, the corners of the boxes that a character fills at moments of all that it plays.
+    """Returns (2M, 3) metres: corners of a character's bounding boxes, sampled over its whole motion.
 
-    Its handles and nodes are played; what its surface has beyond them now, it is taken to have always.
+    Only handles and nodes are played. The margin of the surface around them is assumed constant.
 
     Args:
-        time: seconds, when the surface is as ``extent`` says.
-        extent: (N, 3) metres, the places of its surface at that time.
+        time: time in seconds that `extent` belongs to.
+        extent: (N, 3) metres, points of its surface at that time.
     """
     player = rig_of(character).player(project, character)
     end = project.end_of(character)
@@ -40,15 +42,15 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
 
 
 def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
-    """Returns the points of a character that a camera has to show: its surface and the handles near it.
+    """Returns the points of a character that must be visible: its surface and the handles near it.
 
-    Joints far off the surface, such as the targets of an animator's rig, do not count.
+    Joints far from the surface, such as the control targets of an animation rig, are left out.
     """
     return np.concatenate([vertices, extent[_near(extent, vertices)]]) if len(vertices) else extent
 
 
 def _near(places: AnyArray, extent: AnyArray) -> AnyArray:
-    """Returns which (N, 3) places lie no farther off a surface than half of its size; all if none does."""
+    """Returns a mask of the places (N, 3) within half of the surface's size from it; all if there is none."""
     low, high = extent.min(0), extent.max(0)
     air = _STRAY * float((high - low).max())
     near = ((places >= low - air) & (places <= high + air)).all(1)

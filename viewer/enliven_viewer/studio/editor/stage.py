@@ -1,4 +1,4 @@
-"""Every character of a project as it is shown now."""
+"""All characters of a project in their current poses."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from enliven_viewer.studio.viewport import DrawnMeshes, StandingCharacter
 
 
 class Shown(Protocol):
-    """What a stage shows: a project at a time."""
+    """The state that a stage shows: a project and a time."""
 
     time: float
 
     @property
     def project(self) -> Project:
-        """The project as it is shown."""
+        """Returns the project as shown."""
 
 
 class StudioStage:
-    """Every character of an editor's project, kept while nothing changes.
+    """All characters of an editor's project; cached while nothing changes.
 
     Args:
-        editor: what is shown.
-        solved: for rigs with surfaces that are solved beside the window, what shows them; by kind.
+        editor: the editor with the project and the time.
+        solved: for rig kinds with surfaces solved in the background, the function that returns a standing
+            character.
     """
 
     def __init__(self, editor: Shown, solved: Mapping[str, Callable[[RigBase], StandingCharacter]]) -> None:
@@ -37,14 +38,14 @@ class StudioStage:
 
     @property
     def standing(self) -> tuple[StandingCharacter, ...]:
-        """All characters, in the project's order."""
+        """Returns all characters, in the project's order."""
         return tuple(self.of(name) for name in self._editor.project.characters)
 
     def of(self, character_id: str) -> StandingCharacter:
-        """One of them.
+        """Returns one of the characters.
 
         Raises:
-            InputError: where there is none of the id.
+            InputError: if no character has the id.
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)
@@ -60,7 +61,8 @@ class StudioStage:
 
     def _stands(self, project: Project, character: RigBase, time: float) -> StandingCharacter:
         known, played = self._players.get(character.id), character.needed().items()
-        # A key that is edited is another take under the same name, and leaves the character as it is.
+        # Editing a key replaces a take under the same name and leaves the character unchanged, so takes are
+        # compared too.
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
         if known is None or [*map(id, known[0])] != [*map(id, needs)]:

@@ -1,4 +1,4 @@
-"""Key poses in the studio: coverage of takes, edits, and solving beside the window."""
+"""Key poses in the studio: coverage of takes, edits, and solving in the background."""
 
 import lazy_loader
 

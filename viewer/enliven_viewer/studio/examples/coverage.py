@@ -1,6 +1,6 @@
-"""How far each moment of a take is from the examples, for the strip and the timeline.
+"""Distance of every frame of a take from the examples, for the strip and the timeline.
 
-Distances are between poses of the performer in the body frame, over the joints that are paired.
+Distances are measured between poses of the performer in the body frame, over the paired joints.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from enliven.examples import (
 
 @dataclass(frozen=True, eq=False)
 class TakeCoverage:
-    """How well key poses cover a take.
+    """How well the key poses cover a take.
 
     Attributes:
-        take: its id.
-        away: (F,) how far each frame is from the nearest example, 1 as far as without any; zeros without
-            examples.
-        frames: key poses that are missing, the most needed first.
-        needed: how many of them are enough.
-        left: as ``away`` of the farthest frame.
+        take: id of the take.
+        away: (F,) distance of each frame from the nearest example, relative to the largest distance without
+            examples; zeros without examples.
+        frames: frames of the missing key poses, most needed first.
+        needed: number of these that are sufficient.
+        left: largest remaining distance, in the unit of ``away``.
         step: seconds between frames.
     """
 
@@ -47,19 +47,19 @@ class TakeCoverage:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Seconds of the take of the key poses that are still needed."""
+        """Returns the times, in seconds of the take, of the key poses that are still needed."""
         return tuple(frame * self.step for frame in self.frames[: self.needed])
 
 
 class CoverageCache:
-    """Caches the coverage of takes; the last few are kept."""
+    """A cache of the coverage of the last few takes."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
         self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
 
     def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
-        """The coverage of a take by the puppet's examples; None where the performer never moves."""
+        """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
         marks = tuple((pose.take, pose.time) for pose in puppet.poses)
@@ -95,7 +95,7 @@ class CoverageCache:
         )
 
     def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
-        """The key poses of a clip without any examples, and its poses."""
+        """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
         found = self._alone.get(key)
         if found is None or found[0] is not clip:
@@ -110,14 +110,17 @@ class CoverageCache:
 
 
 def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
-    """The joints that are paired and that the clip has; all of the clip's where none is."""
+    """Returns the paired joints that the clip has; all of the clip's joints if there are none."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names
 
 
 def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
-    """(n, P, 3) the examples and (F, P, 3) a take as they see it; None where it does not play it yet."""
+    """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them.
+
+    Returns None if the puppet does not play the take yet.
+    """
     number = next((k for k, layer in enumerate(puppet.layers) if layer.take == take), None)
     if number is None or missing(project, puppet):
         return None
@@ -129,7 +132,7 @@ def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | 
 
 
 def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
-    """(n, J, 3) metres, the performer in key poses of takes that have the joints."""
+    """Returns (n, J, 3) metres: the performer's poses at the key poses of takes that have the joints."""
     found = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]
@@ -140,6 +143,6 @@ def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
 
 
 def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
-    """(J, 3) one frame in the body frame."""
+    """Returns (J, 3): one frame in the body frame."""
     one = clip.mapped(lambda track: track[frame : frame + 1])
     return np.asarray(performed(one, joints).poses[0])

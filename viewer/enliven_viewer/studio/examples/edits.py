@@ -1,4 +1,4 @@
-"""Edits of the example panel that take more than one call of :mod:`enliven.modeling.puppet.edits`."""
+"""Edits of the examples panel that need more than one call of :mod:`enliven.modeling.puppet.edits`."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ HardConstraint = Position | Velocity | Coupling
 
 
 def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
-    """A project where each control point without a joint follows the likeliest joint of a take.
+    """Returns a project in which each control point without a joint follows the most likely joint of a take.
 
-    Points with an automatic name are named after their joint; those that follow feet at the bottom are feet.
+    Points with an automatic name are renamed after their joint. Low points that follow feet are marked as
+    feet.
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
@@ -49,14 +50,17 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Project:
-    """A project with a control point paired with a joint, and named after it where its name is automatic."""
+    """Returns a project with a control point paired with a joint.
+
+    An automatic name is replaced by the joint's name.
+    """
     names = {one.name: one for one in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
 def spoken_joint(joint: str) -> str:
-    """A joint as people call it: "LeftHandIndex1 end" is "left hand"."""
+    """Returns a joint's name in plain words: "LeftHandIndex1 end" becomes "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
     kept = [word for word in words if word not in _NO_WORDS]
     sides = [word for word in kept if word in ("left", "right")]
@@ -64,14 +68,16 @@ def spoken_joint(joint: str) -> str:
 
 
 def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
-    """A project with a puppet's mesh turned by a quarter within its own frame, standing on the floor again.
+    """Returns a project with a puppet's mesh turned by 90 degrees in its own frame.
+
+    The mesh is put on the floor again.
 
     Args:
-        axis: "x": what points ahead points up, as meshes of programs with z up need it; "y": its left comes
-            to the front.
+        axis: "x" turns forward to up, for meshes from programs with z up. "y" turns its left side to the
+            front.
 
     Raises:
-        InputError: where it has control points: what was shown for them would be lost.
+        InputError: if it has control points, since its examples would be lost.
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:
@@ -85,7 +91,7 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
-    """A project with control points on vertices that have none."""
+    """Returns a project with control points added at vertices that have none."""
     for vertex in vertices:
         if all(point.vertex != vertex for point in project.puppet(puppet_id).points):
             project = add_point(project, puppet_id, int(vertex))
@@ -93,26 +99,28 @@ def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Pr
 
 
 def duplicated(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
-    """A project with a copy of a key pose for another moment."""
+    """Returns a project with a copy of a key pose at another time."""
     return add_key_pose(project, puppet_id, take, time, project.puppet(puppet_id).poses[number].places)
 
 
 def mirrored_copy(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
-    """A project with a key pose's mirror image for another moment."""
+    """Returns a project with the mirror image of a key pose at another time."""
     project = duplicated(project, puppet_id, number, take, time)
     return mirror_key_pose(project, puppet_id, len(project.puppet(puppet_id).poses) - 1)
 
 
 def retimed(project: Project, puppet_id: str, number: int, time: float) -> Project:
-    """A project with a key pose at another second of its take, on a frame of it."""
+    """Returns a project with a key pose moved to another frame of its take."""
     take = project.takes[project.puppet(puppet_id).poses[number].take]
     frame = int(np.clip(round(time / take.step), 0, len(take.turns) - 1))
     return change_key_pose(project, puppet_id, number, time=frame * take.step)
 
 
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
-    """A project with one number of a puppet's settings changed: ``group`` is "examples", "surface"
-    or "locomotion"."""
+    """Returns a project with one setting of a puppet changed.
+
+    ``group`` is "examples", "surface" or "locomotion".
+    """
     puppet = project.puppet(puppet_id)
     return project.with_characters(
         puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
@@ -120,26 +128,29 @@ def with_setting(project: Project, puppet_id: str, group: str, name: str, value:
 
 
 def with_default_settings(project: Project, puppet_id: str) -> Project:
-    """A project with a puppet's settings as they are by default."""
+    """Returns a project with a puppet's settings reset to the defaults."""
     puppet = project.puppet(puppet_id)
     plain = {name: type(getattr(puppet, name))() for name in ("examples", "surface", "locomotion")}
     return project.with_characters(puppet.with_changes(**plain))
 
 
 def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
-    """The hard constraints of a layer, by frame."""
+    """Returns the hard constraints of a layer, sorted by frame."""
     one = project.puppet(puppet_id).layers[layer]
     return tuple(sorted((*one.positions, *one.velocities, *one.couplings), key=lambda held: held.frame))
 
 
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
-    """A project with a hard constraint more, in the place of one of its kind for the same point and frame."""
+    """Returns a project with a hard constraint added.
+
+    It replaces one of its kind at the same point and frame.
+    """
     name, kept = _others(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
 
 
 def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
-    """A project without a hard constraint."""
+    """Returns a project without a hard constraint."""
     name, kept = _others(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: kept})
 
@@ -147,7 +158,7 @@ def without_constraint(project: Project, puppet_id: str, layer: int, held: HardC
 def _others(
     project: Project, puppet_id: str, layer: int, held: HardConstraint
 ) -> tuple[str, tuple[HardConstraint, ...]]:
-    """The layer's field that holds constraints of a kind, and those that say something else."""
+    """Returns the layer's field for this kind of constraint, and its other constraints."""
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
@@ -159,7 +170,10 @@ def _others(
 
 
 def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
-    """Switches, one of them at another frame between its neighbours; the first stays at frame 0."""
+    """Returns the switches with one moved to another frame between its neighbours.
+
+    The first stays at frame 0.
+    """
     if number == 0:
         return tuple(switches)
     low = switches[number - 1].frame + 1
@@ -169,10 +183,10 @@ def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: in
 
 
 def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
-    """Switches with one more at a frame: from there on it is the other way until the next one.
+    """Returns the switches with one added at a frame: from there the kind is reversed until the next switch.
 
-    A band is split in three: what was there, its opposite for a tenth of a second's worth of frames or up to
-    the next switch, and what was there again.
+    This splits a phase in three: the old kind, the opposite kind, and the old kind again. The opposite kind
+    lasts a fortieth of all frames, at least 3, or up to the next switch.
     """
     at = [switch.frame for switch in switches]
     if frame in at or not 0 < frame < frames:
@@ -190,7 +204,7 @@ def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[S
 
 
 def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
-    """Switches without one, and without the next, so that the kinds go on taking turns."""
+    """Returns the switches without one and without the next one, so that the kinds still alternate."""
     if number == 0:
         return tuple(switches)
     return (
@@ -201,7 +215,10 @@ def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...
 
 
 def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
-    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
+    """Returns the number of the selected layer, or of the first unmuted one.
+
+    ``take`` restricts the search to its layers.
+    """
     wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in wanted:
         return chosen

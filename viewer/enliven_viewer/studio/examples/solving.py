@@ -1,4 +1,4 @@
-"""Solves the motions of puppets beside the window; meanwhile the last good motion is shown.
+"""Solves the motions of puppets in the background. Meanwhile the last valid motion is shown.
 
 solving = Solving(editor.toasts)
 project, puppet = solving.shown(project, "cactus")       # the newest with solved motions
@@ -17,7 +17,7 @@ from enliven.examples import missing, motion_of
 from enliven_viewer.studio.toasts import Toasts
 
 _PATIENCE = 0.012
-"""Seconds that a picture waits: what is solved by then is in it at once."""
+"""Maximum time in seconds that a frame waits. Faster results appear in the same frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class _Request:
     puppet: Puppet
 
     def same(self, other: _Request | None) -> bool:
-        """Whether another request is for the same motions: the same puppet, the same takes."""
+        """Returns True if another request is for the same motions, that is, the same puppet and takes."""
         if other is None or other.puppet is not self.puppet:
             return False
         names = {pose.take for pose in self.puppet.poses} | {layer.take for layer in self.puppet.layers}
@@ -47,10 +47,10 @@ class _Solved:
 
 
 class Solving:
-    """Solves in a thread of its own, one puppet after the other, always the newest that was asked for.
+    """A solver in a separate thread. It solves one puppet after another, always the newest request.
 
     Args:
-        toasts: where errors are told, each once.
+        toasts: shows errors, each once.
         patience: seconds that :meth:`shown` waits for a motion.
     """
 
@@ -61,9 +61,9 @@ class Solving:
         self._known: dict[str, _Solved] = {}
 
     def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """The newest project and puppet with solved motions; without layers while there is none.
+        """Returns the newest solved project and puppet; without layers if nothing has been solved yet.
 
-        Its control points may differ from the project's: draw the puppet that is returned.
+        The returned puppet may have other control points than the project's, so draw the returned one.
         """
         request = _Request(project, project.puppets[puppet_id])
         known = self._known.setdefault(puppet_id, _Solved())
@@ -81,17 +81,20 @@ class Solving:
         return known.good.project, known.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """The error of a puppet's newest motions; None where they can be solved."""
+        """Returns the error of a puppet's newest motions; None if they can be solved."""
         known = self._known.get(puppet_id)
         return known.problem if known else None
 
     def busy(self, puppet_id: str) -> bool:
-        """Whether a motion of the puppet is being solved."""
+        """Returns True if a motion of the puppet is being solved."""
         known = self._known.get(puppet_id)
         return known is not None and known.future is not None
 
     def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """As :meth:`shown`, but waits until it is solved or refused: for sessions without a window."""
+        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
+
+        For sessions without a window.
+        """
         shown = self.shown(project, puppet_id)
         while self.busy(puppet_id):
             future = self._known[puppet_id].future
@@ -101,18 +104,21 @@ class Solving:
         return shown
 
     def close(self) -> None:
-        """End the thread."""
+        """Ends the thread."""
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
     def _ask(self, known: _Solved, request: _Request) -> None:
-        """Begin to solve a request unless it was refused; wait for it no longer than a picture may."""
+        """Starts solving a request unless it was refused before.
+
+        Waits for it at most as long as a frame may take.
+        """
         if known.future is None:
             if request.same(known.asked) and known.problem is not None:
                 return
             known.asked, known.future = request, self._begin(request)
-            wait_for([known.future], timeout=self.patience)  # once: others ask in the same picture
+            wait_for([known.future], timeout=self.patience)  # only once, since others ask in the same frame
         if not known.future.done():
             return
         error, asked = known.future.exception(), known.asked
@@ -128,14 +134,14 @@ class Solving:
         return self._pool.submit(_solve, request)
 
     def _refused(self, known: _Solved, error: BaseException) -> None:
-        """Keep the error and tell it once."""
+        """Stores the error, and reports it once."""
         if known.told == str(error) and known.problem is not None:
             return
         known.told, known.problem = str(error), self._toasts.tell(error)
 
 
 def _solve(request: _Request) -> None:
-    """Every motion that plays, into the memory of :func:`enliven.examples.puppet_motion.motion_of`."""
+    """Solves every audible motion into the cache of :func:`enliven.examples.puppet_motion.motion_of`."""
     for number, layer in enumerate(request.puppet.layers):
         if not layer.muted and layer.weight > 0.0:
             motion_of(request.project, request.puppet, number)

@@ -1,4 +1,4 @@
-"""Ghosts of a character before and after the playhead, and the trails of its hands, feet and chosen bones."""
+"""Ghosts (onion skins) of a character, and motion trails of its hands, feet and selected bones."""
 
 import lazy_loader
 

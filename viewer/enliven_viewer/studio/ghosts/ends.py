@@ -1,4 +1,4 @@
-"""Chooses what of a character leaves a trail: the ends of its limbs, and what is chosen."""
+"""Chooses the points of a character that leave a motion trail: the ends of its limbs, or the selection."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Puppet, RigBase
 
 _MOST = 7
-"""Trails without a choice: two hands, two feet, a head and two ears, or a tail."""
+"""Maximum number of trails without a selection: two hands, two feet, a head and two ears, or a tail."""
 _APART = 0.12
-"""Share of the character's size between two ends: the fingers of a hand are one end."""
+"""Minimum distance between two ends, as a fraction of the character's size. So the fingers of a hand count as
+one end.
+"""
 
 
 def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """The points of a character that leave a trail: what is chosen of it, or else its far ends.
+    """Returns the points of a character that leave a trail: the selected points, or else its far ends.
 
     Args:
-        rest: (N, 3) metres, its points at one moment: joints, nodes or control points.
-        chosen: a chosen point, or None.
-        chain: a chosen chain of points; its last one counts.
+        rest: (N, 3) metres, the character's points at one time: joints, nodes or control points.
+        chosen: the selected point, or None.
+        chain: the selected chain of points; its last one leaves a trail.
     """
     wanted = [one for one in (chosen, *chain[-1:]) if one is not None and one < len(rest)]
     if wanted:
@@ -34,7 +36,10 @@ def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int
 
 
 def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
-    """The candidates among points (N, 3) that lie far from ``start`` (3,) and from one another, in order."""
+    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from each other.
+
+    They are in ascending order.
+    """
     candidates = np.asarray(candidates, np.int64)
     if not len(candidates):
         return ()

@@ -1,4 +1,4 @@
-"""Ghosts and trails of an editor's characters: one switch, worked out beside the window."""
+"""Ghosts and trails of an editor's characters, with one switch; computed in the background."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from enliven_viewer.studio.ghosts.picture import GhostPicture, bodies_of, trail_
 from enliven_viewer.studio.ghosts.sampling import Sampled, Wanted, sample
 
 _MOST = 3
-"""Characters that have ghosts where none is chosen: more would hide one another."""
+"""Maximum number of characters with ghosts if none is selected. More would hide one another."""
 
 
 class Ghosts:
-    """Where the chosen character was and will be; of all, where none is chosen.
+    """The past and future poses of the selected character, or of the first few if none is selected.
 
     Attributes:
-        on: whether they are shown; while they are not, nothing is worked out.
+        on: whether ghosts are shown. Nothing is computed while they are off.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -34,14 +34,17 @@ class Ghosts:
         self._refused: dict[str, Wanted] = {}
 
     def toggle(self) -> None:
-        """Show or hide them."""
+        """Shows or hides the ghosts."""
         self.on = not self.on
         if not self.on:
             self._known.clear()
             self._refused.clear()
 
     def picture(self) -> GhostPicture | None:
-        """What is to be drawn now, as far as it is known; None while they are off. It never waits."""
+        """Returns the ghosts and trails that have already been computed; None while they are off.
+
+        Does not block.
+        """
         if not self.on:
             return None
         self._take()
@@ -50,7 +53,10 @@ class Ghosts:
         return self._drawn(characters)
 
     def settle(self) -> GhostPicture | None:
-        """As :meth:`picture`, but waits until all of it is known: for sessions without a window."""
+        """Returns the same as :meth:`picture`, but waits until all of it is computed.
+
+        For sessions without a window.
+        """
         picture = self.picture()
         while self._work is not None:
             wait_for([self._work[2]])
@@ -73,7 +79,10 @@ class Ghosts:
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
     def _shown(self) -> list[RigBase]:
-        """The chosen character, or else the first some; a puppet as it was solved last."""
+        """Returns the selected character, or else the first few.
+
+        A puppet is returned in its last solved state.
+        """
         editor, chosen = self.editor, self.editor.chosen()
         found = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
         return [one for one in found if any(not layer.muted for layer in one.playing)]
@@ -91,14 +100,14 @@ class Ghosts:
         return Wanted(project, character, first, last, step, moments)
 
     def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
-        """The moments of the keys of what is chosen of a character."""
+        """Returns the times of the keys of a character's selection."""
         chosen = self.editor.selection
         if chosen.character != character.id:
             return key_moments(project, character)
         return key_moments(project, character, chosen.handle, chosen.layer)
 
     def _begin(self, wanted: list[Wanted]) -> None:
-        """Begin with the first that is not known, where nothing is being worked out."""
+        """Starts computing the first outdated request, if no computation is running."""
         names = {one.character.id for one in wanted}
         self._known = {name: one for name, one in self._known.items() if name in names}
         if self._work is not None:
@@ -113,7 +122,7 @@ class Ghosts:
             return
 
     def _take(self) -> None:
-        """Take what has been worked out."""
+        """Takes the finished result from the background thread."""
         if self._work is None or not self._work[2].done():
             return
         (name, wanted, future), self._work = self._work, None
@@ -122,6 +131,6 @@ class Ghosts:
             self._known[name] = future.result()
         else:
             if not isinstance(error, EnlivenError):
-                self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
+                self.editor.toasts.tell(error)  # the panel that plays the character reports the other errors
             self._known.pop(name, None)
             self._refused[name] = wanted

@@ -1,4 +1,4 @@
-"""Chooses the moments at which ghosts stand: key poses, or else even steps of time."""
+"""Chooses the times of ghosts: key poses, or else regular steps."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from enliven.document import Playing, Project, Puppet, RigBase
 from enliven.modeling.edits import key_layer
 
 _SAME = 1e-3
-"""Seconds within which a ghost would stand in the character itself."""
+"""Time difference in seconds below which a ghost would coincide with the character itself."""
 
 
 def key_moments(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
-    """The seconds of the project at which a character plays its key poses, in order; empty without any.
+    """Returns the times in the project at which a character plays its keys, in order; empty without keys.
 
-    They are the keys of a chosen layer, or else of a chosen bone or node, or else of the whole; or a puppet's
-    examples.
+    The keys are those of a selected layer, or else of a selected bone or node, or else of the whole
+    character. For a puppet they are its examples.
 
     Args:
-        handle, layer: numbers of what is chosen of it, or None.
+        handle, layer: the selected handle and layer of the character, or None.
     """
     keyed = _chosen_keys(project, character, handle, layer)
     if keyed is not None:
@@ -42,12 +42,12 @@ def key_moments(
 def _chosen_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> Playing | None:
-    """The layer of keys that is meant by what is chosen; None where none is heard."""
+    """Returns the layer of keys that belongs to the selection; None if it is not audible."""
     playing, number = character.playing, layer
     keyed = [k for k, one in enumerate(playing) if getattr(project, one.source)[one.take].keys]
     if number not in keyed:
         if handle is not None and handle >= character.keyable:
-            return None  # a control point, which has key poses
+            return None  # a control point has key poses instead
         number = key_layer(project, character.id, handle)
     return None if number is None or playing[number].muted else playing[number]
 
@@ -55,9 +55,9 @@ def _chosen_keys(
 def ghost_moments(
     keys: tuple[float, ...], time: float, length: float, count: int, step: float
 ) -> tuple[float, ...]:
-    """The seconds of at most ``count`` ghosts before ``time`` and as many after it, in order.
+    """Returns the times of up to ``count`` ghosts before ``time`` and up to ``count`` after it, in order.
 
-    Without keys they stand ``step`` seconds apart at places that stay while the playhead moves.
+    Without keys, the ghosts are ``step`` seconds apart, at times that do not move with the playhead.
     """
     if not keys:
         middle = round(time / step)

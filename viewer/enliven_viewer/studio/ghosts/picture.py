@@ -1,4 +1,4 @@
-"""What is drawn of ghosts and trails: translucent bodies, and smooth lines with a dot at each frame."""
+"""The drawing of ghosts and trails: translucent bodies, and smooth lines with a dot at each frame."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from enliven_viewer.studio.viewport import Lens
 from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK, Paint
 
 _LINE = 1.5
-"""Pixels, radius of a trail at the playhead."""
+"""Radius in pixels of a trail at the playhead."""
 _THIN = 0.4
-"""Share of that radius that is left at the ends of a trail."""
+"""Fraction of that radius at the ends of a trail."""
 _DOT = 2.5
-"""Pixels, radius of the dot of a frame."""
+"""Radius in pixels of a frame's dot."""
 _KEY = 5.0
-"""Pixels, radius of the dot of a key pose, and of the one at the playhead."""
+"""Radius in pixels of the dots of key poses and of the playhead."""
 _BETWEEN = 3
-"""Pieces of a trail from one frame to the next: a fast hand still goes around a curve."""
+"""Number of line segments between two frames, so that the trail of a fast hand is still a smooth curve."""
 _DIM = 0.22
-"""Brightness of a trail at its ends, where it is 1 at the playhead."""
+"""Brightness of a trail at its ends; at the playhead it is 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class GhostBody:
-    """A ghost: a body, the sRGB that it is drawn in, and how much of it is seen, 0 to 1."""
+    """A ghost: a body, its sRGB colour, and its opacity from 0 to 1."""
 
     body: MomentBody
     tint: Paint
@@ -38,14 +38,14 @@ class GhostBody:
 
 @dataclass(frozen=True, eq=False)
 class GhostPicture:
-    """Everything that is drawn: ghosts, the farthest from the playhead first, and (N, 12) rows of tubes."""
+    """Everything to draw: the ghosts, farthest from the playhead first, and (N, 12) rows of tubes."""
 
     bodies: tuple[GhostBody, ...]
     tubes: Float32
 
 
 def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
-    """The ghosts of a character, those before ``time`` in one colour and those after it in another."""
+    """Returns the ghosts of a character. Those before ``time`` and those after it have different colours."""
     made = []
     for side, tint in (
         ([one for one in sampled.bodies if one < time][::-1], BEFORE),
@@ -59,7 +59,7 @@ def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
 def trail_rows(
     sampled: Sampled, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
-    """(N, 12) rows of tubes: the trails of some points, with dots at frames, at keys and at ``time``."""
+    """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
     wanted, frames = sampled.wanted, sorted(sampled.points)
     frames = [one for one in frames if wanted.first <= one <= wanted.last]
     if len(frames) < 2 or not points:
@@ -88,7 +88,10 @@ def trail_rows(
 
 
 def smooth(line: Float) -> Float:
-    """(B (F - 1) + 1, 3) places on the Catmull-Rom spline through (F, 3), B pieces between two."""
+    """Returns (B (F - 1) + 1, 3) positions on the Catmull-Rom spline through (F, 3) points.
+
+    There are B segments between two points.
+    """
     padded = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])
     p, q, r, s = (padded[k : len(padded) - 3 + k, None] for k in range(4))
     u = (np.arange(_BETWEEN) / _BETWEEN)[None, :, None]
@@ -102,6 +105,6 @@ def _balls(places: Float, tint: Paint, lens: Lens) -> Float32:
 
 
 def _tints(seconds: Float, time: float, near: Float) -> Float32:
-    """(N, 3) linear light of parts of a trail, dimmer away from the playhead."""
+    """Returns (N, 3) linear RGB of the segments of a trail, dimmer with distance from the playhead."""
     colours = linear_from_srgb(np.array([BEFORE, AFTER], float))[(seconds > time).astype(int)]
     return np.asarray(colours * (_DIM + (1.0 - _DIM) * near[:, None]), np.float32)

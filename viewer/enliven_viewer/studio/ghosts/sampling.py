@@ -1,4 +1,4 @@
-"""Samples how a character moves around the playhead, in a thread; what is known is not worked out again."""
+"""Samples a character's motion around the playhead in a thread, and caches the samples."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from enliven.document import Project, RigBase
 from enliven.modeling.edits import rig_of
 
 _KEPT = 4000
-"""Frames of points that are kept of a character: some minutes."""
+"""Maximum number of cached frames per character: some minutes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What is to be sampled.
+    """A request for samples.
 
     Attributes:
-        project, character: as they are.
-        first, last: frames of the trail, of ``step`` seconds.
-        moments: seconds of the ghosts.
+        project, character: the current project and character.
+        first, last: frames of the trail, each of ``step`` seconds.
+        moments: times of the ghosts in seconds.
     """
 
     project: Project
@@ -33,7 +33,7 @@ class Wanted:
     moments: tuple[float, ...]
 
     def alike(self, other: Wanted) -> bool:
-        """Whether what was sampled for the other holds for this: the same character, the same takes."""
+        """Returns True if samples of the other request are valid here: same character and same takes."""
         if self.character is not other.character or self.step != other.step:
             return False
         pairs = [(held, name) for held, names in self.character.needed().items() for name in names]
@@ -41,7 +41,7 @@ class Wanted:
         return all(getattr(held, kind).get(name) is getattr(known, kind).get(name) for kind, name in pairs)
 
     def same(self, other: Wanted | None) -> bool:
-        """Whether both want the very same."""
+        """Returns True if both requests are equal."""
         if other is None or not self.alike(other):
             return False
         return (self.first, self.last, self.moments) == (other.first, other.last, other.moments)
@@ -49,12 +49,12 @@ class Wanted:
 
 @dataclass(frozen=True, eq=False)
 class MomentBody:
-    """A character at the moment of a ghost.
+    """A character's surface and points at the time of a ghost.
 
     Attributes:
-        rows: (V, 6) float32 place in metres and unit normal of each vertex; none without a surface.
+        rows: (V, 6) float32 position in metres and unit normal of each vertex; empty without a surface.
         faces: (F, 3).
-        points: (N, 3) metres, its joints, nodes or control points.
+        points: (N, 3) metres: joints, nodes or control points.
     """
 
     rows: Float32
@@ -64,12 +64,12 @@ class MomentBody:
 
 @dataclass(eq=False)
 class Sampled:
-    """How a character moves, as far as it was asked for.
+    """The sampled motion of a character.
 
     Attributes:
-        wanted: what was asked for last.
+        wanted: the last request.
         points: (N, 3) metres of its joints, nodes or control points, by frame.
-        bodies: by the seconds of the ghosts.
+        bodies: the ghosts' bodies, by time in seconds.
     """
 
     wanted: Wanted
@@ -79,7 +79,7 @@ class Sampled:
     _surface: Callable[[float], Float] | None = None
 
     def place(self, seconds: float) -> Float:
-        """(N, 3) metres at a time, between two frames that are known."""
+        """Returns (N, 3) metres at a time, interpolated between two sampled frames."""
         at = seconds / self.wanted.step
         low = int(np.floor(at))
         one, other = self.points.get(low), self.points.get(low + 1)
@@ -90,10 +90,10 @@ class Sampled:
 
 
 def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
-    """Samples what is wanted, with what of it is known from before.
+    """Computes the requested samples, and reuses valid ones from before.
 
     Raises:
-        EnlivenError: where the character cannot be played.
+        EnlivenError: if the character cannot be played.
     """
     if before is not None and wanted.alike(before.wanted):
         made = Sampled(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
@@ -116,7 +116,10 @@ def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
 
 
 def _points(project: Project, character: RigBase) -> Callable[[float], Float]:
-    """What gives the places of a character's handles at any time, or of its nodes where it has none."""
+    """Returns the function that gives the positions of a character's handles at a time.
+
+    A character without handles has the positions of its nodes.
+    """
     player = rig_of(character).player(project, character)
 
     def at(time: float) -> Float:
@@ -135,7 +138,10 @@ def _body(character: RigBase, vertices: Float, points: Float) -> MomentBody:
 
 
 def smooth_normals(vertices: Float, faces: Int32) -> Float:
-    """(V, 3) unit normals of vertices (V, 3), the mean of its faces' by area; 0 without a face."""
+    """Returns (V, 3) unit normals of vertices (V, 3): the area-weighted mean of the face normals.
+
+    The normal of a vertex without a face is 0.
+    """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     across = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corners = faces.ravel()

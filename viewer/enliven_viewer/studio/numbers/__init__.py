@@ -1,4 +1,4 @@
-"""Numbers that an artist types: quantities with units and arithmetic, and where and how large things are."""
+"""Numeric input: quantities with units and arithmetic, and the position and size of objects."""
 
 import lazy_loader
 

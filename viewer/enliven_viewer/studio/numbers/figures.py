@@ -1,4 +1,4 @@
-"""Where what is chosen stands, how large it is, and edits that give it other numbers."""
+"""Position and size of the selection, and the edits that change them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from enliven_viewer.studio.viewport import Selection
 
 AXES = ("x", "y", "z")
 _SMALLEST = 1e-3
-"""Metres: what is flatter has no height that could be given."""
+"""In metres. The height of a flatter object cannot be changed."""
 _LARGEST = 1000.0
-"""Metres: a taller thing is a slip of the finger."""
+"""Maximum height in metres. A larger number is a typing error."""
 
 
 class Figures:
-    """The numbers of what is chosen, as it is seen now."""
+    """The position and size of the selection in its current pose."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -29,11 +29,15 @@ class Figures:
 
     @property
     def box(self) -> tuple[Float, Float] | None:
-        """The lowest and the highest (3,) metres of what is chosen; None where nothing is."""
+        """Returns the lowest and the highest corner (3,) of the selection in metres.
+
+        Returns None without a selection.
+        """
         editor, known = self.editor, self._known
         same = known is not None and known[0] is editor.project and known[1] == editor.selection
         if known is None or not same or not (editor.playing or known[2] == editor.time):
-            # While it plays the numbers rest: they could not be read, and skinning would cost pictures.
+            # During playback the numbers are not updated: they would be unreadable, and skinning would cost
+            # frames.
             known = self._known = (editor.project, editor.selection, editor.time, self._seen())
         return known[3]
 
@@ -47,7 +51,7 @@ class Figures:
 
     @property
     def place(self) -> Float | None:
-        """(3,) metres: the middle of what is chosen, on the height of its lowest point."""
+        """Returns (3,) metres: the horizontal centre of the selection, at the height of its lowest point."""
         box = self.box
         if box is None:
             return None
@@ -56,22 +60,22 @@ class Figures:
 
     @property
     def height(self) -> float | None:
-        """Metres from its lowest to its highest point; None where nothing is chosen."""
+        """Returns the height of the selection in metres; None without a selection."""
         box = self.box
         return None if box is None else float(box[1][1] - box[0][1])
 
     def move_to(self, axis: int, metres: float) -> None:
-        """Move what is chosen along one axis of the world, to a place."""
+        """Moves the selection along one world axis to a coordinate."""
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             way = np.eye(3)[axis] * (metres - place[axis])
             self.editor.edit(later("place {0}", self._told), lambda p: move_characters(p, names, way))
 
     def make_tall(self, metres: float) -> None:
-        """Make what is chosen so tall; it goes on standing where it stands.
+        """Scales the selection to a height in metres, in place.
 
         Raises:
-            InputError: where it is flat, or the height is none.
+            InputError: if the selection is flat, or the height is invalid.
         """
         tall = self.height
         if tall is None:
@@ -82,7 +86,7 @@ class Figures:
         self.scale(metres / tall)
 
     def scale(self, factor: float) -> None:
-        """Make what is chosen larger; it goes on standing where it stands."""
+        """Scales the selection in place."""
         place, names = self.place, self.editor.selection.characters
         if place is None:
             return
@@ -95,7 +99,7 @@ class Figures:
         self.editor.edit(later("size of {0}", self._told), change)
 
     def turn(self, axis: int, degrees: float) -> None:
-        """Turn what is chosen about an axis of the world through where it stands."""
+        """Turns the selection about a world axis through its position."""
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
@@ -111,6 +115,6 @@ class Figures:
 
 
 def _fixed(project: Project, names: tuple[str, ...]) -> Float:
-    """(3,) metres: the place that scaling leaves; of several, on the floor."""
+    """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
     middle = middle_of(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

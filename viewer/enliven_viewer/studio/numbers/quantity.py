@@ -1,4 +1,4 @@
-"""Quantities as an artist types them: "50 cm", "1.2 + 0.3", "(2 m - 4 cm) / 2"."""
+"""Quantities as artists type them: "50 cm", "1.2 + 0.3", "(2 m - 4 cm) / 2"."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from enliven.errors import InputError
 from enliven_viewer.language import tr
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([^\W\d_]+|[%°])|([-+*/()]))")
-"""A number, a unit, or a sign."""
+"""A number, a unit, or an operator."""
 _MOST_LETTERS = 200
-"""Letters that are read: a sum of a dozen lengths."""
+"""Maximum number of parsed characters: a sum of a dozen lengths."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field holds.
+    """The type of quantity in a field.
 
     Attributes:
-        unit: in which a number without a unit is, and in which numbers are shown.
-        units: what one of each unit is in it.
-        digits: after the point, as it is shown.
+        unit: unit of numbers without a unit, and of displayed numbers.
+        units: the value of each unit, in `unit`.
+        digits: number of decimals shown.
     """
 
     unit: str
@@ -31,19 +31,19 @@ class Quantity:
     digits: int
 
     def write(self, value: float) -> str:
-        """A value as it is shown: "1.25 m"."""
+        """Returns a value as displayed: "1.25 m"."""
         shown = f"{value:.{self.digits}f}".rstrip("0").rstrip(".")
         return f"{'0' if shown in ('-0', '') else shown} {self.unit}"
 
     def read(self, typed: str, **more: float) -> float:
-        """The value of what was typed, in :attr:`unit`.
+        """Returns the value of the typed text, in :attr:`unit`.
 
         Args:
-            typed: numbers with or without units, + - * / and brackets; a comma is a point.
-            more: what one of a further unit is; "percent" is the sign %.
+            typed: numbers with or without units, + - * / and brackets; a comma counts as a decimal point.
+            more: the values of further units; "percent" is the sign %.
 
         Raises:
-            InputError: where it is no number, or divides by zero.
+            InputError: if the text is not a number, or divides by zero.
         """
         units = {**self.units, **{{"percent": "%"}.get(name, name): one for name, one in more.items()}}
         reader = _Reader(_tokens(typed), {name.lower(): one for name, one in units.items()})
@@ -60,7 +60,7 @@ SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
 
 
 def _tokens(typed: str) -> list[str]:
-    """The numbers, units and signs of a text, in their order."""
+    """Returns the numbers, units and operators of a text, in order."""
     text, at, found = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
     while at < len(text):
         match = _TOKEN.match(text, at)
@@ -72,7 +72,7 @@ def _tokens(typed: str) -> list[str]:
 
 
 class _Reader:
-    """Reads tokens as a sum of products of numbers with units."""
+    """A parser of tokens as a sum of products of numbers with units."""
 
     def __init__(self, tokens: list[str], units: Mapping[str, float]) -> None:
         self.left, self._units = tokens[::-1], units

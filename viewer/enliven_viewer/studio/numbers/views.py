@@ -1,4 +1,4 @@
-"""Camera bookmarks: views that are stored in the project and taken again."""
+"""Camera bookmarks: views that are stored in the project and can be restored."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
 _VIEWS = (1, 2, 3, 4)
-"""The bookmarks that have keys."""
+"""The bookmarks with a shortcut."""
 _FIRST = 4
-"""F5 is the key of the first: F1 is help, F2 renames."""
+"""Offset from bookmark to function key: the first is F5, since F1 is help and F2 renames."""
 
 
 def view_actions(editor: Editor) -> Iterator[Action]:
-    """Store the view of now, and take one again."""
+    """Yields the actions that store the current view and restore a stored one."""
     for number in _VIEWS:
         name, key = tr("view {0}", number), f"f{number + _FIRST}"
         yield Action(
@@ -46,7 +46,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
 
 
 def store_view(editor: Editor, name: str) -> None:
-    """Store the view of now in the project; one edit."""
+    """Stores the current view in the project, as one edit."""
     *target, azimuth, elevation, distance = editor.camera.goal
     mark = CameraMark(name, (target[0], target[1], target[2]), azimuth, elevation, distance)
     if editor.edit(
@@ -59,7 +59,7 @@ def store_view(editor: Editor, name: str) -> None:
 
 
 def take_view(editor: Editor, name: str) -> None:
-    """Look again as it was stored."""
+    """Restores a stored view."""
     mark = editor.project.views[name]
     editor.moves.follow = editor.moves.turntable = False
     editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)

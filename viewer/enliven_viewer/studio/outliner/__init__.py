@@ -1,4 +1,4 @@
-"""The outliner: a tree of all things, what is hidden, locked, chosen and renamed in it, and its actions."""
+"""The outliner: a tree of all objects with visibility, locks, selection and renaming, and its actions."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The actions of the outliner: choosing many, renaming, hiding, locking and ordering."""
+"""The actions of the outliner: select, rename, hide, lock and reorder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from enliven_viewer.studio.outliner.outliner import Outliner
 
 
 def alone(action: Action, editor: Editor) -> Action:
-    """An action on one shape, which says so where several are chosen."""
+    """Returns the action of a single shape with a check.
+
+    If several shapes are selected, the action is unavailable and says so.
+    """
 
     def lacks() -> str:
         said = "Several shapes are chosen. Choose one of them alone first."
@@ -22,7 +25,7 @@ def alone(action: Action, editor: Editor) -> Action:
 
 
 def choosing_actions(editor: Editor) -> Iterator[Action]:
-    """Choose all, none, or the others."""
+    """Yields the actions that select all, nothing, or the others."""
 
     def empty() -> str:
         return "" if editor.reachable else tr("There is nothing to choose. Sketch a part, or open a model.")
@@ -44,7 +47,7 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
 
 
 def outliner_actions(outliner: Outliner) -> Iterator[Action]:
-    """Rename, hide, lock and order what is chosen."""
+    """Yields the actions that rename, hide, lock and reorder the selection."""
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What an artist does in the outliner: filter, fold, choose, rename, hide, lock and order."""
+"""The commands of the outliner: filter, fold, select, rename, hide, lock and reorder."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
 
 _SHARE = 0.46
-"""Of the height of the side: eight rows at 1280x720, and the rest for what is chosen."""
+"""Fraction of the side panel's height: eight rows at 1280x720, and the rest for the selection."""
 
 
 class Outliner:
-    """The tree of all things, as one artist looks at it.
+    """The tree of all objects, with its view state.
 
-    Hidden, locked, names and order are the project's and are undone like every edit; what is folded, what is
-    typed into the filter and whether the live stage is seen belong to the window.
+    Visibility, locks, names and order belong to the project and can be undone. Folding, the filter text and
+    the visibility of the live stage belong to the window.
 
     Args:
-        editor: what is edited.
-        live: what is on the stage of an edge, a line each.
+        editor: the editor with the project.
+        live: returns one line per object on the stage of an edge.
 
     Attributes:
-        typed: what the names must have; empty for all.
-        opened: keys of rows that are unfolded.
-        renaming: the key of the row that is renamed, or empty; draft: the name as it is typed.
-        share: of the height of the side that the tree has.
+        typed: filter text for names; empty shows all.
+        opened: keys of the unfolded rows.
+        renaming: key of the row being renamed, or empty. draft: the name typed so far.
+        share: fraction of the side panel's height that the tree takes.
         followed: the character that the list last scrolled to.
-        live_hidden: whether the window does not draw what is live, outside performing.
+        live_hidden: whether the live stage is hidden outside the Perform workspace.
     """
 
     def __init__(self, editor: Editor, live: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
@@ -45,7 +45,7 @@ class Outliner:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """The rows that are shown."""
+        """Returns the visible rows."""
         project, live = self.editor.project, self._live()
         key = (project, live, frozenset(self.opened), self.typed, language_in_use())
         if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
@@ -53,18 +53,18 @@ class Outliner:
         return self._known[1]
 
     def fold(self, row: Row) -> None:
-        """Fold a row, or unfold it."""
+        """Folds or unfolds a row."""
         self.opened ^= {row.key}
 
     def is_chosen(self, row: Row) -> bool:
-        """Whether a row stands for something that is chosen."""
+        """Returns True if the object of a row is selected."""
         chosen = self.editor.selection
         if row.kind == HANDLE:
             return chosen.character == row.id and (row.number == chosen.handle or row.number in chosen.chain)
         return row.kind == CHARACTER and row.id in chosen.characters
 
     def click(self, row: Row, *, shift: bool = False, ctrl: bool = False) -> None:
-        """Choose what a row stands for: alone, with Ctrl beside the others, with Shift all up to it."""
+        """Selects the object of a row. Ctrl toggles it; Shift selects the range up to it."""
         editor = self.editor
         if row.kind == HANDLE:
             handled = row.number < len(editor.project.characters[row.id].handles)
@@ -79,7 +79,7 @@ class Outliner:
         self._anchor = row.id
 
     def _up_to(self, name: str) -> None:
-        """Choose every character between the one that was clicked before and another."""
+        """Selects all characters between the previously clicked one and this one."""
         names = [row.id for row in self.rows if row.kind == CHARACTER]
         start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
         first, last = (names.index(one) if one in names else names.index(name) for one in (start, name))
@@ -90,20 +90,20 @@ class Outliner:
     # Names ------------------------------------------------------------------------------------------------
 
     def begin_rename(self, row: Row | None = None) -> None:
-        """Let the name of a row be typed; of the chosen character where no row is given."""
+        """Starts renaming a row, or the selected character if no row is given."""
         if row is None:
-            self.typed, self.followed = "", None  # its row is in the list, and comes into view
+            self.typed, self.followed = "", None  # make its row visible and scroll to it
             self.opened.add(f"{GROUP} shapes")
         row = row or next((one for one in self.rows if one.kind == CHARACTER and self.is_leading(one)), None)
         if row is not None and row.kind in (CHARACTER, TAKE):
             self.renaming, self.draft = row.key, row.id
 
     def is_leading(self, row: Row) -> bool:
-        """Whether it is the character that was chosen last."""
+        """Returns True if it is the active character, that is, the one selected last."""
         return row.id == self.editor.selection.character
 
     def end_rename(self, row: Row, *, keep: bool) -> None:
-        """Give a row the name that was typed, or leave it the old one."""
+        """Applies the typed name, or keeps the old one."""
         wanted, self.renaming = self.draft.strip(), ""
         if not keep or not wanted or wanted == row.id:
             return
@@ -118,22 +118,22 @@ class Outliner:
             if row.key in self.opened:
                 self.opened.add(f"{CHARACTER} {wanted}")
 
-    # Eyes, locks and order --------------------------------------------------------------------------------
+    # Visibility, locks and order --------------------------------------------------------------------------
 
     def handling(self, name: str) -> Handling:
-        """How a character is treated."""
+        """Returns the visibility and lock state of a character."""
         return self.editor.project.handling.get(name, FREE)
 
     def hide(self, *names: str, on: bool) -> None:
-        """Hide characters or show them again; one edit."""
+        """Hides or shows characters, as one edit."""
         self._handle(names, "hide" if on else "show", hidden=on)
 
     def lock(self, *names: str, on: bool) -> None:
-        """Lock characters or unlock them; one edit."""
+        """Locks or unlocks characters, as one edit."""
         self._handle(names, "lock" if on else "unlock", locked=on)
 
     def hide_others(self) -> None:
-        """Hide every character that is not chosen; one edit."""
+        """Hides every character that is not selected, as one edit."""
         chosen = self.editor.selection.characters
 
         def change(project: Project) -> Project:
@@ -147,12 +147,12 @@ class Outliner:
         self.editor.edit(f"{word} {told}", lambda project: handle_characters(project, names, **changes))
 
     def move(self, name: str, place: int) -> None:
-        """Put a character at another place in the list; one edit."""
+        """Moves a character to another position in the list, as one edit."""
         if 0 <= place < len(self.editor.project.characters):
             self.editor.edit(
                 later("reorder {0}", name), lambda project: order_characters(project, name, place)
             )
 
     def place_of(self, name: str) -> int:
-        """The place of a character in the list."""
+        """Returns the position of a character in the list."""
         return list(self.editor.project.characters).index(name)

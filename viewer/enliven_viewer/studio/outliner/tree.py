@@ -1,4 +1,4 @@
-"""The rows of the outliner: groups, characters with their handles, takes, and what is live."""
+"""The rows of the outliner: groups, characters with their handles, takes, and the live stage."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_viewer.language import later, tr
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
 _HANDLES = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
-"""What a character's rows below it are, by its rig; bones where nothing is said."""
+"""The word for a character's child rows, by rig; "bone" for other rigs."""
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ class Row:
     """One line of the tree.
 
     Attributes:
-        kind: what it stands for.
-        id: the name of the character, of the take, of the group, or of what is live.
-        number: of the handle of the character; -1 for none.
-        label: as it is shown.
-        note: what is said of it beside its name.
-        depth: how far it is indented.
-        folds: whether there are rows below it that can be hidden.
+        kind: the kind of the row.
+        id: name of the character, take, group or live stage.
+        number: number of the character's handle; -1 for none.
+        label: the shown text.
+        note: the text after the label.
+        depth: level of indentation.
+        folds: whether it has child rows that can be folded.
     """
 
     kind: str
@@ -41,25 +41,25 @@ class Row:
 
     @property
     def key(self) -> str:
-        """A name that no other row has."""
+        """Returns a key that is unique among the rows."""
         return f"{self.kind} {self.id}" + (f" {self.number}" if self.number >= 0 else "")
 
 
 def rows_of(
     project: Project, live: tuple[str, ...], opened: Collection[str], typed: str = ""
 ) -> tuple[Row, ...]:
-    """The rows that are shown.
+    """Returns the visible rows.
 
     Args:
-        live: what is on the stage of an edge, a line each; empty without one.
-        opened: keys of the rows that are unfolded.
-        typed: letters that a name must have; its row is then shown, with those that it is below.
+        live: one line per object on the stage of an edge; empty without one.
+        opened: keys of the unfolded rows.
+        typed: filter text. Rows with matching names are shown together with their parents.
     """
     found = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
     if found is not None:
         return tuple(found)
     shown: list[Row] = []
-    closed = 99  # of any depth
+    closed = 99  # larger than any depth
     for row in _every(project, live):
         if row.depth > closed:
             continue
@@ -69,7 +69,7 @@ def rows_of(
 
 
 def _filtered(rows: list[Row], wanted: str) -> list[Row]:
-    """The rows that have some letters, and those that they are below."""
+    """Returns the rows that contain the text, and their parents."""
     keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
     above: list[int] = []
     for number, row in enumerate(rows):
@@ -104,12 +104,12 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _is_onlooker(name: str) -> bool:
-    """Whether the performer of a take held nothing while others did, by the name that it was given."""
+    """Returns True if the take's performer controlled nothing while others did, according to its name."""
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
 
 
 def _handles(one: RigBase) -> Iterator[Row]:
-    """The joints below their parents, the points in their order, or the parts of a possessed mesh."""
+    """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
     word = _HANDLES.get(one.kind, later("bone"))
     if isinstance(one, GraphShape):
         for number, part in enumerate(one.parts) if len(one.parts) > 1 else ():
@@ -126,11 +126,11 @@ def _handles(one: RigBase) -> Iterator[Row]:
         yield Row(
             HANDLE, one.id, names[number], later("root") if _roots(parents, number) else word, number, depth
         )
-        # A chain goes on at the same depth, so that an arm of twenty bones stays in the panel.
+        # A chain stays at the same depth, so that an arm of twenty bones fits the panel.
         deeper = depth + (len(children) > 1)
         waiting += [(child, deeper) for child in reversed(children)]
 
 
 def _roots(parents: np.ndarray, number: int) -> bool:
-    """Whether a joint is the root of bones."""
+    """Returns True if a joint is the root of bones."""
     return bool(parents[number] < 0 and (parents >= 0).any())

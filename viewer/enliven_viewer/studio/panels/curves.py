@@ -1,4 +1,4 @@
-"""The curves of what is chosen, above the timeline and on its time; all from a draw list."""
+"""The curve editor's panel above the timeline, on the same time axis; drawn with a draw list."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _NAMES = {
     "weight": later("Weight"),
     "speed": later("Speed"),
 }
-"""What the groups are called."""
+"""Labels of the groups."""
 _EASES = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
-"""What the ways from a key to the next are called."""
+"""Labels of the interpolation modes."""
 _NOTHING = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
 _MENU = "key menu"
 _DIAMOND = 5.5
-"""Pixels from the middle of a key to its corners."""
+"""Distance in pixels from the centre of a key to its corners."""
 _WHEEL = 40.0
-"""Pixels that the time moves for a notch of the wheel with Shift."""
+"""Pixels that the time axis pans per notch of the wheel with Shift."""
 
 
 def draw_curves(workspace: Workspace, area: Area) -> None:
-    """Draw the panel of the curves."""
+    """Draws the panel of the curves."""
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("curves", area, flags):
         curves = workspace.curves
@@ -61,7 +61,7 @@ def draw_curves(workspace: Workspace, area: Area) -> None:
 def _names(
     workspace: Workspace, curves: CurveInput, groups: dict[str, CurveGroup], shown: CurveGroup
 ) -> None:
-    """The groups that can be shown, and the channels of the one that is, with their values now."""
+    """Draws the list of groups, and the channels of the shown group with their current values."""
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
         if imgui.selectable(
@@ -125,7 +125,7 @@ def _plot(
 def _line(
     workspace: Workspace, curves: CurveInput, group: CurveGroup, number: int, scale: Scale, origin: ImVec2
 ) -> None:
-    """Draw a channel; where it is not known there is a gap."""
+    """Draws a channel, with gaps where its values are not finite."""
     draw, layout, tint = (
         imgui.get_window_draw_list(),
         workspace.timeline.layout,
@@ -144,7 +144,7 @@ def _line(
 
 
 def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
-    """Pass the pointer over the curves on."""
+    """Passes pointer input over the curves to the curve editor."""
     io, at = imgui.get_io(), imgui.get_mouse_pos()
     x, y, timeline = at.x - origin.x, at.y - origin.y, workspace.timeline
     if imgui.is_item_hovered():
@@ -176,7 +176,7 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
 
 
 def _menu(curves: CurveInput) -> None:
-    """What the right button offers over a key."""
+    """Draws the context menu of a key."""
     if not imgui.begin_popup(_MENU):
         return
     group = curves.shown()
@@ -210,7 +210,7 @@ def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) 
 
 
 def _colour(group: CurveGroup, number: int) -> Colour:
-    """The colour of a channel: of its axis, or bright where there is one alone."""
+    """Returns the colour of a channel: that of its axis, or the accent colour for a single channel."""
     if len(group.channels) == 1:
         return ACCENT
     red, green, blue = AXES[number]
@@ -221,5 +221,5 @@ def _written(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "-"
     places = 0 if unit == "\u00b0" else 2
-    shown = round(value, places) + 0.0  # without a minus before 0
+    shown = round(value, places) + 0.0  # avoids "-0"
     return f"{shown:.{places}f}{' m' if unit == 'm' else unit}"

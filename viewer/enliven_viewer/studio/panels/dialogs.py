@@ -1,4 +1,4 @@
-"""Dialogues: files, unsaved work, recovery, and those that other modules draw."""
+"""Dialogues: files, unsaved work, recovery, and those drawn by other modules."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from enliven_viewer.theme import WAIT
 
 _FOLDER = "\uf07b"
 _SIZE = (720.0, 480.0)
-"""Pixels of a dialogue about files: places at the left, files in the middle."""
+"""Size in pixels of a file dialogue: places at the left, files in the middle."""
 _ROOMY = 480.0
-"""Pixels of a dialogue that has room for places at the left."""
+"""Minimum width in pixels of a dialogue that shows places at the left."""
 _PLACES = 150.0
-"""Pixels of the list of places: a folder's name."""
+"""Width in pixels of the list of places: a folder's name."""
 _ORDER = 120.0
-"""Pixels of the choice of order: its longest words."""
+"""Width in pixels of the sort order field: its longest label."""
 _CANCEL = 84.0
-"""Pixels at the right of a new folder's name, for the button that gives it up."""
+"""Space in pixels to the right of a new folder's name, for the button that cancels it."""
 _TITLES = {
     "open": "Open",
     "save as": "Save the project",
@@ -41,7 +41,7 @@ _TITLES = {
 
 
 def draw_dialogs(workspace: Workspace) -> None:
-    """Draw the open dialogue over everything."""
+    """Draws the open dialogue on top of everything."""
     if workspace.history_shown:
         draw_history(workspace)
     if workspace.asking in _TITLES:
@@ -96,7 +96,7 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
 
 
 def _head(workspace: Workspace, browser: FileBrowser) -> None:
-    """The folder, the order of its files, and a new folder."""
+    """Draws the folder, the sort order, and the field of a new folder."""
     if imgui.button(f"{tr('Up')}###up"):
         browser.enter(browser.folder.parent)
     workspace.remember("folder up")
@@ -139,7 +139,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
 
 
 def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
-    """The user's own folders, what is plugged in, and folders of recent files."""
+    """Draws the user's own folders, removable drives, and folders of recent files."""
     imgui.begin_child("##places", ImVec2(_PLACES, -rows), imgui.ChildFlags_.frame_style)
     for number, (name, folder) in enumerate(places(workspace.preferences.recent, Path.cwd())):
         if imgui.selectable(f"{name}##place {number}", folder == browser.folder)[0]:
@@ -150,7 +150,7 @@ def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
 
 
 def _shortened(text: str, room: float) -> str:
-    """Returns a path without its begin, as far as there is room."""
+    """Returns a path shortened at its start to fit the width."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while len(text) > 1 and imgui.calc_text_size(f"\u2026{text}").x > room:
@@ -159,7 +159,7 @@ def _shortened(text: str, room: float) -> str:
 
 
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
-    """Finish the file dialogue; it shows an error where the choice cannot be used."""
+    """Finishes the file dialogue, or shows an error if the choice cannot be used."""
     try:
         path = browser.chosen()
     except EnlivenError as error:
@@ -169,7 +169,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
 
 
 def _recover(workspace: Workspace) -> None:
-    """Offer the unsaved work of a studio that crashed."""
+    """Offers the unsaved work of a studio that crashed."""
     found = workspace.store.recoverable()
     if not found:
         workspace.asking = ""
@@ -207,4 +207,4 @@ _DIALOGUES = {
     "palette": draw_palette,
     "preferences": draw_preferences,
 }
-"""What draws each dialogue that is not about files."""
+"""The drawing function of each dialogue that is not about files."""

@@ -1,4 +1,4 @@
-"""Fields of panels that change the project: numbers, switches and names."""
+"""Panel fields that edit the project: numbers, switches and names."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.workspace import Workspace
 
 Change = Callable[[Project, float], Project]
-"""An edit that gives something a number."""
+"""An edit that applies a number."""
 
 
 def told(text: str) -> None:
-    """Show what the last widget is for, once the pointer rests on it."""
+    """Shows the tooltip of the last widget while the pointer rests on it."""
     if text and imgui.is_item_hovered():
         imgui.set_tooltip(tr(text))
 
@@ -24,12 +24,15 @@ def told(text: str) -> None:
 def slider(
     workspace: Workspace, name: str, value: float, low: float, high: float, said: str, change: Change
 ) -> None:
-    """A number: a draft while it is dragged, one edit when it is let go; whole where its bounds are."""
+    """Draws a slider: a draft during the drag, one edit at its end.
+
+    Integer bounds make it an integer slider.
+    """
     imgui.set_next_item_width(-1)
     if isinstance(low, int):
         changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(said))
     else:
-        # What spans several powers of ten is not even.
+        # A range over several powers of ten gets a logarithmic scale.
         flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
         changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(said), flags)
     workspace.remember(name)
@@ -43,7 +46,7 @@ def slider(
 
 
 def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str = "") -> None:
-    """A box to tick; one edit."""
+    """Draws a checkbox; a click is one edit."""
     toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     workspace.remember(label)
     told(tip)
@@ -52,7 +55,7 @@ def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str 
 
 
 def name_field(workspace: Workspace, key: str, name: str, rename: Callable[[str], object]) -> None:
-    """A name that can be typed anew; ``rename`` is called with another one."""
+    """Draws an editable name; ``rename`` is called with a changed name."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text(f"##{key}", name, flags)
@@ -62,7 +65,7 @@ def name_field(workspace: Workspace, key: str, name: str, rename: Callable[[str]
 
 
 def character_name(workspace: Workspace, character: RigBase) -> None:
-    """The field of a character's name; what is chosen of it stays chosen."""
+    """Draws the field of a character's name. Renaming keeps the selection."""
     editor, before = workspace.editor, workspace.editor.selection
 
     def rename(wanted: str) -> None:

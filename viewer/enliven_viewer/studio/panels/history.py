@@ -1,4 +1,4 @@
-"""The list of everything that was done; a click goes there."""
+"""The list of all history steps; a click goes to a step."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
 
 _SIZE = 250.0, 300.0
-"""Pixels: a dozen steps."""
+"""Size in pixels: a dozen steps."""
 _FROM_RIGHT = 300.0
-"""Pixels from the right of the window, until the artist moves it: beside the side panel."""
+"""Initial distance in pixels from the right of the window: next to the side panel."""
 _FROM_TOP = 36.0
-"""Pixels from the top: below the menu."""
+"""Distance in pixels from the top: below the menu."""
 
 
 def draw_history(workspace: Workspace) -> None:
-    """Draw the list in a window of its own; steps that were undone are faint."""
+    """Draws the list in a separate window; undone steps are faint."""
     editor, wide = workspace.editor, imgui.get_main_viewport().size.x
     imgui.set_next_window_size(ImVec2(_SIZE[0], _SIZE[1]), imgui.Cond_.appearing)
     corner = ImVec2(wide - _FROM_RIGHT, _FROM_TOP)

@@ -1,4 +1,4 @@
-"""The list of all keys, made from the actions."""
+"""The list of all shortcuts, built from the actions."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import Workspace
 
 _SIZE = (1000.0, 580.0)
-"""Pixels: three columns, and the longest of them."""
+"""Size in pixels: three columns, at the height of the longest."""
 _COLUMN = 320.0
-"""Pixels of a column: the longest name beside its key."""
+"""Width of a column in pixels: the longest name next to its shortcut."""
 _KEY = 122.0
-"""Pixels of a key: Ctrl+Shift+Z."""
+"""Width of a shortcut in pixels: Ctrl+Shift+Z."""
 _BETWEEN = 20.0
-"""Pixels between a name, which goes on below where it is long, and the next column."""
+"""Gap in pixels between a name, which wraps if it is long, and the next column."""
 _MOUSE = (
     ("Right drag", "Turn the view"),
     ("Middle drag", "Move the view"),
@@ -26,7 +26,7 @@ _MOUSE = (
 
 
 def draw_key_list(workspace: Workspace) -> None:
-    """Draw the list, in as many columns as fit; it scrolls where the window is small."""
+    """Draws the list in as many columns as fit. It scrolls in a small window."""
     parts = parts_of(workspace.actions)
     with modal("Keys", *_SIZE) as shown:
         if not shown:
@@ -52,11 +52,14 @@ def draw_key_list(workspace: Workspace) -> None:
 
 
 Part = tuple[str, list[tuple[str, str]]]
-"""A title, and lines of a key and a name."""
+"""A title, and lines with a shortcut and a name."""
 
 
 def parts_of(actions: ActionTable) -> list[Part]:
-    """The keys of each menu; those that count in some workspaces alone stand apart, under their names."""
+    """Returns the shortcuts of each menu.
+
+    Those of single workspaces are listed separately, under the workspaces' names.
+    """
     parts: dict[str, list[tuple[str, str]]] = {}
     for menu, listed in actions.menus.items():
         for one in listed:
@@ -67,7 +70,7 @@ def parts_of(actions: ActionTable) -> list[Part]:
 
 
 def _columns(parts: list[Part], count: int) -> list[list[Part]]:
-    """The parts in their order, in columns of about the same length."""
+    """Returns the parts in order, in columns of about equal length."""
     each = sum(len(lines) + 2 for _, lines in parts) / count
     columns: list[list[Part]] = [[]]
     done = 0

@@ -21,9 +21,9 @@ _NUMBERS = {
     "smooth": (0.0, 0.5, later("smoothed over %.2f s")),
     "ease": (0.0, 1.0, later("comes and goes in %.2f s")),
 }
-"""Lowest, highest, and how the number is written."""
+"""Minimum, maximum, and number format."""
 _SLOWEST = 0.02
-"""Speed next to 0 that a slider gives: at 0 nothing plays."""
+"""Minimum speed that the slider can set: at 0 nothing plays."""
 _TOLD = {
     "loop": later("Begin again at the end"),
     "muted": later("It does not play"),
@@ -32,7 +32,7 @@ _TOLD = {
     "travel": later("Go through the world with the performer, on its feet"),
     "level_feet": later("Where the weight goes from one foot to another, both have one height"),
 }
-"""What the switches mean that the layers of some rig have."""
+"""Tooltips of the switches. Which ones a layer has depends on the rig."""
 _LABELS = {
     "weight": later("weight"),
     "offset": later("offset"),
@@ -46,24 +46,24 @@ _LABELS = {
     "travel": later("travel"),
     "level_feet": later("level feet"),
 }
-"""Names of the numbers and switches."""
+"""Labels of the numbers and switches."""
 _FEET = {
     "auto": later("Auto: held where they stand"),
     "always": later("Always: no foot slides"),
     "never": later("Never: as performed"),
     "ground": later("Grounding: none below the floor"),
 }
-"""What the ways of feet to stand are called."""
+"""Labels of the foot lock modes."""
 _SECOND = 126.0
-"""Pixels from the left at which the second of two switches stands."""
+"""Horizontal position in pixels of the second of two switches."""
 
 
 def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
-    """Draw the numbers and switches that a layer has."""
+    """Draws the numbers and switches of a layer."""
     editor, name, layer = workspace.editor, character.id, character.playing[number]
     if workspace.shown_layer != (name, number):
         if workspace.timeline.busy:
-            imgui.set_scroll_here_y(0.0)  # a clip was clicked: what can be done with it comes into sight
+            imgui.set_scroll_here_y(0.0)  # after a click on a clip, scroll its options into view
         workspace.shown_layer = name, number
     heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
@@ -76,7 +76,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     _takes(workspace, layer)
     held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
-        held.discard("mirrored")  # of what was recorded it says where it is
+        held.discard("mirrored")  # not available for recorded streams, since their positions are absolute
     for field, (low, high, said) in _NUMBERS.items():
         if field in held:
             change = _changing(name, number, field)
@@ -93,7 +93,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
 
 
 def _takes(workspace: Workspace, layer: Playing) -> None:
-    """The takes that were recorded beside one another: which is heard, and a button that deletes each."""
+    """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
     takes = workspace.commands.takes
     beside = takes_beside(workspace.editor.project, layer.alternatives)
     if len(beside) < 2:
@@ -110,7 +110,7 @@ def _takes(workspace: Workspace, layer: Playing) -> None:
 
 
 def _changing(name: str, number: int, field: str) -> Change:
-    """The edit that gives one field of a layer a value."""
+    """Returns the edit that sets one field of a layer."""
 
     def change(project: Project, value: float) -> Project:
         if field == "speed" and abs(value) < _SLOWEST:
@@ -121,7 +121,7 @@ def _changing(name: str, number: int, field: str) -> Change:
 
 
 def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
-    """Draw what only a layer of bones has: whether it leads the end, and whether the root travels."""
+    """Draws the options that only layers of bones have: leading the end, and root motion."""
 
     def lead(project: Project, on: float) -> Project:
         return change_layers(project, shape.id, [number], mode="end" if on else "turns")
@@ -136,7 +136,7 @@ def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> Non
 
 
 def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
-    """How feet stand while the clips of the lane play; one edit for all of its layers."""
+    """Draws the foot lock mode for the clips of the lane; a change is one edit of all its layers."""
     name, jointed = character.id, isinstance(character, Shape)
     quiet("feet")
     imgui.set_next_item_width(-1)

@@ -1,4 +1,4 @@
-"""The menu bar: every action in its menu, with its key."""
+"""The menu bar: every action in its menu, with its shortcut."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from enliven_viewer.studio.panels.stage import rooms_width
 from enliven_viewer.studio.workspace import Workspace
 
 _MENU_ICON = "\uf0c9"
-"""Three lines: the menu that has all others in a narrow window."""
+"""Icon with three lines: the menu that contains all others in a narrow window."""
 
 
 def draw_menu(workspace: Workspace) -> None:
-    """Draw the bar along the top."""
+    """Draws the menu bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
     names = list(workspace.actions.menus)
     letters = sum(imgui.calc_text_size(tr(name)).x for name in names)
-    # ImGui puts the spacing of items on both sides of a menu's name.
+    # ImGui adds the item spacing on both sides of a menu's name.
     needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
     room = imgui.get_window_width() - rooms_width(narrow=True)
     if needed <= room:
         _menus(workspace)
-    else:  # one menu with all of them, so that the tabs stay in reach
+    else:  # one menu with all of them, so that the workspace tabs stay visible
         opened = imgui.begin_menu(f"{_MENU_ICON}  {tr('Menu')}###all")
         workspace.remember("menu all")
         if opened:
@@ -49,7 +49,7 @@ def _menus(workspace: Workspace) -> None:
 
 
 def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: bool) -> None:
-    """The entries of one group, in a menu of their own where it has a name."""
+    """Draws the entries of one group, in a submenu if the group has a name."""
     if actions[0].apart and not first:
         imgui.separator()
     if group and not imgui.begin_menu(f"{tr(group)}###{group}"):
@@ -65,7 +65,7 @@ def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: 
 
 
 def _entry(workspace: Workspace, action: Action) -> None:
-    """One line of a menu; grey where the action cannot be done."""
+    """Draws one menu entry; grey if the action is unavailable."""
     actions, on = workspace.actions, action.on is not None and action.on()
     key, possible = actions.shown_key(action), not action.why_not()
     if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
@@ -75,7 +75,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
 
 
 def _recent(workspace: Workspace) -> None:
-    """The files that were opened or saved last; the folder is on the tooltip."""
+    """Draws the recently opened or saved files; the tooltip shows the folder."""
     paths = [Path(name) for name in workspace.preferences.recent]
     if not imgui.begin_menu(f"{tr('Open recent')}###Open recent", bool(paths)):
         return

@@ -1,4 +1,4 @@
-"""Dialogues over the whole window, and buttons that do actions."""
+"""Modal dialogues over the window, and buttons that run actions."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from enliven_viewer.studio.workspace import Workspace
 
 _FLAGS = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
 _MARGIN = 24.0
-"""Pixels that a dialogue leaves free around it in a small window."""
+"""Margin in pixels around a dialogue in a small window."""
 
 
 @contextmanager
 def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
-    """A dialogue in the middle, of a size in pixels; 0: fits its contents; True where drawn."""
+    """Opens a centred dialogue with a size in pixels; 0 fits the contents. Yields True if it is drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()
@@ -31,7 +31,7 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
 
 
 def button(workspace: Workspace, label: str) -> bool:
-    """A button of a dialogue, and its place."""
+    """Draws a dialogue button and records its place. Returns True if it was pressed."""
     wide = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
     pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(wide, 0))
     workspace.remember(f"dialog {label}")
@@ -39,7 +39,10 @@ def button(workspace: Workspace, label: str) -> bool:
 
 
 def choice(workspace: Workspace, yes: str, no: str) -> bool:
-    """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
+    """Draws two buttons.
+
+    Returns whether the first was pressed. The second, and Escape, close the dialogue.
+    """
     pressed = button(workspace, yes)
     imgui.same_line()
     if button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
@@ -48,10 +51,12 @@ def choice(workspace: Workspace, yes: str, no: str) -> bool:
 
 
 def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> None:
-    """A button that does an action, grey where it cannot be done; its tooltip says why, and the key.
+    """Draws a button that runs an action.
+
+    If the action is unavailable, the button is grey and the tooltip says why.
 
     Args:
-        wide: pixels; 0 as wide as its label.
+        wide: width in pixels; 0 fits the label.
     """
     action = workspace.actions[action_id]
     imgui.begin_disabled(bool(action.why_not()))
@@ -63,7 +68,7 @@ def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> No
 
 
 def action_tip(workspace: Workspace, action_id: str) -> None:
-    """The tooltip of an action on the last widget, grey or not."""
+    """Shows the tooltip of an action on the last widget, even if that is disabled."""
     flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
     if imgui.is_item_hovered(flags):
         imgui.set_tooltip(workspace.actions.tip(workspace.actions[action_id]))

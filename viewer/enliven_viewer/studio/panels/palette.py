@@ -1,4 +1,4 @@
-"""The palette: any action by some letters of its name."""
+"""The command palette: finds any action by letters of its name."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
 _SIZE = (600.0, 420.0)
-"""Pixels: a name, its menu and its key side by side, and a dozen of them."""
+"""Size in pixels: a dozen rows with name, menu and shortcut side by side."""
 
 
 def draw_palette(workspace: Workspace) -> None:
-    """Draw the palette while it is open."""
+    """Draws the palette while it is open."""
     with modal("Find an action", *_SIZE) as shown:
         if not shown:
             return
@@ -51,7 +51,7 @@ def draw_palette(workspace: Workspace) -> None:
 
 
 def _do(workspace: Workspace) -> None:
-    """Do the marked action, where it can be done, and close the palette."""
+    """Runs the highlighted action if it is available, and closes the palette."""
     action = workspace.finding.chosen()
     if action is not None:
         workspace.cancel()
@@ -61,7 +61,10 @@ def _do(workspace: Workspace) -> None:
 
 
 def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
-    """One action: its name, its menu or why it cannot be done, and its key; True where it is clicked."""
+    """Draws one action: its name, its menu or why it is unavailable, and its shortcut.
+
+    Returns True if it was clicked.
+    """
     reason, key = action.why_not(), workspace.actions.shown_key(action)
     at, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]

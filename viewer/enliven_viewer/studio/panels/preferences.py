@@ -1,4 +1,4 @@
-"""The preferences: the size of text, motion, and which keys actions have."""
+"""The preferences: text size, animation, theme, language, and shortcuts."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _SIZE = (620.0, 520.0)
-"""Pixels: an action with its key and a button beside it, and fifteen of them."""
+"""Size in pixels: fifteen rows with action, shortcut and button side by side."""
 _KEY = 150.0
-"""Pixels of a key's button: Ctrl+Shift+PgDn."""
+"""Width in pixels of a shortcut's button: Ctrl+Shift+PgDn."""
 _THEME = 130.0
-"""Pixels of the choice of a theme: its longest name."""
+"""Width in pixels of the theme field: its longest name."""
 _THEMES = Texts({"dark": "Dark", "light": "Light"})
 _COLOURS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
-"""Names of the sets; the second is also for people who mix up red and green."""
+"""Names of the palettes; the second also suits people with red-green colour blindness."""
 _FREE = 42.0
-"""Pixels beside it of the button that takes the key away."""
+"""Width in pixels of the button that removes the shortcut."""
 
 
 def draw_preferences(workspace: Workspace) -> None:
-    """Draw the dialogue while it is open."""
+    """Draws the dialogue while it is open."""
     with modal("Preferences", *_SIZE) as shown:
         if not shown:
             return
@@ -52,7 +52,7 @@ def draw_preferences(workspace: Workspace) -> None:
 
 
 def _reading(workspace: Workspace) -> None:
-    """The size of text, whether the view glides, the theme and the colours."""
+    """Draws the text size, animation, theme, palette and language."""
     preferences, actions = workspace.preferences, workspace.actions
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Size of text"))
@@ -89,7 +89,7 @@ def _reading(workspace: Workspace) -> None:
 
 
 def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str, wide: float) -> str:
-    """A list of words to choose from; returns the key of the word that is chosen."""
+    """Draws a list of options. Returns the key of the selected one."""
     imgui.set_next_item_width(wide)
     opened = imgui.begin_combo(f"##{name}", words[now])
     workspace.remember(name)
@@ -103,7 +103,7 @@ def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str,
 
 
 def _row(workspace: Workspace, action: Action) -> None:
-    """An action with a button for each way to change its key."""
+    """Draws an action with the buttons that change its shortcut."""
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
@@ -120,12 +120,12 @@ def _row(workspace: Workspace, action: Action) -> None:
 
 
 def _taking(action: Action) -> str:
-    """Returns what the button says that takes a key for an action."""
+    """Returns the label of the button that reassigns a shortcut to an action."""
     return tr("Take it for \u201c{0}\u201d", tr(action.label))
 
 
 def _capture(workspace: Workspace) -> None:
-    """Take the key that is pressed; where it is another action's, say of which, and ask."""
+    """Assigns the pressed key. If it belongs to another action, shows which one and asks."""
     wanted, actions = workspace.wanted_key, workspace.actions
     if wanted.action and not wanted.key:
         for name, key in KEYS.items():

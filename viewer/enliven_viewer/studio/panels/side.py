@@ -1,4 +1,4 @@
-"""The panel at the right: what is chosen, and its layer."""
+"""The panel at the right: the selection, and its layer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven_viewer.studio.tools import BRUSHES, LARGEST, SMALLEST, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 
 _HALF = 126.0
-"""Pixels of a button: two are side by side."""
+"""Width of a button in pixels: two are side by side."""
 _DEEDS = (
     "edit.duplicate",
     "shape.mirror",
@@ -37,17 +37,17 @@ _TOGETHER = (
     "shape.lock",
     "edit.delete",
 )
-"""Actions on all that is chosen."""
+"""Actions on the whole selection."""
 _SWING = later("of soft spots")
-"""Which swing a slider gives, as the history tells it."""
+"""Name of the slider's value in the history."""
 _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
-"""What the choice of clips is called where none of them plays."""
+"""Labels of the clip field if none of the clips plays."""
 _JOINTED = ("motion.spread", "motion.clear")
-"""Actions that only characters with bones have."""
+"""Actions of characters with bones only."""
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
-    """Draw the right panel."""
+    """Draws the right panel."""
     editor = workspace.editor
     with panel("side", area):
         chosen = editor.chosen()
@@ -80,7 +80,7 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
 
 
 def made_of(character: RigBase) -> str:
-    """Returns the number of a character's bones, and that it has no surface if it has none."""
+    """Returns the number of a character's bones, and whether it lacks a surface."""
     bones = int((character.parents >= 0).sum())
     said = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("no bones")]
     if character.mesh is None or not len(character.mesh.vertices):
@@ -89,7 +89,7 @@ def made_of(character: RigBase) -> str:
 
 
 def _clips(workspace: Workspace, shape: Shape) -> None:
-    """Draw the choice among the clips that came with a model."""
+    """Draws the selection of a model's own clips."""
     editor = workspace.editor
     names = own_clips(editor.project, shape)
     if not names:
@@ -109,13 +109,13 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
 
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
-    """Let a shape play one of its clips, or none."""
+    """Makes a shape play one of its clips, or none."""
     what = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
 
 
 def _brush(workspace: Workspace, tool: PaintTool) -> None:
-    """The brush that paints stiff and soft spots."""
+    """Draws the options of the stiffness brush."""
     heading("Brush")
     for number, (brush, word) in enumerate(BRUSHES.items()):
         if number:
@@ -140,7 +140,10 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
 
 
 def _swing(workspace: Workspace, name: str) -> None:
-    """How far soft spots swing past what a performer does, felt on the stage while it is dragged."""
+    """Draws the slider for the exaggeration of soft parts.
+
+    It takes effect on the stage during the drag.
+    """
     project = workspace.editor.draft or workspace.editor.project
     given = project.handling.get(name, FREE).exaggeration
     far = 1.0 if given is None else given
@@ -153,7 +156,7 @@ def _swing(workspace: Workspace, name: str) -> None:
 
 
 def _several(workspace: Workspace) -> None:
-    """What can be done to several characters at once."""
+    """Draws the actions on several characters at once."""
     names = workspace.editor.selection.characters
     heading(tr("{0} shapes are chosen", len(names)))
     quiet(", ".join(names))

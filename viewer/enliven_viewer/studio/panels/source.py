@@ -1,4 +1,4 @@
-"""The view of sources: a take's skeleton beside the shapes, and thumbnails of what it could drive."""
+"""The source view: a take's skeleton next to the shapes, and thumbnails of the parts that it could drive."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
 _SHARE = 0.56
-"""Share of the side panel that the view of sources takes: the list of shapes still fits above."""
+"""Fraction of the side panel's height for the source view, so that the list of shapes still fits above."""
 _ROWS = 34.0
-"""Pixels under the picture of the take: a row of buttons."""
+"""Height in pixels of the row of buttons below the view."""
 _SAID = 4 * 20.0
-"""Pixels of the lines that say how good a motion is."""
+"""Height in pixels of the lines about the quality of a motion."""
 _LEAST = 340.0
-"""Pixels of the panel's height: in a lower one the view of sources has all of it, for its picture."""
+"""Panel height in pixels below which the source view takes all of it."""
 _THUMB = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
-    """Split the right panel: the list of shapes above, the view of sources below."""
+    """Splits the right panel: the list of shapes above, the source view below."""
     high = round(_SHARE * side.height) if side.height >= _LEAST else side.height
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
 
 
 def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
-    """The view of sources; ``texture`` is the picture of the take."""
+    """Draws the source view; ``texture`` is the rendered take."""
     with panel("source", area, imgui.WindowFlags_.no_scrollbar):
         heading("Source")
         _takes(workspace, tool)
@@ -82,11 +82,11 @@ _WHOLE = (
         later("Keep joints of a model that is not a person within what its own clips show, and a margin"),
     ),
 )
-"""How a whole body is mapped: the setting, its label, and what it does."""
+"""Options of whole-body retargeting: the setting, its label, and its effect."""
 
 
 def _how(workspace: Workspace, tool: MapTool) -> None:
-    """A button that opens the ways in which a whole body is mapped."""
+    """Draws the button that opens the options of whole-body retargeting."""
     imgui.same_line()
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
@@ -112,7 +112,7 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
 
 
 def _said(plan: Plan, quality: MotionQuality) -> list[str]:
-    """How good a mapped motion is, line by line."""
+    """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
         pose_line = tr("Limbs point as the performer's do")
@@ -185,7 +185,7 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
 
 
 def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
-    """Draw thumbnails of the matches along the top, the best first; a click accepts the one that is lit."""
+    """Draws thumbnails of the matches along the top, best first. A click accepts the highlighted one."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
     imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
@@ -210,7 +210,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
 
 
 def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
-    """Draw the shape's bones as seen now in a square, the driven ones in colour."""
+    """Draws the shape's bones as currently seen, with the driven ones in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)

@@ -30,13 +30,15 @@ from enliven_viewer.theme import (
 )
 
 BODY = 15.0
-"""Pixels of the usual text."""
+"""Default text size in pixels."""
 SMALL = 12.5
-"""Pixels of small text, such as labels of lanes."""
+"""Size in pixels of small text, such as labels of lanes."""
 EYE, CLOSED_EYE = "\uf06e", "\uf070"
-"""Icons of Font Awesome 4: a layer that plays, and one that is muted."""
+"""Icons of Font Awesome 4: an audible layer, and a muted one."""
 UNDER_TEXT = 0.40
-"""Opacity of the accent colour below text, such as the value of a slider: the text stays readable."""
+"""Opacity of the accent colour behind text, such as the value of a slider, so that the text stays
+readable.
+"""
 FIXED = (
     imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_resize
@@ -47,12 +49,12 @@ FIXED = (
 
 
 def load_fonts() -> None:
-    """Roboto with Font Awesome's glyphs."""
+    """Loads Roboto with Font Awesome's glyphs."""
     hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, BODY)
 
 
 def apply_style() -> None:
-    """Glass panels, amber accents, round corners."""
+    """Applies the style: glass panels, amber accents, round corners."""
     style = imgui.get_style()
     style.window_rounding = style.popup_rounding = 8.0
     style.frame_rounding = style.grab_rounding = style.tab_rounding = 5.0
@@ -108,13 +110,13 @@ def apply_colours() -> None:
 
 
 def packed(colour: Colour, opacity: float = 1.0) -> int:
-    """A colour as draw lists take it."""
+    """Returns a colour in the format of draw lists."""
     return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))
 
 
 @contextmanager
 def panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
-    """A window that stays where it is."""
+    """Opens a window with a fixed place and size."""
     imgui.set_next_window_pos(ImVec2(area.x, area.y))
     imgui.set_next_window_size(ImVec2(area.width, area.height))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -126,7 +128,7 @@ def panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
 
 @contextmanager
 def tinted(colour: Colour, *which: int) -> Iterator[None]:
-    """Everything inside takes a colour."""
+    """Applies a colour to everything inside the context."""
     for one in which:
         imgui.push_style_color(one, ImVec4(*colour))
     yield
@@ -135,7 +137,7 @@ def tinted(colour: Colour, *which: int) -> Iterator[None]:
 
 @contextmanager
 def filled(colour: Colour) -> Iterator[None]:
-    """Fills every button inside with ACCENT, GOOD, WAIT or BAD, with letters that can be read on it."""
+    """Fills every button inside with ACCENT, GOOD, WAIT or BAD, with readable text on it."""
     kinds = (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active)
     with tinted(colour, *kinds), tinted(ON_FILL, imgui.Col_.text):
         yield
@@ -143,14 +145,14 @@ def filled(colour: Colour) -> Iterator[None]:
 
 @contextmanager
 def small() -> Iterator[None]:
-    """Everything inside is written small."""
+    """Uses the small text size inside the context."""
     imgui.push_font(None, SMALL)
     yield
     imgui.pop_font()
 
 
 def caption(draw: imgui.ImDrawList, at: ImVec2, text: str, colour: Colour, size: float) -> None:
-    """Draws a line of text over a picture, on glass so that it is readable over any."""
+    """Draws a line of text over an image, on a glass background so that it is readable on any image."""
     grown = size / imgui.get_font_size()
     extent = imgui.calc_text_size(text)
     low = ImVec2(at.x - 5, at.y - 2)
@@ -160,7 +162,7 @@ def caption(draw: imgui.ImDrawList, at: ImVec2, text: str, colour: Colour, size:
 
 
 def heading(text: str) -> None:
-    """The title of a part of a panel."""
+    """Draws the title of a panel section."""
     imgui.dummy(ImVec2(0, 2))
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text(tr(text).upper())
@@ -168,7 +170,7 @@ def heading(text: str) -> None:
 
 
 def quiet(text: str) -> None:
-    """A line of less weight, wrapped."""
+    """Draws a wrapped line of secondary text."""
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.push_text_wrap_pos(0.0)
         imgui.text_unformatted(tr(text))

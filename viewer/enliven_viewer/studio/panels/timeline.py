@@ -1,4 +1,4 @@
-"""The timeline along the bottom: transport, ruler, a lane a layer, the playhead; all from a draw list."""
+"""The timeline: transport, ruler, one lane per layer, and the playhead; drawn with a draw list."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
-"""Icons of Font Awesome 4, on the buttons of the transport."""
+"""Icons of Font Awesome 4 on the buttons of the transport."""
 _SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
-"""Icons of Font Awesome 4: split, marker, snapping, and all of the project."""
+"""Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
 _CLICKED = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
     *("pose", "suggested", "held", "found"),
 )
-"""Handles over which the pointer is a hand."""
+"""Parts over which the pointer becomes a hand."""
 _GRIP = 7.0
-"""Pixels of the upper edge that are dragged to make the timeline higher."""
+"""Height in pixels of the upper edge, which can be dragged to resize the timeline."""
 _ROOMY = 760.0
-"""Pixels of a window that has room for the in and out points among the buttons."""
+"""Minimum window width in pixels for the in and out buttons."""
 _WHEEL = 40.0
-"""Pixels that the timeline moves for a notch of the wheel with Shift."""
+"""Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
 _NO_MOTION = later(
     "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
@@ -42,7 +42,7 @@ _NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's vi
 
 
 def draw_timeline(workspace: Workspace, area: Area) -> None:
-    """Draw the bottom panel."""
+    """Draws the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
         _grip(workspace, area)
         _transport(workspace)
@@ -64,7 +64,7 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
 
 
 def _grip(workspace: Workspace, area: Area) -> None:
-    """The upper edge: dragged, it gives the timeline more or less of the window; two clicks take it back."""
+    """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
     preferences, place = workspace.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
     imgui.invisible_button("##height", ImVec2(area.width, _GRIP))
@@ -116,7 +116,7 @@ def _transport(workspace: Workspace) -> None:
 
 
 def _points(workspace: Workspace) -> None:
-    """Buttons for the in and the out point of the loop; a narrow window has them in the menu alone."""
+    """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
     if imgui.get_window_width() < _ROOMY:
         return
     chosen = workspace.editor.marked is not None
@@ -130,7 +130,7 @@ def _points(workspace: Workspace) -> None:
 
 
 def _tracking(workspace: Workspace) -> None:
-    """How far the tracker is with depth that was opened, and a button that stops it."""
+    """Draws the progress of the tracker for an opened depth recording, and a stop button."""
     depth = workspace.depth
     depth.poll()
     if not depth.busy:
@@ -144,7 +144,7 @@ def _tracking(workspace: Workspace) -> None:
 
 
 def _buttons(workspace: Workspace) -> None:
-    """The buttons of the clips, at the right."""
+    """Draws the clip buttons at the right."""
     timeline = workspace.timeline
     imgui.same_line(imgui.get_window_width() - 4 * 42 - 12)
     if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
@@ -170,7 +170,7 @@ def _buttons(workspace: Workspace) -> None:
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Pass the pointer's clicks, drags and wheel to the timeline."""
+    """Passes the pointer's clicks, drags and wheel to the timeline."""
     at, timeline = imgui.get_mouse_pos(), workspace.timeline
     x, y = at.x - origin.x, at.y - origin.y
     if imgui.is_item_hovered():
@@ -192,7 +192,7 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
 
 def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
-    """The wheel: up and down the lanes, along with Shift, closer and farther with Ctrl."""
+    """Handles the wheel: scrolls the lanes, pans with Shift, zooms with Ctrl."""
     io, timeline = imgui.get_io(), workspace.timeline
     if io.key_ctrl and io.mouse_wheel:
         timeline.zoom(io.mouse_wheel, x)

@@ -1,4 +1,4 @@
-"""The lanes of the timeline: characters' names, clips with small pictures of what they do, blends."""
+"""The lanes of the timeline: characters' names, clips with thumbnails of their poses, and blends."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, ON_COLOUR, QUIE
 _LOCK, _UNLOCK, _SOLO, _OPEN, _FOLDED = "\uf023", "\uf09c", "\uf025", "\uf0d7", "\uf0da"
 """Icons of Font Awesome 4: a closed lock and an open one, headphones, triangles down and to the right."""
 _BETWEEN = 26.0
-"""Pixels from one small figure to the next."""
+"""Distance in pixels between two thumbnails."""
 _NAME = 14.0
-"""Pixels of a clip's head that its name is written in; the figures stand under and behind it."""
+"""Height in pixels of a clip's title; the thumbnails are below and behind it."""
 
 
 class LanePainter:
-    """Draws the rows of lanes; the textures of their pictures are its own."""
+    """A painter of the rows of lanes, which owns the textures of their thumbnails."""
 
     def __init__(self) -> None:
         self._textures: WeakKeyDictionary[Clip | PoseStream, moderngl.Texture] = WeakKeyDictionary()
         self._ctx: moderngl.Context | None = None
 
     def head(self, workspace: Workspace, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
-        """Draw the row with a character's name, and with thin bars of its clips where it is folded."""
+        """Draws the row with a character's name; if it is folded, also thin bars of its clips."""
         draw, timeline = imgui.get_window_draw_list(), workspace.timeline
         top, name = origin.y + lane.top, lane.character.id
         chosen = workspace.editor.selection.character == name
@@ -68,7 +68,7 @@ class LanePainter:
     def lane(
         self, workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
     ) -> None:
-        """Draw a bar with its clips."""
+        """Draws a bar with its clips."""
         draw, layer = imgui.get_window_draw_list(), lane.layer
         top, right = origin.y + lane.top, origin.x + size.x
         selection, timeline = workspace.editor.selection, workspace.timeline
@@ -144,7 +144,7 @@ class LanePainter:
         high: ImVec2,
         faded: float,
     ) -> None:
-        """Draw what the take does in a clip, a figure every some pixels."""
+        """Draws a clip's thumbnails at regular distances."""
         held = layout.project.streams if lane.layer.source == "streams" else layout.project.takes
         take = held[name]
         texture = self._texture(workspace.timeline.pictures, workspace, take)
@@ -182,7 +182,7 @@ class LanePainter:
 def _blend(
     layout: TimelineLayout, before: Segment, after: Segment, origin: ImVec2, top: float, faded: float
 ) -> None:
-    """Draw where one clip goes over into the next: one falls, the other rises."""
+    """Draws the blend between two clips: one falling line, one rising line."""
     draw = imgui.get_window_draw_list()
     left, right = origin.x + layout.x(after.begin), origin.x + layout.x(before.end)
     low, high = top + 2, top + LANE - 2
@@ -192,5 +192,5 @@ def _blend(
 
 
 def colour_of(take: str) -> Colour:
-    """The colour of a take's clips."""
+    """Returns the colour of a take's clips."""
     return LANES[zlib.crc32(take.encode()) % len(LANES)]

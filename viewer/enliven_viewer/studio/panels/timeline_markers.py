@@ -1,4 +1,4 @@
-"""What lies on the timeline's ruler: sounds, the marked span, markers and the field in which one is named."""
+"""The timeline's ruler: sounds, the marked span, markers, and the field that renames a marker."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
 _POPUP = "marker name"
 _COLUMN = 2.0
-"""Pixels of a line of a sound's picture."""
+"""Width in pixels of a line of a sound's waveform."""
 
 
 def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draw a flag and a thin line at each marker."""
+    """Draws a flag and a thin line at each marker."""
     draw, timeline = imgui.get_window_draw_list(), workspace.timeline
     for marker, x in timeline.layout.markers():
         if x < LABELS - 1:
@@ -41,7 +41,7 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
 
 def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
-    """Draw how loud the sounds are along the ruler, and their names before it."""
+    """Draws the waveform of the sounds along the ruler, with their names at the left."""
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     first, last = LABELS, workspace.timeline.width
     count = int((last - first) / _COLUMN)
@@ -59,7 +59,10 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    """Draw the marked range on the ruler and the lanes; red in the workspace where recordings fill it."""
+    """Draws the marked span on the ruler and the lanes.
+
+    It is red in the Perform workspace, where recordings use it.
+    """
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return
@@ -75,7 +78,7 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
 
 def _named(workspace: Workspace) -> None:
-    """The field in which a marker is named, or taken away."""
+    """Draws the popup that renames or removes a marker."""
     timeline, editor = workspace.timeline, workspace.editor
     name = timeline.marker
     if not imgui.begin_popup(_POPUP):

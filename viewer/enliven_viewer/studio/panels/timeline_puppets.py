@@ -1,4 +1,4 @@
-"""The rows under a puppet's bars: key poses over how far the take is from them, contacts, constraints."""
+"""The rows below a puppet's bars: key poses over the coverage curve, contacts, and constraints."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from enliven_viewer.theme import (
 
 _LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
 _FAR = 1.15
-"""How far the coverage line shows, where 1 is as far as without any example."""
+"""Maximum of the coverage curve's scale; 1 is the largest distance without any example."""
 
 
 def draw_details(
     workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
 ) -> None:
-    """Draw a row under a bar."""
+    """Draws a row below a bar."""
     draw, top = imgui.get_window_draw_list(), origin.y + lane.top
     corner = ImVec2(origin.x + size.x, top + lane.height)
     draw.add_rect_filled(ImVec2(origin.x, top), corner, packed(RAISED, 0.35), 3.0)
@@ -50,7 +50,10 @@ def draw_details(
 
 
 def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
-    """Draw the distance of each moment from the examples, a tick for each missing one, a diamond for each."""
+    """Draws the coverage curve, the missing key poses, and a diamond for each key pose.
+
+    The curve is the distance of every time from the examples.
+    """
     draw, top = imgui.get_window_draw_list(), origin.y + lane.top
     details, puppets = workspace.timeline.rows.details, workspace.editor.puppets
     coverage, poses = details.coverage(lane.layer.take), details.poses(layout, lane)
@@ -82,7 +85,7 @@ def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
 
 
 def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
-    """Draw contact and flight, with a handle at each switch."""
+    """Draws contact and flight phases, with a handle at each switch."""
     draw, top = imgui.get_window_draw_list(), origin.y + lane.top
     rows = workspace.timeline.rows
     for number, (switch, left, right) in enumerate(rows.details.bands(layout, lane)):
@@ -105,7 +108,10 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
 
 
 def _held(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
-    """Draw a mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
+    """Draws a mark for every hard constraint.
+
+    A dot is a position, a bar is standing still, and two dots are level.
+    """
     draw, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
     for _, held, x in workspace.timeline.rows.details.held(layout, lane):
         red, green, blue = point_colour(lane.character.handles.index(held.point))
@@ -121,7 +127,7 @@ def _held(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVe
 
 
 def tell_details(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -> None:
-    """Show what is under the pointer, in words."""
+    """Shows a tooltip about the mark under the pointer."""
     if not imgui.is_item_hovered() or workspace.timeline.busy:
         return
     at, project = imgui.get_mouse_pos(), layout.project

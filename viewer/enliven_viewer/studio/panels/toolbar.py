@@ -1,4 +1,4 @@
-"""The tools at the left: a button each, with its letter."""
+"""The tools at the left: one button each."""
 
 from __future__ import annotations
 
@@ -13,35 +13,37 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WIDE = 72.0
-"""Pixels of a button: the longest name."""
+"""Width of a button in pixels: the longest name."""
 _HIGH = (13.0, 50.0)
-"""Pixels, the lowest and the highest button: in a low window they are lower, so that all are in sight."""
+"""Minimum and maximum height of a button in pixels. In a low window buttons are lower, so that all are
+visible.
+"""
 _STACKED = 34.0
-"""Pixels: lower buttons show the name next to the icon, higher ones below it."""
+"""Height in pixels below which a button shows the name next to the icon instead of below it."""
 _APART = 4.0
-"""Pixels between two buttons; half of it in a low window."""
+"""Gap in pixels between two buttons; half of it in a low window."""
 _LOW_PAD = 3.0
-"""Pixels over the first and under the last button in a low window."""
+"""Margin in pixels above the first and below the last button in a low window."""
 _ICON = 18.0
-"""Pixels of an icon over its name: seen at a glance."""
+"""Size in pixels of an icon above its name: recognisable at a glance."""
 _NAME = 12.0
-"""Pixels of the letters of a name under its icon: the longest fits the button."""
+"""Text size in pixels of a name below its icon: the longest name fits the button."""
 _LOW_ICON = 13.0
-"""Pixels of an icon next to its name: as high as the letters."""
+"""Size in pixels of an icon next to its name: as tall as the letters."""
 _LOW_NAME = 11.0
-"""Pixels of the letters of a name next to its icon: the smallest that are easy to read."""
+"""Text size in pixels of a name next to its icon: the smallest readable size."""
 _ICON_SPACE = 19.0
-"""Pixels of a low button in which its icon stands, left of the name."""
+"""Width in pixels of the icon's space in a low button, left of the name."""
 
 
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
-    """Draw the buttons; that of the active tool is amber."""
+    """Draws the buttons; that of the active tool is amber."""
     actions = workspace.actions.menus["Tools"]
     with panel("tools", area, imgui.WindowFlags_.no_scrollbar):
         each = imgui.get_content_region_avail().y / len(actions)
         is_low = each - _APART < _STACKED
         apart = _APART / 2 if is_low else _APART
-        if is_low:  # less air above and below: every tool stays in sight
+        if is_low:  # smaller margins, so that every tool is visible
             imgui.set_cursor_pos_y(_LOW_PAD)
             each = (area.height - 2 * _LOW_PAD) / len(actions)
         size = ImVec2(_WIDE, min(max(each - apart, _HIGH[0]), _HIGH[1]))
@@ -80,7 +82,7 @@ def _face(at: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool)
 
 
 def _centred(text: str, high: float, left: float, room: float, top: float, colour: Colour) -> None:
-    """Draws a line in the middle of some pixels, in smaller letters if it is wider than these."""
+    """Draws a centred line of text in a given width, with smaller letters if it is too wide."""
     wide = imgui.calc_text_size(text).x * high / imgui.get_font_size()
     high *= min(room / max(wide, 1e-3), 1.0)
     place = ImVec2(left + max(room - wide, 0.0) / 2, top)

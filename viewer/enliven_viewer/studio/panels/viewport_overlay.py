@@ -16,20 +16,20 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
 _AIR = 8.0
-"""Pixels between a chosen character and the corners around it."""
+"""Gap in pixels between a selected character and its corner brackets."""
 _CORNER = 10.0
-"""Pixels of each arm of a corner."""
+"""Length in pixels of a bracket's arms."""
 _LEAST_LETTERS = 9.0
-"""Pixels of the letters of a long hint in the strip under a narrow picture, at least."""
+"""Minimum text size in pixels of a long hint in the strip below a narrow view."""
 _WIDE = 380.0
-"""Pixels of a line of a message at most: about sixty letters, easy to read."""
+"""Maximum width in pixels of a message line: about sixty letters, easy to read."""
 
 
 def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: Area | None = None) -> None:
-    """Draw marks and the hint, where tools are in reach, then messages, below every panel.
+    """Draws marks and the hint, if tools are available, then messages; below every panel.
 
     Args:
-        hint: the strip for the hint, if it does not stand over the picture.
+        hint: the strip for the hint, if it is not over the view.
     """
     draw = imgui.get_background_draw_list()
     if tool and hint is not None:
@@ -46,7 +46,7 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True, hint: A
 
 
 def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: bool) -> None:
-    """Draw the marks of the tool, the axes of a puppet, and the hint."""
+    """Draws the marks of the tool, the axes of a puppet, and the hint."""
     _brackets(workspace, draw, area)
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw, area, mark)
@@ -60,7 +60,10 @@ def _tool(workspace: Workspace, draw: imgui.ImDrawList, area: Area, *, over: boo
 
 
 def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw corners around each of several chosen characters; the one that leads has brighter ones."""
+    """Draws corner brackets around each of several selected characters.
+
+    Those of the active character are brighter.
+    """
     editor = workspace.editor
     if not editor.selection.several:
         return
@@ -83,7 +86,7 @@ def _points(mark: Line | Fill, area: Area) -> list[ImVec2Like]:
 
 
 def draw_mark(draw: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Label) -> None:
-    """One mark, its pixels counted from the area's top left."""
+    """Draws one mark; its pixels count from the area's top left corner."""
     if isinstance(mark, Line):
         points = _points(mark, area)
         closed = imgui.ImDrawFlags_.closed if mark.closed else 0
@@ -106,7 +109,7 @@ def draw_mark(draw: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Lab
 
 
 def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the tool's name and hint, and its warning beneath."""
+    """Draws the tool's name and hint, with its warning below."""
     tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tr(tool.label)}   ").x
     room = max(area.width - shift - 54, 80.0)
@@ -122,7 +125,7 @@ def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
 
 
 def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the tool's name and hint in a strip under the picture, in small letters."""
+    """Draws the tool's name and hint in a strip below the view, in small letters."""
     tool, font, room = workspace.input.tool, imgui.get_font(), area.width - 28
     draw.add_rect_filled(
         ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height), packed(DARK)
@@ -149,7 +152,7 @@ def _warning(said: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
 
 
 def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the caption of a session in the middle above, with the key that it presses."""
+    """Draws the caption of a scripted session at the top, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     wide = imgui.calc_text_size(workspace.caption).x * grown
@@ -172,14 +175,14 @@ def _toasts(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     live = perform.room == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
     if perform.room in ("Perform", "Play"):
-        # And above the words about who holds what, and about what a press of Possess waits for.
+        # Also above the lines about performers, and about what a press of Possess waits for.
         bottom -= HOLDER * (len(perform.holders) + perform.stepping_in.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 
 
 def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> float:
-    """One message above ``bottom``; its top."""
+    """Draws one message above ``bottom``. Returns its top."""
 
     texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
     extents = [imgui.calc_text_size(text, wrap_width=_WIDE) for text, _ in texts]
@@ -199,5 +202,5 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
 
 
 def _wrapped(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
-    """Draw text in lines of a width at most."""
+    """Draws text wrapped to a maximum width."""
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

@@ -1,4 +1,4 @@
-"""Performing in the window: the link to an edge, what is put on its stage, and what is recorded."""
+"""Performing in the studio: the link to an edge, the characters on its stage, and recordings."""
 
 import lazy_loader
 

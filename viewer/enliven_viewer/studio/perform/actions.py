@@ -1,4 +1,4 @@
-"""The table of what can be done while performing: menus, keys and the help are made of it."""
+"""The table of actions while performing. Menus, shortcuts and the help are built from it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from enliven_viewer.studio.perform.session import ROOMS, PerformSession
 
 @dataclass(frozen=True)
 class PerformAction:
-    """An action: its label, its key, what it does, and the workspaces in which the key means it.
+    """An action: its label, shortcut, function, and the workspaces in which the shortcut is active.
 
-    An action without workspaces has its key in all of them.
+    The shortcut of an action without workspaces is active in all of them.
 
     Attributes:
-        live: whether it is about what is followed, and lacks that where nothing is.
+        live: whether it applies to the followed stage or take, and is unavailable without one.
     """
 
     label: str
@@ -38,22 +38,22 @@ class PerformAction:
 
     @property
     def id(self) -> str:
-        """A name that stays: "perform.possess_alone"."""
+        """Returns a permanent name such as "perform.possess_alone"."""
         if self.label == _STAND:
-            return "perform.stand"  # the start page shows it
+            return "perform.stand"  # the start page shows this action
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
-        """Why it cannot be done now, and what to do about it; empty where it can."""
+        """Returns why it is unavailable now, with advice; empty if it is available."""
         return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
 NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Perform workspace")
-"""What is said of actions that need a stage."""
+"""The message of actions that need a stage."""
 
 
 def perform_actions(session: PerformSession) -> Iterator[Action]:
-    """Every action, for menus, the palette and the list of keys."""
+    """Yields every action, for menus, the command palette and the list of shortcuts."""
     for one in PERFORM_ACTIONS:
         on = None if one.on is None else partial(one.on, session)
         yield Action(
@@ -72,19 +72,19 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
 
 
 def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
-    """An action on what is followed; without a link it does nothing."""
+    """Returns a function on the followed stage or take; without one it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
 
 
 def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
-    """An action by which a performer takes hold, as soon as it can be."""
+    """Returns a function that lets a performer possess a character, as soon as that is possible."""
     return lambda session: session.stepping_in.press(mode)
 
 
 def _several(
     group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
 ) -> Iterator[PerformAction]:
-    """Actions on what is followed that one menu shows: label, key and what each does."""
+    """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
     for label, key, act in rows:
         yield PerformAction(label, key, _live(act), rooms, group=group)
 
@@ -249,4 +249,4 @@ PERFORM_ACTIONS = (
         ("Slower", "down", lambda live: live.playhead.faster(-1)),
     ),
 )
-"""Every action, the ones of all workspaces first."""
+"""Every action; those of all workspaces come first."""

@@ -1,4 +1,4 @@
-"""The addresses of edges that the window was connected to, the newest first."""
+"""The addresses of edges that the window was connected to, newest first."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pathlib import Path
 from enliven.files import own_folder
 
 _KEPT = 6
-"""Addresses that are remembered: a list that is read at a glance."""
+"""Maximum number of stored addresses: a list that can be read at a glance."""
 
 
 class Addresses:
     """A small file of addresses.
 
     Args:
-        folder: where it is; None takes the user's own place.
+        folder: folder of the file. None means the user's own data folder.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -24,7 +24,7 @@ class Addresses:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The addresses, the newest first; read once."""
+        """Returns the addresses, newest first; the file is read once."""
         if self._known is None:
             self._known = ()
             with contextlib.suppress(OSError, UnicodeDecodeError):
@@ -32,10 +32,10 @@ class Addresses:
         return self._known
 
     def remember(self, address: str) -> None:
-        """Put an address first."""
+        """Moves an address to the top."""
         kept = (address, *(one for one in self.known if one != address))[:_KEPT]
         self._known = kept
-        with contextlib.suppress(OSError):  # to be connected matters more than to remember it
+        with contextlib.suppress(OSError):  # a failure to store the address must not prevent the connection
             self._path.write_text("\n".join(kept) + "\n", "utf-8")
 
     @property

@@ -1,4 +1,4 @@
-"""The cameras of this machine, as the edge's own program finds them; and a look through one of them."""
+"""The cameras of this machine, as found by the edge's program, and test images of them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from enliven_viewer.language import later, tr
 log = logging.getLogger(__name__)
 
 _SECONDS = "0.6"
-"""Seconds of depth in a look: some images, and the rate."""
+"""Duration in seconds of a test: enough for some images, and the frame rate."""
 _MOST = 1 << 20
-"""Bytes of the edge's answer that are read: a thousand cameras."""
+"""Maximum number of bytes read of the edge's answer: a thousand cameras."""
 _MISSING = later("The edge is not installed here, so only cameras of other computers can be used.")
 
 
@@ -30,12 +30,12 @@ class Camera(msgspec.Struct, frozen=True):
     """A camera as ``enliven sensors --json`` lists it.
 
     Attributes:
-        title: what people call it.
-        sensor: the driver's name; empty if there is none.
-        options: of the driver.
-        trouble, mend: what keeps it from being used, and what to do; empty if nothing does.
-        hint: what is worth knowing though it can be used; or empty.
-        depth: whether it measures depth, so that a picture of it can be made.
+        title: name shown to people.
+        sensor: name of the driver; empty if there is none.
+        options: options of the driver.
+        trouble, mend: why it cannot be used, and what to do; empty if it can.
+        hint: a note although it can be used; or empty.
+        depth: whether it measures depth, so that a test image can be made.
     """
 
     title: str
@@ -48,25 +48,25 @@ class Camera(msgspec.Struct, frozen=True):
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words of ``enliven edge`` that start it."""
+        """Returns the arguments of ``enliven edge`` that start it."""
         settings = (word for name, value in self.options.items() for word in ("--set", f"{name}={value}"))
         return "--sensor", self.sensor, *settings
 
     @property
     def can_start(self) -> bool:
-        """Whether nothing keeps it from being used."""
+        """Returns True if it can be used."""
         return bool(self.sensor) and not self.trouble
 
 
 class CameraSearch:
-    """Looks for cameras in the background, and through one of them; the window never waits.
+    """A background search for cameras, with test images of one of them. It never blocks the window.
 
     Attributes:
-        cameras: what was found last; None before the first search has ended.
-        problem: why nothing could be looked for, or empty.
-        looked: the camera that was looked through last, and what came of it in words.
-        picture: (H, W, 3) sRGB of its depth; None without one.
-        number: of pictures so far, so that a panel knows a new one.
+        cameras: the result of the last search; None before the first search has ended.
+        problem: why the search failed, or empty.
+        looked: the last tested camera, and the result in words.
+        picture: (H, W, 3) sRGB of its depth image; None without one.
+        number: number of images so far, so that a panel can detect a new one.
     """
 
     def __init__(self) -> None:
@@ -81,16 +81,16 @@ class CameraSearch:
 
     @property
     def searching(self) -> bool:
-        """Whether cameras are being looked for."""
+        """Returns True if a search is running."""
         return self._search is not None
 
     @property
     def looking(self) -> Camera | None:
-        """The camera that is being looked through; None without one."""
+        """Returns the camera that is being tested; None without one."""
         return None if self._look is None else self._look[2]
 
     def begin(self) -> None:
-        """Look for cameras, if that is not being done already."""
+        """Starts a search unless one is already running."""
         if self._search is not None:
             return
         if find_spec("enliven_edge") is None:
@@ -100,7 +100,7 @@ class CameraSearch:
         self._search = start_process(["sensors", "--json"], stdout=out), out
 
     def look(self, camera: Camera) -> None:
-        """Make a picture of what a depth camera sees now."""
+        """Takes a test image of a depth camera."""
         if self._look is not None or not camera.can_start:
             return
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="enliven-look-")
@@ -112,7 +112,7 @@ class CameraSearch:
         self._look = start_process(words, stderr=told, stdout=told), told, camera, path
 
     def poll(self) -> None:
-        """Take in what has ended; call once a frame."""
+        """Takes the results of finished searches and tests. Call once per frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
             self._take(_text(out), bool(process.returncode))
@@ -121,7 +121,7 @@ class CameraSearch:
             self._see(camera, _text(told), path, bool(process.returncode))
 
     def close(self) -> None:
-        """Ends the search and removes its files."""
+        """Ends search and test, and removes their files."""
         for process in [one[0] for one in (self._search, self._look) if one is not None]:
             process.kill()
             process.wait()
@@ -131,7 +131,7 @@ class CameraSearch:
             self._folder = None
 
     def _take(self, text: str, failed: bool) -> None:
-        """Read the list that the edge printed: its last line."""
+        """Reads the list from the last line of the edge's output."""
         try:
             self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
             self.problem = ""
@@ -141,7 +141,7 @@ class CameraSearch:
             self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
 
     def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
-        """Take the picture of a look, or what went wrong."""
+        """Stores the image of a test, or the error."""
         lines = [line.strip() for line in said.splitlines() if line.strip()]
         if failed or not path.is_file():
             why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")
@@ -158,7 +158,7 @@ class CameraSearch:
 
 
 def _text(file: IO[str]) -> str:
-    """Returns what a process wrote into a file, and closes it."""
+    """Returns what a process has written into a file, and closes the file."""
     file.seek(0)
     with file:
         return file.read(_MOST)

@@ -1,4 +1,4 @@
-"""The view goes to the limb that is about to be held, and back; a second one sees it from the side."""
+"""Moves the view to the limb that is about to be attached, and back. A second view shows it from the side."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Lens
 
 _ROOM = 1.7
-"""How much larger than the limb the picture is: what it hangs on is seen too."""
+"""Framing margin around the limb, so that neighbouring parts are visible too."""
 _WHOLE = 0.75
-"""Share of a character's size from which on what is held is no limb of it: the view stays."""
+"""If the part to be attached is larger than this fraction of the character, the view does not move."""
 _DWELL = 0.7
-"""Seconds for which the view stays at a limb at least, so that it does not leap between two alike."""
+"""Minimum time in seconds that the view stays at a limb, so that it does not jump between two similar
+ones.
+"""
 _MOVED = 0.35
-"""Share of a limb's size by which it is elsewhere before the view follows it."""
+"""Minimum movement of a limb, as a fraction of its size, before the view follows."""
 _SAME = 1e-6
-"""Metres and radians within which the view is where it was sent: else the artist turned it."""
+"""Tolerance in metres and radians for the view being unchanged; otherwise the artist has turned it."""
 
 
 class CloseUp:
-    """Moves the editor's camera while a performer chooses what to take hold of.
+    """The automatic movement of the editor's camera while a performer chooses what to control.
 
     Attributes:
-        on: whether the view goes there.
-        box: around the limb, metres; None where none is about to be held.
+        on: whether the view moves to the limb.
+        box: bounding box of the limb in metres; None if no limb is about to be attached.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -42,11 +44,11 @@ class CloseUp:
         self._since = 0.0
 
     def toggle(self) -> None:
-        """Let the view go to the limb, or leave it."""
+        """Switches the automatic view on or off."""
         self.on = not self.on
 
     def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
-        """Go to what is about to be held in a scene, of the character that is meant or else of any."""
+        """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._since += seconds
         found = None if scene is None or not self.on else about_to_be_held(scene, meant)
         if found is None and self.box is not None and self.on and scene is not None and self._since < _DWELL:
@@ -58,7 +60,7 @@ class CloseUp:
             self._go_to(found)
 
     def lens(self, width: float, height: float) -> Lens | None:
-        """The view from the side on the limb, for a picture of so many pixels; None without one."""
+        """Returns the side view of the limb for an image of this size in pixels; None without a limb."""
         if self.box is None:
             return None
         camera = OrbitCamera(self.editor.camera.field_of_view)
@@ -69,11 +71,11 @@ class CloseUp:
 
     @property
     def _turned(self) -> bool:
-        """Whether the artist moved the view since it was sent to the limb."""
+        """Returns True if the artist has moved the view since it was sent to the limb."""
         return not np.allclose(self.editor.camera.goal, self._sent, atol=_SAME)
 
     def _go_to(self, box: Box) -> None:
-        """Frame a limb, unless the artist looks elsewhere meanwhile."""
+        """Frames a limb, unless the artist has moved the view meanwhile."""
         camera, size = self.editor.camera, self.editor.size
         if self._framed is not None and self._turned:
             self._before = None
@@ -85,7 +87,7 @@ class CloseUp:
         self._framed, self._since = box, 0.0
 
     def _go_back(self) -> None:
-        """Look again as before, unless the artist turned the view."""
+        """Restores the previous view, unless the artist has moved the view."""
         if self._before is not None and not self._turned:
             *target, azimuth, elevation, distance = self._before
             self.editor.camera.go(target, azimuth, elevation, distance)
@@ -93,10 +95,12 @@ class CloseUp:
 
 
 def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
-    """The box around the limb that the next hold would take; None for none, or for most of a character.
+    """Returns the bounding box of the limb that the next possession would attach.
+
+    Returns None without such a limb, or if it is most of a character.
 
     Args:
-        meant: the id of the character that is looked at; None: the first of which something would be held.
+        meant: id of the character; None for the first one with a part about to be attached.
     """
     for actor in scene.actors:
         points = _limb(scene, actor) if meant in (None, actor.character.id) else None
@@ -107,7 +111,7 @@ def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
 
 
 def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
-    """(N, 3) metres: the bones of the match that is shown, or the nodes that would be held; None without."""
+    """Returns (N, 3) metres: the bones of the shown match, or the previewed nodes; None without either."""
     board, cues = scene.boards.get(actor.character.id), actor.cues
     if board is not None and board.state == "choosing" and 0 <= board.shown < len(board.rows):
         lines = [line for line in board.rows[board.shown].lines if len(line)]
@@ -115,16 +119,16 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     if cues is None or cues.firm.all():
         return None
     nodes = cues.nodes[~cues.firm]
-    known = nodes < len(actor.pose.positions)  # an edge may name any node
+    known = nodes < len(actor.pose.positions)  # an edge may send any node numbers
     return np.asarray(actor.pose.positions[nodes[known]], np.float64)
 
 
 def _size(box: Box) -> float:
-    """Metres from corner to corner."""
+    """Returns the length of the box's diagonal in metres."""
     return float(np.linalg.norm(box[1] - box[0]))
 
 
 def _elsewhere(box: Box, before: Box) -> bool:
-    """Whether a limb has moved, or is another one."""
+    """Returns True if a limb has moved, or is another one."""
     least = _MOVED * max(_size(box), _size(before))
     return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > least

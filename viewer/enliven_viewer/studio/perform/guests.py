@@ -1,4 +1,4 @@
-"""Other edges beside the one that is led: who performs there is seen, and recorded with everything else."""
+"""Secondary edges in addition to the primary one. Their performers are shown and recorded too."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 APART = 100
-"""Ids from the performers of one edge to those of the next: an edge follows fewer at a time."""
+"""Offset between the performer ids of one edge and the next. An edge tracks fewer at a time."""
 
 
 def camera_of(client: EdgeClient) -> CameraMessage | None:
-    """What an edge told last of its camera; None where it has not."""
+    """Returns the last camera message of an edge; None if there is none."""
     client.take(CAMERA)
     return next(iter(client.latest(CAMERA).values()), None)
 
 
 class Guest:
-    """An edge that is seen and recorded beside another one.
+    """A secondary edge, which is shown and recorded in addition to the primary one.
 
-    What stands there is called "edge/name", so that two chairs are two.
+    Its characters are called "edge/name", so that two chairs have different ids.
 
     Args:
         address: HOST or HOST:PORT.
-        number: which of the guests it is, from 1.
+        number: number of the secondary edge, from 1.
 
     Attributes:
-        live: what is followed of it.
-        recorder: hears everything that arrives from it.
+        live: the followed stage.
+        recorder: receives everything that arrives from it.
 
     Raises:
-        InputError: where that is no address.
+        InputError: if the address is invalid.
     """
 
     def __init__(self, address: str, number: int, settings: PlaybackSettings | None = None) -> None:
@@ -53,47 +53,50 @@ class Guest:
 
     @property
     def name(self) -> str:
-        """The name of the edge, or its address before it was heard."""
+        """Returns the name of the edge, or its address before the first message."""
         return self._client.edges[0].name
 
     @property
     def connected(self) -> bool:
-        """Whether it is heard."""
+        """Returns True if messages arrive from it."""
         return self.live.document.edge.connected
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers there, as that edge has them."""
+        """Returns the ids of its performers, as assigned by that edge."""
         return tuple(sorted(body.id for body in self.live.scene.bodies)) if self.connected else ()
 
     @property
     def present(self) -> tuple[str, ...]:
-        """What is there, a line each."""
+        """Returns its performers and characters, one line each."""
         numbers = self.live.numbers
         people = (tr("Performer {0} at {1}", numbers.number_of(body), self.name) for body in self.performers)
         return (*people, *self._client.characters)
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Where its camera stands and what it sees; None where it does not tell."""
+        """Returns the position and the image of its camera; None if it does not send them."""
         return camera_of(self._client)
 
     @property
     def delay_ns(self) -> int:
-        """Nanoseconds from a performer's movement until it is here, as measured; 0 where it is not known."""
+        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here.
+
+        Returns 0 if unknown.
+        """
         edge = self.live.document.edge
         if edge.sensor_to_pose_ms is None:
             return 0
         return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived."""
+        """Processes received messages."""
         now = self.recorder.holders.now
         self.live.held, self.live.holding = {one.character for one in now}, {one.body for one in now}
         self.live.advance(seconds)
 
     def close(self) -> None:
-        """Let the edge go."""
+        """Closes the connection to the edge."""
         self.live.close()
 
     def _heard(self, topic: Topic, value: Any) -> None:
@@ -105,7 +108,10 @@ class Guest:
 
 
 def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
-    """A scene with what is live on other edges; performers of each have ids, and colours, of their own."""
+    """Returns a scene merged with the live scenes of other edges.
+
+    Each edge's performers get separate ids and colours.
+    """
     actors, bodies, boards = list(scene.actors), list(scene.bodies), dict(scene.boards)
     for guest in guests:
         if not guest.connected:
@@ -118,6 +124,6 @@ def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
 
 
 def _carried(board: Board, ids: int) -> Board:
-    """A board of another edge; its performers' ids, where they are known, are ``ids`` higher here."""
+    """Returns a match list of another edge, with ``ids`` added to the known ids of its performers."""
     rows = tuple(replace(row, body=row.body + ids) if row.body >= 0 else row for row in board.rows)
     return replace(board, body=board.body + ids if board.body >= 0 else -1, rows=rows)

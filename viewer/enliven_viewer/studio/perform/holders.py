@@ -1,4 +1,4 @@
-"""Who holds what with which parts of the body, followed through the changes that an edge tells."""
+"""Tracks which performers control which characters with which body parts, from an edge's messages."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _WORDS = {
     "hands": later("both hands"),
     "hip + right arm": later("hip and the right arm"),
 }
-"""Parts of the body by what an artist calls them; others are said as they are."""
+"""The artist's words for body parts; others are used unchanged."""
 
 
 @dataclass(frozen=True)
 class Holder:
-    """A performer who holds a character.
+    """A performer that controls a character.
 
     Attributes:
         body: the performer's id.
-        character: the id of what is held.
-        parts: names of the parts that hold it, in the order in which they took hold.
-        number: of the performer, as people are told; 0: it is not known yet.
+        character: id of the controlled character.
+        parts: names of the controlling body parts, in the order of attachment.
+        number: the performer's number as shown to people; 0 if unknown.
     """
 
     body: int
@@ -35,7 +35,7 @@ class Holder:
 
     @property
     def words(self) -> str:
-        """For an audience: "Performer 1 is in the horse: both arms"."""
+        """Returns a text for an audience: "Performer 1 is in the horse: both arms"."""
         parts = [tr(_WORDS.get(part, part)) for part in self.parts]
         return tr(
             "Performer {0} is in the {1}: {2}",
@@ -46,7 +46,7 @@ class Holder:
 
 
 class Holders:
-    """The holds of all characters, and the messages since each was free."""
+    """The attachments of all characters, and the messages since each was last free."""
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[int, tuple[str, ...]]] = {}
@@ -54,12 +54,12 @@ class Holders:
 
     @property
     def now(self) -> tuple[Holder, ...]:
-        """Everyone who holds something, by id."""
+        """Returns all performers that control something, by id."""
         found = [Holder(who, name, own) for name, held in self._parts.items() for who, own in held.items()]
         return tuple(sorted(found, key=lambda one: (one.body, one.character)))
 
     def take(self, said: HoldMessage) -> None:
-        """Follow a change."""
+        """Processes a change of attachments."""
         before = self._parts.get(said.character, {})
         if not before:
             self.since_free[said.character] = []
@@ -78,5 +78,5 @@ class Holders:
             self.since_free[said.character] = []
 
     def forget(self) -> None:
-        """Forget everything, as after an edge was started again."""
+        """Discards everything, for example after a restart of an edge."""
         self._parts, self.since_free = {}, {}

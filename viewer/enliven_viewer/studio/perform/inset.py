@@ -1,4 +1,4 @@
-"""The performers as their camera sees them, in a corner of the picture that covers the characters least."""
+"""The performers as seen by their camera, in the corner of the view that covers the characters least."""
 
 from __future__ import annotations
 
@@ -12,46 +12,53 @@ from enliven.person import BONES, Body
 from enliven.wire import CameraMessage
 
 EYE = 1.1
-"""Metres over the floor from which performers are seen, a camera's on a table: messages do not say."""
+"""Height in metres of an assumed camera, as on a table, if the messages do not contain the camera's
+position.
+"""
 _VIEW = np.tan(np.radians(29.0))
-"""Tangent of half the height of the view: depth cameras see 56 to 60 degrees."""
+"""Tangent of half the vertical field of view: depth cameras have 56 to 60 degrees."""
 WIDER = 1.2
-"""Width of the view over its height: what depth cameras have, a little cropped."""
+"""Aspect ratio of the view: that of depth cameras, slightly cropped."""
 _NEAREST = 0.6
-"""Metres: nearer than this no depth camera sees; other performers are looked at from before them."""
+"""Minimum distance in metres of a depth camera. If performers are nearer, an assumed camera in front of them
+is used.
+"""
 _BEFORE = 2.5
-"""Metres before performers who do not stand before the world's origin: the usual distance."""
+"""Distance in metres of that assumed camera: the usual distance."""
 _SHARE = 0.3
-"""Share of the picture's height: the character stays what is looked at."""
+"""Fraction of the view's height, so that the character stays the main subject."""
 _LEAST = 104.0
-"""Pixels of the height at least: a pose is told apart from so many on."""
+"""Minimum height in pixels: poses are recognisable from this size on."""
 _MOST = 400.0
-"""Pixels of the height at most: more shows no more."""
+"""Maximum height in pixels: a larger image shows no more detail."""
 _WIDEST = 0.45
-"""Share of the picture's width for all views side by side."""
+"""Maximum fraction of the view's width for all insets side by side."""
 _MARGIN = 14.0
-"""Pixels to the border of the picture."""
+"""Distance in pixels from the border of the view."""
 _BELOW = 62.0
-"""Pixels at the bottom that the live timeline has in Play, and messages elsewhere."""
+"""Space in pixels at the bottom for the live timeline in Play, and for messages elsewhere."""
 _BETTER = 0.25
-"""Share of the inset by which another corner has to cover less, so that it does not leap about."""
+"""Minimum improvement, as a fraction of the inset, for moving to another corner, so that it does not jump
+about.
+"""
 _LOOKED = 20
-"""Pictures after which it is looked anew which corner is free, since that costs the characters' vertices."""
+"""Number of frames between two searches for a free corner, since that needs the characters' vertices."""
 
 Rectangle = tuple[float, float, float, float]
-"""Left, top, width and height, pixels."""
+"""Left, top, width and height in pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeenBody:
-    """A performer in the view of a camera.
+    """A performer as seen by a camera.
 
     Attributes:
-        id: as the window numbers performers.
-        places: (20, 2) of the view: 0 to its width over its height to the right, 0 to 1 down; NaN behind it.
-        depth: (20,) metres before the camera.
+        id: number of the performer in the window.
+        places: (20, 2) position in the view: 0 to the aspect ratio to the right, 0 to 1 down; NaN behind the
+            camera.
+        depth: (20,) metres in front of the camera.
         confidence: (20,) in [0, 1].
-        focal: heights of the view that a metre has at a distance of one.
+        focal: focal length in view heights.
     """
 
     id: int
@@ -62,21 +69,24 @@ class SeenBody:
 
     @property
     def bones(self) -> list[tuple[int, int]]:
-        """The bones, the farthest first."""
+        """Returns the bones, farthest first."""
         return sorted(BONES, key=lambda bone: -float(self.depth[list(bone)].sum()))
 
     def pixels(self, metres: float, joint: int) -> float:
-        """Shares of the view's height that a length at a joint has."""
+        """Returns the size of a length at a joint, as a fraction of the view's height."""
         return float(metres * self.focal / max(self.depth[joint], _NEAREST))
 
 
 def width_of(camera: CameraMessage | None) -> float:
-    """The width over the height of a camera's view; of one that tells no picture :data:`WIDER`."""
+    """Returns the aspect ratio of a camera's view; :data:`WIDER` if it sends no image."""
     return WIDER if camera is None or not camera.height else camera.width / camera.height
 
 
 def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[SeenBody, ...]:
-    """Performers as their camera sees them; of one that does not tell, as a level one before them does."""
+    """Returns performers as seen by their camera.
+
+    If its position is unknown, a level camera in front of them is assumed.
+    """
     if not bodies:
         return ()
     if camera is not None:
@@ -97,7 +107,7 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[S
 
 
 def _through(camera: CameraMessage, body: Body) -> SeenBody:
-    """A performer as a camera sees them that said where it stands."""
+    """Returns a performer as seen by a camera with a known position."""
     rows, (across, down, right, low) = np.reshape(camera.place, (3, 4)), camera.lens
     ahead = (body.joints - rows[:, 3]) @ rows[:, :3]
     depth = np.where(ahead[:, 2] > 0.0, ahead[:, 2], np.nan)
@@ -106,7 +116,7 @@ def _through(camera: CameraMessage, body: Body) -> SeenBody:
 
 
 class PerformerInset:
-    """Where the inset is; it stays in a corner until another one covers much less."""
+    """The place of the inset. It stays in a corner until another one covers much less."""
 
     def __init__(self) -> None:
         self._corner, self._drawn = 0, 0
@@ -114,11 +124,13 @@ class PerformerInset:
     def place(
         self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
     ) -> Rectangle:
-        """The rectangle in a picture of a width and height in pixels, for some views side by side.
+        """Returns the inset's rectangle in a view with a width and height in pixels.
+
+        Several cameras are side by side.
 
         Args:
-            views: how many, by their widths: one of :data:`WIDER` is one.
-            covered: returns where characters are seen, in pixels of the picture; asked once in a while.
+            views: total width of the camera views, in units of one with aspect ratio :data:`WIDER`.
+            covered: returns the rectangles of the characters in pixels; called only now and then.
         """
         fits = min(_MOST, _WIDEST * width / (WIDER * views), height - _BELOW - _MARGIN)
         tall = max(min(max(_SHARE * height, _LEAST), fits), 1.0)
@@ -136,7 +148,7 @@ class PerformerInset:
 
 
 def rectangle_of(pixels: Float) -> Rectangle | None:
-    """The rectangle around places (N, 2) in pixels; None where one is behind the camera."""
+    """Returns the bounding rectangle of pixels (N, 2); None if one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
     low, high = pixels.min(0), pixels.max(0)
@@ -144,7 +156,7 @@ def rectangle_of(pixels: Float) -> Rectangle | None:
 
 
 def _common(one: Rectangle, other: Rectangle) -> float:
-    """Pixels squared that two rectangles share."""
+    """Returns the area of the intersection of two rectangles in square pixels."""
     wide = min(one[0] + one[2], other[0] + other[2]) - max(one[0], other[0])
     high = min(one[1] + one[3], other[1] + other[3]) - max(one[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)

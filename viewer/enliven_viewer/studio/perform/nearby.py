@@ -1,4 +1,4 @@
-"""An edge on this machine, started by the window and ended with it."""
+"""An edge on this machine, started and ended by the window."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class NearbyEdge:
     """One edge as a child process.
 
     Args:
-        words: of its command line, such as "--sensor", "synthetic".
+        words: command line arguments, such as "--sensor", "synthetic".
 
     Attributes:
-        endpoint: where it listens, or will.
+        endpoint: address on which it will listen.
 
     Raises:
-        ResourceError: where the edge's program is not installed.
+        ResourceError: if the edge's program is not installed.
     """
 
     def __init__(self, *words: str) -> None:
@@ -37,12 +37,12 @@ class NearbyEdge:
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
         ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
-        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it lives as long as the edge
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it must live as long as the edge
         self._process = start_process(["edge", *words, *ports], stderr=self._log)
 
     @property
     def ended(self) -> str | None:
-        """Why it ended, its last words; None while it runs."""
+        """Returns the last line of its output as the reason, if it has ended; None while it runs."""
         if self._process.poll() is None:
             return None
         self._log.seek(0)
@@ -50,7 +50,7 @@ class NearbyEdge:
         return said[-1] if said else tr("it ended")
 
     def close(self) -> None:
-        """End it."""
+        """Ends the process."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -62,5 +62,5 @@ class NearbyEdge:
 
 
 def replaying(recording: Path | None) -> NearbyEdge:
-    """An edge that plays a recording for ever: the one that ships, where none is given."""
+    """Returns an edge that plays a recording in a loop; by default the bundled one."""
     return NearbyEdge("--loop", *(("--recording", str(recording)) if recording else ()))

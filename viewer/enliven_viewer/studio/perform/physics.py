@@ -1,4 +1,4 @@
-"""Physics in the window: the loose objects on an edge's stage, switched on and off."""
+"""Physics in the studio: switches the loose objects on an edge's stage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven_viewer.studio.editor import Editor
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
 LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
-"""Names for artists of each of :data:`LOOSE_WORLDS`."""
+"""The artist's name for each of :data:`LOOSE_WORLDS`."""
 _OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
 _HINTS = {
     "off": later("Boxes and balls that a character can knock over."),
@@ -22,10 +22,10 @@ _HINTS = {
 
 
 class StagePhysics:
-    """Follows the physics of an edge, and switches it.
+    """The state of an edge's physics, and the commands that switch it.
 
     Attributes:
-        state: of the physics; None while the edge has not told it.
+        state: state of the physics; None before the edge has sent it.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -33,23 +33,23 @@ class StagePhysics:
         self.state: PhysicsMessage | None = None
 
     def advance(self, client: EdgeClient) -> None:
-        """Take in the edge's messages."""
+        """Processes the edge's messages."""
         client.take(PHYSICS)
         self.state = client.latest(PHYSICS).get("")
 
     def forget(self) -> None:
-        """Forgets what the edge told: the link is closed."""
+        """Discards the edge's state after the link was closed."""
         self.state = None
 
     @property
     def number(self) -> int:
-        """Which of :data:`LOOSE_WORLDS` is on the stage."""
+        """Returns the number of the current entry of :data:`LOOSE_WORLDS`."""
         on = self.state is not None and self.state.state in ("preparing", "on")
         return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
 
     @property
     def words(self) -> str:
-        """What to do to get objects, or the reason against them: two sentences at most."""
+        """Returns how to get objects, or why there are none, in at most two sentences."""
         state = self.state
         if state is None:
             return _OLD_EDGE
@@ -59,7 +59,7 @@ class StagePhysics:
 
     @property
     def has_problem(self) -> bool:
-        """Whether the words are a reason against objects."""
+        """Returns True if the words describe a problem."""
         return self.state is not None and self.state.state in ("missing", "failed")
 
     def ask(self, client: EdgeClient | None, number: int) -> None:

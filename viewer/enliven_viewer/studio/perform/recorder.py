@@ -1,4 +1,4 @@
-"""Gathers what an edge publishes from one moment on, with what has to be known of the time before."""
+"""Collects an edge's messages from a start time on, together with the required history."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 
 _BEFORE = 18_000
-"""Frames of performers that are kept from before a recording: ten minutes, since a hold may be as old."""
+"""Maximum number of body frames stored from before a recording: ten minutes, since an attachment may be that
+old.
+"""
 
 
 class LiveRecorder:
-    """Hears everything that arrives; :meth:`begin` and :meth:`end` frame what is kept.
+    """A recorder that receives all messages. It keeps those between :meth:`begin` and :meth:`end`.
 
     Attributes:
-        holders: who holds what.
-        stillness: since when all performers hold still, in this recording.
-        cut: whether the sensor's clock began again while it recorded: what came after is left out.
+        holders: which performers control what.
+        stillness: how long all performers have held still in this recording.
+        cut: whether the sensor's clock restarted during the recording. Later messages are left out.
     """
 
     def __init__(self) -> None:
@@ -36,31 +38,31 @@ class LiveRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether something is recorded."""
+        """Returns True if a recording is running."""
         return self._kept is not None
 
     @property
     def since_ns(self) -> int:
-        """The sensor's clock when the recording began."""
+        """Returns the start of the recording on the sensor's clock."""
         return 0 if self._kept is None else self._kept.since_ns
 
     @property
     def still(self) -> float:
-        """Seconds for which all performers have held still, after they moved in this recording."""
+        """Returns for how many seconds all performers have held still, after they moved in this recording."""
         return self.stillness.seconds(self.newest_ns or 0)
 
     @property
     def seconds(self) -> float:
-        """Seconds of the sensor's clock that are recorded so far."""
+        """Returns the recorded length in seconds on the sensor's clock."""
         if self._kept is None or self.newest_ns is None or self._delay_ns is not None:
             return 0.0
         return max(self.newest_ns - self._kept.since_ns, 0) / NS
 
     def begin(self, name: str, delay_ns: int = 0) -> None:
-        """Record from now on, or from the first time that is heard of a clock that is not known yet.
+        """Starts recording now, or at the first message if the sensor's clock is not known yet.
 
         Args:
-            delay_ns: how much later than a performer moves it arrives here.
+            delay_ns: latency from a performer's movement to its arrival here.
         """
         self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
         self.stillness = Stillness()
@@ -68,21 +70,21 @@ class LiveRecorder:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
     def _count_from(self, kept: Performed, since: int) -> None:
-        """Begin a recording at a time of the sensor's clock, with the holds that lead up to it."""
+        """Starts a recording at a time of the sensor's clock, including the attachments made before it."""
         kept.since_ns, self._delay_ns = since, None
         first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
         kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
         kept.events = [said for held in self.holders.since_free.values() for said in held]
 
     def end(self) -> Performed:
-        """What was recorded; nothing more is."""
+        """Ends the recording and returns it."""
         assert self._kept is not None
         kept, self._kept, self._delay_ns = self._kept, None, None
         kept.events.sort(key=lambda said: said.time_ns)
         return kept
 
     def so_far(self) -> Performed | None:
-        """A copy of what was recorded until now, while the recording goes on; None without a recording."""
+        """Returns a copy of the unfinished recording, which continues; None without a recording."""
         if self._kept is None:
             return None
         kept = self._kept
@@ -95,7 +97,7 @@ class LiveRecorder:
         )
 
     def heard(self, topic: Topic, value: Any) -> None:
-        """Take a value of a topic, as the link brings it."""
+        """Processes a value of a topic from the link."""
         if topic is POSE:
             self._pose(value)
         elif topic is BODIES and not (self._frames and value.time_ns <= self._frames[-1].time_ns):
@@ -111,7 +113,7 @@ class LiveRecorder:
                 self._kept.events.append(value)
 
     def restarted(self) -> None:
-        """Another clock begins, and all holds are over."""
+        """Handles a restart: a new clock begins, and all attachments are gone."""
         self.newest_ns, self.cut = None, self.recording and self._delay_ns is None
         self._frames.clear()
         self.holders.forget()
@@ -126,9 +128,9 @@ class LiveRecorder:
         kept.poses.setdefault(key, []).append(pose)
 
     def _note(self, time_ns: int) -> None:
-        """Follow the sensor's clock; a recording that awaits it begins.
+        """Follows the sensor's clock, and starts a recording that waits for it.
 
-        After a slow picture many messages come at once, topic by topic: their times are no order of arrival.
+        After a slow frame, many messages arrive at once, topic by topic, so their times are not in order.
         """
         self.newest_ns = max(self.newest_ns or time_ns, time_ns)
         if self._kept is not None and self._delay_ns is not None:

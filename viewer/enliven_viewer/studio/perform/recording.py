@@ -1,4 +1,4 @@
-"""The recording from an edge's stage onto the project's timeline: counted in, ended, taken again."""
+"""Recordings from an edge's stage onto the project's timeline: count-in, punch-in and punch-out, retakes."""
 
 from __future__ import annotations
 
@@ -16,37 +16,38 @@ from enliven_viewer.studio.perform.guests import Guest
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 _COUNT = 3.0
-"""Seconds of the count-in: one beat each."""
+"""Length of the count-in in seconds: one beat per second."""
 _GONE = 4.0
-"""Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
+"""Seconds without messages from an edge after which a recording ends. A weak link recovers sooner."""
 _SHORTEST = 0.05
-"""Seconds of the shortest span: less is a slip of the hand."""
+"""Minimum length of the marked span in seconds. A shorter one is an accident."""
 _RECORD = "record "
-"""What the name of an edit begins with that is a recording."""
+"""Prefix of the history name of a recording."""
 _SILENCE = "silence "
-"""What the name of an edit begins with that silences takes, for one that is recorded beside them."""
+"""Prefix of the history name of an edit that mutes takes before recording an alternative."""
 Phase = Literal["idle", "counting", "recording"]
 
 
 class StageRecording:
-    """Records what happens on a stage, for as long as an artist wants, as one edit of the project.
+    """A recording of a stage for as long as the artist wants, stored as one edit of the project.
 
     Args:
-        editor: recordings become edits of its project.
-        live: what is followed; None without a link.
-        connected: whether an edge is heard.
-        may: says what is lacking, as a text that is not empty, and returns whether nothing is.
-        lacks: why nothing can be asked of the edge; empty where it can.
-        guests: other edges that are recorded as well, each by its own clock.
+        editor: the editor; recordings become edits of its project.
+        live: returns the followed stage; None without a link.
+        connected: returns whether messages arrive from an edge.
+        may: shows a non-empty text that says what is missing, and returns whether nothing is missing.
+        lacks: returns why the edge cannot be used; empty if it can.
+        guests: secondary edges that are recorded too, each by its own clock.
 
     Attributes:
-        recorder: hears everything that arrives.
-        phase: whether a recording is counted in or under way.
-        replaces: whether a recording takes the place of what the bones that moved play already.
-        count_in: whether three beats come before a recording.
-        hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
-        loops: whether the span is recorded again and again, each time as one more alternative.
-        pressed: the phase in which the button of the recording went down.
+        recorder: receives all messages.
+        phase: whether a recording is counting in or running.
+        replaces: whether a recording replaces the existing motion of the moved bones, instead of being added
+            (overdub).
+        count_in: whether three beats precede a recording.
+        hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
+        loops: whether the span is recorded repeatedly, each pass as another alternative.
+        pressed: the phase when the record button was pressed.
     """
 
     def __init__(
@@ -71,13 +72,13 @@ class StageRecording:
         self._left = self._silent = self._start = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Go on with the count-in or the recording."""
+        """Advances the count-in or the recording."""
         if self.phase == "counting":
             self._left -= seconds
             if self._left <= 0.0:
                 self._begin()
         elif self.phase == "recording":
-            # What plays keeps step with the sensor's clock, however many pictures a second there are.
+            # Playback follows the sensor's clock, regardless of the frame rate.
             self.editor.growing = self.editor.time = self._start + self.seconds
             heard = self._connected() or any(guest.connected for guest in self._guests)
             self._silent = 0.0 if heard else self._silent + seconds
@@ -93,22 +94,28 @@ class StageRecording:
 
     @property
     def seconds(self) -> float:
-        """Seconds that are recorded so far, by the clock of the edge that goes on longest."""
+        """Returns the recorded length in seconds, by the clock of the edge that is furthest."""
         return max(one.seconds for one in (self.recorder, *(guest.recorder for guest in self._guests)))
 
     @property
     def counted(self) -> int:
-        """The beat of the count-in: 3, 2, 1; 0 where none is counted."""
+        """Returns the current beat of the count-in: 3, 2, 1; 0 without one."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
     @property
     def clip(self) -> tuple[float, float] | None:
-        """First and last second, on the timeline, of what is being recorded; None where nothing is."""
+        """Returns the start and end on the timeline of the running recording, in seconds.
+
+        Returns None without one.
+        """
         return (self._start, self.editor.growing) if self.phase == "recording" else None
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """The first and the last second of the project that are recorded; None: from the playhead on."""
+        """Returns the start and end in seconds of the recording span (punch-in and punch-out).
+
+        Returns None to record from the playhead on.
+        """
         return self.editor.marked
 
     @span.setter
@@ -116,17 +123,17 @@ class StageRecording:
         self.editor.marked = span
 
     def record(self) -> None:
-        """Count in and record, or end it."""
+        """Starts a recording with its count-in, or ends it."""
         if self.phase != "idle":
             self.stop()
         elif self._may(self._lacks()):
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
     def again(self, *, beside: bool = False) -> None:
-        """Begin anew where the recording began: what is being recorded is dropped, the last one undone.
+        """Starts again where the recording began. A running recording is dropped; a finished one is undone.
 
         Args:
-            beside: whether the last one is kept, silent, as an alternative of what is recorded now.
+            beside: whether to keep the finished one, muted, as an alternative of the new one.
         """
         if self.phase == "idle":
             if not self.recorded:
@@ -147,26 +154,29 @@ class StageRecording:
 
     @property
     def recorded(self) -> str:
-        """The name of the recording that the last edit was; empty where that was another."""
+        """Returns the name of the recording if it was the last edit; else empty."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
 
     def _silence(self, alternatives: str) -> None:
-        """Let none of some takes be heard, for one more that is recorded."""
+        """Mutes all takes of a group, before another one is recorded."""
         self.editor.edit(
             later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
         )
         self._beside = alternatives
 
     def mark(self, end: int) -> None:
-        """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
+        """Sets the start (0) or the end (1) of the recording span to the playhead.
+
+        An empty span is removed.
+        """
         self.editor.mark(end)
 
     def stop(self, until_ns: int | None = None) -> None:
-        """End the count-in, or the recording: it becomes takes and layers of the project, as one edit.
+        """Ends the count-in, or ends the recording and adds its takes and layers to the project as one edit.
 
         Args:
-            until_ns: the sensor's clock up to which it is kept; None: all of it.
+            until_ns: time on the sensor's clock at which the recording is cut off; None keeps all of it.
         """
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
@@ -196,9 +206,9 @@ class StageRecording:
             editor.playing, self._fresh = True, told[-1]
 
     def so_far(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the recording so far, while it goes on; None without a recording.
+        """Returns the edit that stores the unfinished recording, which continues; None without a recording.
 
-        The edit has its own copy of the recording, so it can be done in another thread.
+        The edit has its own copy of the recording, so it may run in another thread.
         """
         if self.phase != "recording":
             return None
@@ -218,16 +228,16 @@ class StageRecording:
             self.editor.undo()
 
     def seen(self) -> str:
-        """The character that was recorded last, once; empty where it was asked for already."""
+        """Returns the character that was recorded last, only once; empty if it was requested already."""
         fresh, self._fresh = self._fresh, ""
         return fresh
 
     def _ended(self) -> list[Performed]:
-        """What the recorders have, the led edge's first; nothing more is recorded."""
+        """Ends all recorders and returns their recordings, the primary edge's first."""
         return [one.end() for one in (self.recorder, *(g.recorder for g in self._guests)) if one.recording]
 
     def _span_ended(self, span: tuple[float, float]) -> None:
-        """Keep what was recorded of the span; where it loops, the next one begins at once."""
+        """Keeps the recording of the span. In loop mode the next pass starts at once."""
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
@@ -236,7 +246,7 @@ class StageRecording:
             self._begin()
 
     def _begin(self) -> None:
-        """Begin to record, while the project plays from where the playhead is."""
+        """Starts recording, while the project plays from the playhead on."""
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent = "recording", 0.0
@@ -250,7 +260,10 @@ class StageRecording:
         live.playhead.go_live()
 
     def _delay_ns(self) -> int:
-        """Nanoseconds from a performer's movement until it is here, as measured; 0 where it is not known."""
+        """Returns the measured latency in nanoseconds from a performer's movement to its arrival here.
+
+        Returns 0 if unknown.
+        """
         live = self._live()
         edge = None if live is None else live.document.edge
         if edge is None or edge.sensor_to_pose_ms is None:
@@ -268,10 +281,10 @@ class StageRecording:
 def _recorded(
     project: Project, performed: Sequence[Performed], start: float, *, replaces: bool, beside: str
 ) -> tuple[Project, list[str]]:
-    """Returns a project with a recording inserted at a second, and the ids of its new items.
+    """Returns a project with a recording inserted at a time, and the ids of its new items.
 
     Raises:
-        InputError: where nothing moved.
+        InputError: if nothing moved.
     """
     after, names = project, list[str]()
     for one in performed:

@@ -1,4 +1,4 @@
-"""Characters of the project on the stage of an edge: sent, sent again when they are edited, taken away."""
+"""Characters of the project on the stage of an edge: sends, updates after edits, and removes them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.link import StageLink
 
 _REST = 0.25
-"""Seconds without another edit after which an edited character is sent: a dragged slider is one edit."""
+"""Seconds without another edit after which an edited character is sent, so that a dragged slider sends
+once.
+"""
 
 
 class StageSender:
-    """What of a project stands on the stage.
+    """The characters of a project that are on the stage.
 
     Args:
-        tell: says what was done, and what to do about it.
+        tell: shows a message and an advice.
 
     Attributes:
-        states: by character, what an artist is told of it.
+        states: by character, the state shown to the artist.
     """
 
     def __init__(self, tell: Callable[[str, str], None]) -> None:
@@ -33,29 +35,29 @@ class StageSender:
         self._seen: dict[str, tuple[RigBase, float]] = {}
 
     def put(self, stage: StageLink, project: Project, name: str) -> None:
-        """Send a character; it is sent again by itself when it is edited."""
+        """Sends a character. It is sent again automatically after edits."""
         one = project.character(name)
         again = self.states.get(name) == "on the stage"
         self._sent[name], self.states[name] = one, "being sent"
         told = partial(self._answered, name, again)
         if isinstance(one, Puppet) and len(one.poses) < 2 and one.mesh is not None:
-            # It has no examples of its own to move by: a person possesses its mesh.
+            # A puppet without examples cannot move by itself, so a person possesses its mesh.
             stage.put(project_of_mesh(one.mesh, name), name, fit=True, then=told)
         else:
             stage.put(project, name, then=told)
 
     def stands(self, name: str, one: RigBase) -> None:
-        """Note that a character stands on the stage as it is in the project: the edge made it."""
+        """Records that a character made by the edge is on the stage in its current state."""
         self._sent[name], self.states[name] = one, "on the stage"
 
     def remove(self, stage: StageLink, name: str) -> None:
-        """Take a character from the stage."""
+        """Removes a character from the stage."""
         self._sent.pop(name, None)
         self.states.pop(name, None)
         stage.remove(name, partial(self._removed, name))
 
     def advance(self, stage: StageLink, project: Project) -> None:
-        """Send what was edited, once it rests."""
+        """Sends edited characters after a pause in the editing."""
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             one = project.characters.get(name)
@@ -71,12 +73,12 @@ class StageSender:
                 self.put(stage, project, name)
 
     def again(self, stage: StageLink, project: Project) -> None:
-        """Send everything anew: the edge was started again, and its stage is empty."""
+        """Sends everything again to a restarted edge, which has an empty stage."""
         for name in [name for name in self._sent if name in project.characters]:
             self.put(stage, project, name)
 
     def forget(self) -> None:
-        """Forget what stands there: the link is closed."""
+        """Discards the state of the stage after the link was closed."""
         self.states, self._sent, self._seen = {}, {}, {}
 
     def _answered(self, name: str, again: bool, answer: Answer) -> None:
@@ -91,7 +93,7 @@ class StageSender:
             self._tell(tr("{0} cannot stand on the stage", name), answer.reason)
 
     def _said(self, name: str) -> str:
-        """What an artist should know of what was put there."""
+        """Returns a note for the artist about a character that was put on the stage."""
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
             return tr(
@@ -107,7 +109,10 @@ class StageSender:
 
 
 def _stands_alike(one: RigBase, sent: RigBase) -> bool:
-    """Whether an edit of a possessed mesh changed what it plays alone: the stage has it at rest."""
+    """Returns True if an edit of a possessed mesh changed only its motion.
+
+    On the stage the mesh is at rest.
+    """
     kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(
         getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends", "joints")

@@ -1,4 +1,4 @@
-"""Performing in the window: an edge's stage beside the project, and what is recorded from it."""
+"""Performing in the studio: an edge's stage next to the project, and recordings from it."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ from enliven_viewer.studio.perform.twins import Telling, Twins
 from enliven_viewer.studio.perform.voice import StageVoice
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
-"""The workspaces: which panels are in reach; what is loaded never changes with them."""
+"""The workspaces, which differ in their panels. The loaded project stays the same."""
 
 
 class PerformSession:
-    """The link of a window to one edge, or to a take, and the recording from it.
+    """The window's link to one edge or to a take, and the recording from it.
 
     Args:
-        editor: what is edited; recordings become edits of its project.
-        folder: where the last addresses are kept.
+        editor: the editor; recordings become edits of its project.
+        folder: folder of the stored addresses.
 
     Attributes:
-        room: the workspace, of :data:`ROOMS`.
-        live: what is followed; None without a link.
-        scene: what is live, as it is shown beside the project's characters; None without a link.
-        there: the character that was chosen in the list of those on the stage, if it is not the project's.
-        recording: from the stage onto the timeline.
-        guests: other edges, which are seen and recorded as well.
-        sizes: how large characters stand on the stage.
-        stepping_in: possesses a character now, or as soon as it can be.
+        room: the current workspace, one of :data:`ROOMS`.
+        live: the followed stage or take; None without a link.
+        scene: the live scene, shown next to the project's characters; None without a link.
+        there: the character selected in the stage's list, if it is not in the project.
+        recording: records from the stage onto the timeline.
+        guests: secondary edges, which are shown and recorded too.
+        sizes: sizes of the characters on the stage.
+        stepping_in: handles requests to possess a character, now or as soon as possible.
         voice: spoken commands.
         physics: loose objects on the stage.
-        close_up: the view of the limb that is about to be held.
-        address: what is typed into the field.
-        cameras: those of this machine.
+        close_up: the view of the limb that is about to be attached.
+        address: text in the address field.
+        cameras: the cameras of this machine.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -81,22 +81,25 @@ class PerformSession:
 
     @property
     def keys_of(self) -> str:
-        """The workspace that has keys of its own; none in *Play* without a stage, where the project plays."""
+        """Returns the workspace with its own shortcuts.
+
+        Returns an empty string in *Play* without a stage, where the project plays.
+        """
         return "" if self.room == "Play" and self.live is None else self.room
 
     # The link ---------------------------------------------------------------------------------------------
 
     def connect(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow the edge at an address, HOST or HOST:PORT.
+        """Follows the edge at an address, HOST or HOST:PORT.
 
         Raises:
-            InputError: where that is no address.
+            InputError: if the address is invalid.
         """
         self._follow(address.strip(), settings)
         self.addresses.remember(address.strip())
 
     def _follow(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow the edge at an address in the place of another."""
+        """Follows the edge at an address in place of the current one."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
@@ -104,10 +107,10 @@ class PerformSession:
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
     def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
-        """Follow one edge more: who performs there is seen, and recorded, beside the others.
+        """Adds a secondary edge. Its performers are shown and recorded next to the others.
 
         Raises:
-            InputError: where that is no address, or is followed already.
+            InputError: if the address is invalid, or is followed already.
         """
         wanted = address.strip()
         if self._client is None:
@@ -121,7 +124,7 @@ class PerformSession:
         self.addresses.remember(wanted)
 
     def lead(self, guest: Guest, settings: PlaybackSettings | None = None) -> None:
-        """Let orders, and characters that are put on a stage, go to another of the edges."""
+        """Makes a secondary edge the primary one, which receives orders and characters."""
         if self._client is None:
             return
         before, others = (
@@ -133,15 +136,15 @@ class PerformSession:
             self.join(address, settings)
 
     def part(self, guest: Guest) -> None:
-        """Let one of the other edges go; what was recorded of it until now is kept with the recording."""
+        """Disconnects a secondary edge. Its part of a running recording is kept."""
         guest.close()
         self.guests.remove(guest)
 
     def connect_nearby(self, *words: str) -> None:
-        """Start an edge on this machine and follow it; ``words`` are of its command line.
+        """Starts an edge on this machine and follows it; ``words`` are its command line arguments.
 
         Raises:
-            ResourceError: where the edge's program is not installed.
+            ResourceError: if the edge's program is not installed.
         """
         edge = NearbyEdge(*words)
         self._follow(str(edge.endpoint))
@@ -150,10 +153,10 @@ class PerformSession:
             self.live.near = True
 
     def follow_take(self, path: Path, settings: PlaybackSettings | None = None) -> None:
-        """Play a take as it was recorded: poses, performers, who held what.
+        """Plays a recorded take: poses, performers, and attachments.
 
         Raises:
-            InputError: where the file is no take.
+            InputError: if the file is not a take.
         """
         feed = TakeFeed(path)
         self.disconnect()
@@ -162,9 +165,9 @@ class PerformSession:
         )
 
     def disconnect(self) -> None:
-        """Let the edge go; what was recorded until now is kept.
+        """Disconnects the edge. The recording so far is kept.
 
-        The stage of an edge of this machine ends with it: what stood there goes onto the next stage.
+        A local edge ends together with its stage. Its characters go onto the next stage.
         """
         self.recording.stop()
         if self._nearby is not None:
@@ -191,32 +194,32 @@ class PerformSession:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The addresses of before, the newest first."""
+        """Returns the previously used addresses, newest first."""
         return self.addresses.known
 
     @property
     def connected(self) -> bool:
-        """Whether an edge is heard."""
+        """Returns True if messages arrive from an edge."""
         return self._client is not None and self.live is not None and self.live.document.edge.connected
 
     @property
     def client(self) -> EdgeClient | None:
-        """The link to the edge; None without one, and while a take is played."""
+        """Returns the link to the edge; None without one, and while a take is played."""
         return self._client
 
     @property
     def camera(self) -> CameraMessage | None:
-        """Where the edge's camera stands and what it sees; None where it does not tell."""
+        """Returns the position and the image of the edge's camera; None if it does not send them."""
         return None if self._client is None else camera_of(self._client)
 
     @property
     def stage(self) -> StageLink | None:
-        """The stage of the edge; None without one."""
+        """Returns the stage of the edge; None without one."""
         return None if self._client is None else self._client.stage
 
     @property
     def holders(self) -> tuple[Holder, ...]:
-        """Who holds what now."""
+        """Returns which performers currently control what."""
         own = _numbered(self.live, self.recording.recorder) if self.connected and self.live else ()
         beside = (
             one for guest in self.guests if guest.connected for one in _numbered(guest.live, guest.recorder)
@@ -225,12 +228,15 @@ class PerformSession:
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers in view."""
+        """Returns the ids of the performers in view."""
         return () if self.live is None else tuple(sorted(body.id for body in self.live.scene.bodies))
 
     @property
     def present(self) -> tuple[str, ...]:
-        """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
+        """Returns the objects on the live stage, one line each: performers, characters, loose objects.
+
+        Returns an empty tuple without a stage.
+        """
         if self.live is None:
             return ()
         people = (tr("Performer {0}", self.live.numbers.number_of(body)) for body in self.performers)
@@ -239,24 +245,24 @@ class PerformSession:
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The ids of the characters on the edge's stage."""
+        """Returns the ids of the characters on the edge's stage."""
         return () if self._client is None else tuple(self._client.characters)
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Characters of the project that are seen as they stand on the edge's stage instead."""
+        """Returns the characters of the project that are replaced on screen by their live versions."""
         return self._twins.hidden if self.scene is not None else frozenset()
 
     @property
     def meant(self) -> str | None:
-        """The character on the stage that orders are about: the chosen one; None where that is not there."""
+        """Returns the character that orders apply to: the selected one; None if it is not on the stage."""
         chosen = self.editor.selection.character or self.there
         return chosen if chosen in self.standing else None
 
-    # Once a picture ---------------------------------------------------------------------------------------
+    # Once per frame ---------------------------------------------------------------------------------------
 
     def advance(self, seconds: float) -> None:
-        """Take in what has arrived, and go on with what is under way."""
+        """Processes received messages, and advances running operations."""
         if self.live is None:
             return
         self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
@@ -288,20 +294,23 @@ class PerformSession:
             self._framed = self.live.present
 
     def _watch_edge(self) -> None:
-        """Notice an edge of this machine that could not be started, or has ended."""
+        """Detects a local edge that failed to start or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
             what, _, mend = why.removeprefix("enliven: ").partition(". ")
             self.editor.toasts.complain(EnlivenError(what, where="the stage on this machine", mend=mend))
             self.disconnect()
 
     def _began_again(self) -> None:
-        """Take the edge's new clock, and put on its empty stage what stood there."""
+        """Handles a restart of the edge.
+
+        Follows its new clock, and puts the characters on its empty stage again.
+        """
         self.recording.recorder.restarted()
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
     def _heard(self, topic: Topic, value: Any) -> None:
-        """Do what a pedal or a voice asks for, and let the recorder hear everything else."""
+        """Handles commands from a pedal or a voice, and passes all other messages to the recorder."""
         if topic is not CALLS:
             self.recording.recorder.heard(topic, value)
         elif value.word == "again":
@@ -312,7 +321,7 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Why nothing can be asked of an edge, and what to do about it; empty where it can."""
+        """Returns why no edge can be used, with advice; empty if one can."""
         if self.connected:
             return ""
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
@@ -320,22 +329,22 @@ class PerformSession:
         return "The stage is silent. Look whether its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """The reason why the microphone cannot be switched, with advice."""
+        """Returns why the microphone cannot be switched, with advice."""
         return self.lacks_edge() or (
             tr("{0}. Update it", self.voice.status) if self.voice.state is None else ""
         )
 
     def lacks_physics(self) -> str:
-        """The reason why the physics cannot be switched, with advice."""
+        """Returns why the physics cannot be switched, with advice."""
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Why nothing can be recorded beside the last recording, and what to do about it."""
+        """Returns why no alternative of the last recording can be recorded, with advice."""
         last = self.recording.recorded or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "There is no recording to take again. Record first")
 
     def lacks_to_put(self) -> str:
-        """Why the chosen character cannot be put on the stage, and what to do about it."""
+        """Returns why the selected character cannot be put on the stage, with advice."""
         one = self.editor.chosen()
         if one is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
@@ -343,17 +352,17 @@ class PerformSession:
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
-        """Why the chosen character cannot be taken from the stage, and what to do about it."""
+        """Returns why the selected character cannot be removed from the stage, with advice."""
         there = self.editor.selection.character in self.standing
         return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
 
     def put(self) -> None:
-        """Put the chosen character on the stage, where it follows every edit."""
+        """Puts the selected character on the stage, where it follows every edit."""
         if self._may(self.lacks_to_put()) and self.stage is not None:
             self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_soon(self, name: str) -> None:
-        """Put a character on the stage, or on the next one that is connected to."""
+        """Puts a character on the stage, or on the next one that is connected."""
         self._soon = (*(one for one in self._soon if one != name), name)
         if not self.connected:
             said = tr("{0} goes onto the stage as soon as there is one", name)
@@ -361,11 +370,11 @@ class PerformSession:
 
     @property
     def waiting(self) -> tuple[str, ...]:
-        """The characters that go onto the next stage."""
+        """Returns the characters that wait for the next stage."""
         return self._soon
 
     def _put_awaited(self) -> None:
-        """Put on the stage what waited for one."""
+        """Puts the waiting characters on the stage."""
         if not self.connected or self.stage is None:
             return
         names, self._soon = self._soon, ()
@@ -374,17 +383,17 @@ class PerformSession:
                 self.sender.put(self.stage, self.editor.project, name)
 
     def take_off(self, name: str = "") -> None:
-        """Take a character from the stage: the chosen one where none is named."""
+        """Removes a character from the stage; by default the selected one."""
         if self._may("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _may(self, lacking: str) -> bool:
-        """Whether nothing is lacking; says what is."""
+        """Returns True if nothing is missing; otherwise shows what is."""
         if lacking:
             self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking
 
 
 def _numbered(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
-    """Who holds what on one edge, with the numbers that people are told."""
+    """Returns which performers control what on one edge, with the numbers shown to people."""
     return tuple(replace(one, number=live.numbers.number_of(one.body)) for one in recorder.holders.now)

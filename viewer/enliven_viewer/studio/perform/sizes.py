@@ -1,4 +1,7 @@
-"""How large characters stand on the stage, and how far they swing: edits, of which undo reaches the stage."""
+"""Sizes of the characters on the stage, and the exaggeration of soft parts.
+
+They are edits, so undo affects the stage.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,18 @@ from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
 _SAME = 0.005
-"""Part of a size within which two are one: what an edge does not tell either."""
+"""Relative difference below which two sizes count as equal; an edge ignores it too."""
 _AGAIN = 1.0
-"""Seconds after which a size is asked for once more: an edge that was started again has forgotten it."""
+"""Seconds after which a size is sent once more, since a restarted edge has lost it."""
 _SHOWN = 3.0
-"""Seconds for which the words stay after the size does."""
+"""Seconds for which the text stays after scaling has ended."""
 
 
 class StageSizes:
-    """Follows the sizes that an edge tells, and tells it those of the project.
+    """The character sizes read from the edge, and those of the project, which are sent to it.
 
     Attributes:
-        words: what is shown in large words: the character with its size, and what hands do; empty for none.
+        words: large text: the character with its size, and what the hands do; None for none.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -38,19 +41,19 @@ class StageSizes:
 
     @property
     def going(self) -> str | None:
-        """The character that hands are changing; None for none."""
+        """Returns the character that hands are scaling; None for none."""
         return next((name for name, said in self._told.items() if said.body >= 0), None)
 
     def of(self, name: str) -> float:
-        """How many times its own size a character stands on the stage."""
+        """Returns the size of a character on the stage, relative to its own size."""
         return self._told[name].size if name in self._told else 1.0
 
     def wanted(self, name: str) -> float:
-        """How many times its own size a character of the project should stand there."""
+        """Returns the size that a character of the project should have there, relative to its own size."""
         return self._editor.project.handling.get(name, FREE).size
 
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
-        """Take in what the edge tells; keep what hands did; ask for what the project says otherwise."""
+        """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
         client.take(SIZES)
         before, self._told = self._told, {}
         for said in client.latest(SIZES).values():
@@ -71,24 +74,24 @@ class StageSizes:
                 self._ask(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
-        """Forget what the edge told: the link is closed."""
+        """Discards the edge's sizes after the link was closed."""
         self.words, self._told, self._asked = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
-        """Give a character its own size again: as an edit where it is the project's."""
+        """Resets the size of a character; as an edit if the character is in the project."""
         if name in self._editor.project.characters:
             self._edit(name, 1.0)
         elif name is not None:
             ask(Resize("set", name))
 
     def lacks_size(self, name: str | None) -> str:
-        """Why a character has its own size already, and what to do about it; empty where it has not."""
+        """Returns why the size cannot be reset, with advice; empty if it can."""
         if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SAME:
             return ""
         return "It has its own size. Scale it with both hands first"
 
     def _say(self, before: dict[str, SizeMessage]) -> None:
-        """Choose the words that are shown."""
+        """Updates the displayed text."""
         now = time.monotonic()
         if self.going is not None:
             size = f"{self.going}: {self.of(self.going):.0%}"
@@ -103,7 +106,7 @@ class StageSizes:
                 self.words = None
 
     def _keep(self, name: str) -> None:
-        """Make what hands did an edit of the project."""
+        """Stores a size set by hands as an edit of the project."""
         if abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
             self._edit(name, self.of(name))
 
@@ -115,7 +118,7 @@ class StageSizes:
         )
 
     def _swing(self, name: str, client: EdgeClient) -> None:
-        """Ask for how far soft parts swing where the project, or what is dragged just now, says otherwise."""
+        """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
         project = self._editor.draft or self._editor.project
         told = self._told[name].exaggeration if name in self._told else None
         wanted = project.handling.get(name, FREE).exaggeration
@@ -123,7 +126,10 @@ class StageSizes:
             self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
     def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
-        """Ask for what the project says; not before the edge may have answered, nor after it refused."""
+        """Sends the project's value.
+
+        Does not repeat it before the edge may have answered, or after a refusal.
+        """
         key, now = (order.do, order.character or ""), time.monotonic()
         asked, when = self._asked.get(key, (np.nan, -_AGAIN))
         if asked != wanted or now - when > _AGAIN:

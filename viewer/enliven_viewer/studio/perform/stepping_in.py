@@ -1,4 +1,4 @@
-"""A press of *Possess*: done at once, done as soon as it can be, or refused with what to do about it."""
+"""A press of *Possess*: carried out at once, as soon as possible, or refused with advice."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.sender import StageSender
 
 PATIENCE_S = 120.0
-"""Seconds that a press is kept while the stage, a character or a performer is not there: kernels are compiled
-once, and an artist alone walks from the keyboard to the camera."""
+"""Seconds for which a press waits while the stage, a character or a performer is missing. Kernels are
+compiled at the first start, and an artist alone walks from the keyboard to the camera.
+"""
 SEEN_S = 0.8
-"""Seconds in view from which a performer who was waited for takes hold: whole in the picture, and still."""
+"""Seconds that a newly appeared performer must be in view before the possession: completely visible, and
+still.
+"""
 
 _ANSWERED_S = 0.3
-"""Seconds without an answer from which it is told that the stage is busy: most answers take one frame."""
+"""Seconds without an answer after which the stage is reported as busy. Most answers take one frame."""
 
 
 class FollowedStage(Protocol):
-    """What a press is about: a session that follows a stage."""
+    """The session that a press applies to, which follows a stage."""
 
     editor: Editor
     live: LiveStage | None
@@ -33,22 +36,22 @@ class FollowedStage(Protocol):
 
     @property
     def connected(self) -> bool:
-        """Whether an edge is heard."""
+        """Returns True if messages arrive from an edge."""
 
     @property
     def client(self) -> EdgeClient | None:
-        """The link to the edge."""
+        """Returns the link to the edge."""
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """The ids of the characters on the stage."""
+        """Returns the ids of the characters on the stage."""
 
     @property
     def performers(self) -> tuple[int, ...]:
-        """The ids of the performers in view."""
+        """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
-        """Why nothing can be asked of an edge; empty if it can."""
+        """Returns why no edge can be used; empty if one can."""
 
 
 @dataclass
@@ -56,14 +59,14 @@ class _Press:
     """A press that is not answered yet.
 
     Attributes:
-        mode: what happens to earlier holds.
-        character: the id of the character that was chosen; empty: the edge finds the one that is meant.
-        until: monotonic second up to which it is kept.
-        asked: whether the edge has been asked, and has not answered yet.
-        since: monotonic second in which the edge was asked first.
-        of_scan: whether it is about the character that a scan becomes.
+        mode: what happens to earlier attachments.
+        character: id of the selected character; empty to let the edge choose.
+        until: monotonic time at which the press expires.
+        asked: whether a request to the edge is unanswered.
+        since: monotonic time of the first request.
+        of_scan: whether it applies to the character of a running scan.
         had_to_wait: whether no performer was in view at some time.
-        seen_since: monotonic second since when a performer is in view.
+        seen_since: monotonic time since which a performer is in view.
     """
 
     mode: Mode
@@ -77,10 +80,10 @@ class _Press:
 
 
 class SteppingIn:
-    """Lets a performer possess a character now, or as soon as the stage, the character and they are there.
+    """Requests to possess a character now, or as soon as stage, character and performer are there.
 
     Attributes:
-        words: what a press waits for, in large letters; empty if it waits for nothing.
+        words: what a press waits for, shown as large text; empty if it does not wait.
     """
 
     def __init__(self, stage: FollowedStage) -> None:
@@ -90,11 +93,11 @@ class SteppingIn:
 
     @property
     def waits(self) -> bool:
-        """Whether a press waits for something; the next press gives it up."""
+        """Returns True if a press is waiting; the next press cancels it."""
         return bool(self.words)
 
     def press(self, mode: Mode = "alone") -> None:
-        """Possesses the chosen character; gives up a press that waits."""
+        """Possesses the selected character, or cancels a waiting press."""
         if self.waits:
             self.forget()
             return
@@ -109,11 +112,11 @@ class SteppingIn:
             self.advance()
 
     def forget(self) -> None:
-        """Gives up what waits."""
+        """Cancels the waiting press."""
         self._press, self.words = None, ""
 
     def advance(self) -> None:
-        """Goes on with a press as far as it can: call it once a picture."""
+        """Advances a press as far as possible. Call once per frame."""
         press = self._press
         if press is None:
             return
@@ -131,7 +134,7 @@ class SteppingIn:
             self._ask(press)
 
     def _lacks(self, press: _Press) -> str:
-        """Returns why the press cannot be carried out, however long one waits; empty if it may be."""
+        """Returns why the press can never be carried out; empty if it may be."""
         stage, live = self._stage, self._stage.live
         if live is None:
             return stage.lacks_edge()
@@ -155,7 +158,7 @@ class SteppingIn:
         return "" if stage.standing or is_coming else nothing
 
     def _waits_for(self, press: _Press) -> str:
-        """Returns what is not there yet; empty if all is."""
+        """Returns what is still missing; empty if nothing is."""
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
             return ""
@@ -178,7 +181,10 @@ class SteppingIn:
         return ""
 
     def _waits_for_character(self, press: _Press) -> str:
-        """Puts the character on the stage if it is not there; returns that it is waited for, or nothing."""
+        """Puts the character on the stage if it is missing.
+
+        Returns a text while it is awaited, else empty.
+        """
         stage, name = self._stage, press.character
         own = stage.editor.project.characters
         if name in stage.standing or (stage.standing and name not in own and not press.of_scan):
@@ -188,12 +194,12 @@ class SteppingIn:
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
     def _busy(self, press: _Press) -> str:
-        """Returns that the edge has not answered yet, if that lasts."""
+        """Returns a text if the edge has not answered for a while."""
         lasts = press.since is not None and time.monotonic() - press.since > _ANSWERED_S
         return tr("The stage is busy: it follows in a moment") if lasts else ""
 
     def _ask(self, press: _Press) -> None:
-        """Asks the edge."""
+        """Sends the request to the edge."""
         stage = self._stage
         if stage.live is None or stage.client is None:
             return
@@ -204,7 +210,7 @@ class SteppingIn:
         stage.client.ask(order, lambda answer: self._answered(press, answer))
 
     def _answered(self, press: _Press, answer: Answer) -> None:
-        """Takes the edge's answer; a busy edge is asked again."""
+        """Handles the edge's answer. A busy edge is asked again."""
         if press is not self._press:
             return
         if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER):
@@ -218,13 +224,13 @@ class SteppingIn:
             self._refuse(what if where.startswith(("possessing", "stage")) else answer.reason)
 
     def _refuse(self, reason: str) -> None:
-        """Tells why, and what to do about it; nothing waits any more."""
+        """Shows the reason and the advice, and cancels the press."""
         self.forget()
         what, _, mend = reason.partition(". ")
         self._stage.editor.toasts.say(what[:1].upper() + what[1:].removesuffix("."), mend)
 
     @property
     def _scan(self) -> ScanMessage:
-        """How the scan of the edge goes."""
+        """Returns the state of the edge's scan."""
         client = self._stage.client
         return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()

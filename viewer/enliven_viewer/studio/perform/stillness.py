@@ -1,4 +1,4 @@
-"""Since when all performers hold still: that ends a recording without a key."""
+"""Measures how long all performers have held still, which can end a recording without a key."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from enliven.frames import BodyFrame
 from enliven_viewer.playback import NS
 
 _STILL = 0.06
-"""Metres by which a joint may wander while a performer holds still: breathing, and what a sensor trembles."""
+"""Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""
 _SURE = 0.3
-"""Confidence from which a joint counts: one that is not seen is guessed, and jumps."""
+"""Minimum confidence of a joint. Unseen joints are guesses that jump."""
 
 
 class Stillness:
-    """Follows the performers in view; one who has not moved since it began cannot end anything yet.
+    """A measurement of the stillness of the performers in view.
+
+    It counts only after at least one of them has moved.
 
     Attributes:
-        since_ns: the sensor's clock when the last one of them came to rest; None where one moves or none is
+        since_ns: time on the sensor's clock when the last of them came to rest; None if one moves or none is
             in view.
     """
 
@@ -28,7 +30,7 @@ class Stillness:
         self._places: dict[int, Float] = {}
 
     def see(self, frame: BodyFrame) -> None:
-        """Take in the performers of a frame."""
+        """Processes the performers of a frame."""
         moved = len(frame.bodies) == 0
         for body in frame.bodies:
             place = self._places.get(body.id)
@@ -45,7 +47,7 @@ class Stillness:
             self.since_ns = frame.time_ns
 
     def seconds(self, now_ns: int) -> float:
-        """How long all have held still since the last movement; 0 before the first."""
+        """Returns for how long all have held still since the last movement; 0 before the first."""
         if self.since_ns is None or not self._moved:
             return 0.0
         return max(now_ns - self.since_ns, 0) / NS

@@ -1,4 +1,7 @@
-"""A character that is in the project and on an edge's stage is shown once, with what both say of it."""
+"""The merge of a character that is both in the project and on an edge's stage (live overlay).
+
+The character is shown only once.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +22,13 @@ _Key = tuple[Project, frozenset[int]]
 
 @dataclass(frozen=True)
 class Telling:
-    """What decides which of the two is shown.
+    """The conditions that decide which version is shown.
 
     Attributes:
-        performs: whether the workspace is one of performing; elsewhere the project's is what is edited.
-        heard: whether what is done live counts: not while the project plays and nothing is recorded.
-        replaces: whether a recording is to take the place of what the held bones play.
-        held: the ids of the characters that performers hold.
+        performs: whether the workspace is for performing. In the others the project's version is edited.
+        heard: whether live motion counts; it does not while the project plays without a recording.
+        replaces: whether a recording will replace the motion of the attached bones.
+        held: ids of the characters that performers control.
     """
 
     performs: bool = True
@@ -36,10 +39,10 @@ class Telling:
 
 @dataclass
 class Twins:
-    """Makes one scene of what is live and of what the project plays.
+    """The merge of the live scene with the motion of the project.
 
     Attributes:
-        hidden: characters of the project that gave way to the live one last.
+        hidden: characters of the project that are currently replaced by live ones.
     """
 
     editor: Editor
@@ -48,7 +51,10 @@ class Twins:
     _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
 
     def shown(self, scene: Scene, told: Telling) -> Scene:
-        """The scene without twins: a rigged one plays in its place on the stage, with what is done on top."""
+        """Returns the scene without duplicates.
+
+        A rigged character plays its own motion at its place on the stage, with live motion added.
+        """
         own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
         for actor in scene.actors:
             name = actor.character.id
@@ -75,7 +81,7 @@ class Twins:
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _layered(self, shape: Shape, actor: SceneCharacter, told: Telling) -> tuple[SceneCharacter, Float]:
-        """A rigged character as it plays, with what is done live on top, and its joints."""
+        """Returns a rigged character with its own motion and the live motion added, and its joints."""
         replaced = frozenset[int]()
         if told.replaces and told.heard and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
@@ -86,12 +92,12 @@ class Twins:
         return replace(actor, pose=pose), joints
 
     def _over(self, one: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
-        """Whether what is done with a possessed mesh comes on top of what it plays."""
+        """Returns True if the live motion of a possessed mesh is added to its own."""
         performed = one.id in told.held and told.heard and not told.replaces
         return performed and _same(one, actor) and plays(self.editor.project, one)
 
     def _performed_over(self, one: GraphShape, actor: SceneCharacter) -> SceneCharacter:
-        """A possessed mesh as it plays, with what is done live on top."""
+        """Returns a possessed mesh with its own motion and the live motion added."""
         known = self._overs.get(one.id)
         if known is None or known[0] is not self.editor.project or known[1] is not actor.character:
             made = LiveOver(self.editor.project, one.id, actor.character)
@@ -99,22 +105,22 @@ class Twins:
         posed = self.editor.posed(one.id)
         pose, drawn = known[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
-        # Cues name nodes of the mesh on the stage, which are others.
+        # Cues refer to nodes of the mesh on the stage, which differ.
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 
 def _same(one: RigBase, actor: SceneCharacter) -> bool:
-    """Whether the stage has the surface that the project has."""
+    """Returns True if the stage has the same surface as the project."""
     return one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
 
 
 def _alone(one: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
-    """Whether the live one is shown, and not the project's: it is held, or nothing plays."""
+    """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
     return told.heard and (not playing or (_same(one, actor) and one.id in told.held))
 
 
 def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:
-    """The matches of a character with their lines on its joints (N, 3) as they are shown."""
+    """Returns a character's matches with their lines moved to its joints (N, 3) as shown."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)
 

@@ -1,4 +1,4 @@
-"""Spoken commands in the window: the state of the edge's microphone, and the words it heard last."""
+"""Spoken commands in the studio: the state of the edge's microphone, and the last recognised words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
 SHOWN_S = 5.0
-"""Seconds for which an utterance is shown: read by a performer across the room, and gone before the next."""
+"""Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
 _OLD_EDGE = later("This stage's program is older and has no switch for the microphone")
 _STATES = {
     "off": later("The microphone is off"),
@@ -21,11 +21,11 @@ _STATES = {
 
 
 class StageVoice:
-    """Follows the voice control of an edge, and opens or closes its microphone.
+    """The state of an edge's voice control, and the commands that open or close its microphone.
 
     Attributes:
-        wanted: whether the microphone of a stage that the window starts is opened once it runs.
-        state: of the microphone; None while the edge has not told it.
+        wanted: whether to open the microphone of a stage started by this window once it runs.
+        state: state of the microphone; None before the edge has sent it.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -37,7 +37,7 @@ class StageVoice:
         self._asked: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
-        """Take in the edge's messages; open the microphone of a stage of this window if it is wanted."""
+        """Processes the edge's messages. Opens the microphone of a stage started by this window if wanted."""
         for message in client.take(HEARD):
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         client.take(VOICE)
@@ -48,22 +48,22 @@ class StageVoice:
             self._ask(client, True)
 
     def forget(self) -> None:
-        """Forgets what was heard: the link is closed."""
+        """Discards the edge's state after the link was closed."""
         self.state = self._heard = self._asked = None
 
     @property
     def is_on(self) -> bool:
-        """Whether the microphone is open, or is to be opened."""
+        """Returns True if the microphone is open or opening."""
         return self.state is not None and self.state.state != "off"
 
     @property
     def is_understood(self) -> bool:
-        """Whether the utterance that is shown is a phrase of the list."""
+        """Returns True if the displayed utterance is one of the known phrases."""
         return self._heard is not None and self._heard.understood
 
     @property
     def words(self) -> str:
-        """The words that were heard in the last seconds; empty for none."""
+        """Returns the words heard in the last seconds; empty for none."""
         heard = self._heard
         if heard is None or time.monotonic() > self._until:
             return ""
@@ -73,7 +73,7 @@ class StageVoice:
 
     @property
     def status(self) -> str:
-        """The state of the microphone in words."""
+        """Returns the state of the microphone in words."""
         if self.state is None:
             return _OLD_EDGE
         reason = f": {self.state.what}" if self.state.what else ""
@@ -81,7 +81,7 @@ class StageVoice:
 
     @property
     def advice(self) -> str:
-        """Advice: how to repair the microphone, or which words to say."""
+        """Returns advice: how to fix the microphone, or what to say."""
         if self.state is None:
             return ""
         if self.state.state == "missing":
@@ -92,11 +92,11 @@ class StageVoice:
 
     @property
     def phrases(self) -> tuple[tuple[str, str], ...]:
-        """The phrases that it knows, each with its command."""
+        """Returns the known phrases, each with its command."""
         return () if self.state is None else tuple(zip(self.state.phrases, self.state.actions, strict=True))
 
     def toggle(self, client: EdgeClient | None) -> None:
-        """Opens the microphone, or closes it."""
+        """Opens or closes the microphone."""
         self.wanted = not self.is_on
         if client is not None and self.state is not None:
             self._ask(client, self.wanted)

@@ -1,4 +1,4 @@
-"""The second view, which shows the performer beside the puppet, and thumbnails of key poses."""
+"""The second view, which shows the performer next to the puppet, and thumbnails of key poses."""
 
 import lazy_loader
 

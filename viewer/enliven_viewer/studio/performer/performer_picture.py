@@ -1,4 +1,7 @@
-"""The performer as a mannequin of capsules on the stage's floor, paired joints in their points' colours."""
+"""The performer as a mannequin of capsules on the stage's floor.
+
+Paired joints have the colours of their control points.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +17,23 @@ from enliven_viewer.studio.viewport import Lens
 from enliven_viewer.theme import FADED, HOVERED, point_colour
 
 _LIMB = 0.026
-"""Radius of a limb as a share of the performer's height."""
+"""Radius of a limb as a fraction of the performer's height."""
 _JOINT = 0.020
-"""Radius of a joint as a share of the performer's height: thinner than a limb, so that it is hidden in it."""
+"""Radius of a joint as a fraction of the performer's height: thinner than a limb, so that the limb hides
+it.
+"""
 _PAIRED = 0.033
-"""Radius of a paired joint as a share of the performer's height: thicker than a limb, so that it shows."""
+"""Radius of a paired joint as a fraction of the performer's height: thicker than a limb, so that it is
+visible.
+"""
 _SEEN_THROUGH = 0.3
-"""Metres below a surface at which the figure is still drawn clearly: more than a limb is thick."""
+"""Depth bias in metres: the figure is visible through surfaces that cover it by less. More than a limb's
+thickness.
+"""
 
 
 class PerformerPicture:
-    """Draws figures into the picture of a renderer.
+    """A render pass that draws figures into the image of a renderer.
 
     Args:
         renderer: draws the figures; others may use it at other times.
@@ -35,14 +44,17 @@ class PerformerPicture:
         self._tubes = Tubes(renderer.ctx)
 
     def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
-        """One picture, resolved; ``paired`` are numbers of control points by joint, ``lit`` a joint."""
+        """Draws and resolves one image.
+
+        ``paired`` maps joints to numbers of control points; ``lit`` is a highlighted joint.
+        """
         low, high = figure.joints.min(0), figure.joints.max(0)
         self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)
         self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
 
 
 def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
-    """(N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
+    """Returns (N, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
     radii = np.full(len(starts), _LIMB * tall)

@@ -1,7 +1,7 @@
-"""The second view: the performer at the moment that the puppet shows, turned as the puppet is.
+"""The second view: the performer at the puppet's current time, with the same orientation as the puppet.
 
-A click on a joint pairs it with the chosen control point. The performer stays in the middle of the picture
-and looks where the mesh looks, so that both can be compared; the view turns with the stage's.
+A click on a joint pairs it with the selected control point. The performer stays in the centre and faces the
+same direction as the mesh, so that both can be compared. The view turns with the stage's.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from enliven_viewer.studio.examples import layer_of, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
 _ROOM = 1.3
-"""Size of the picture over that of the performer at rest: raised arms stay in it."""
+"""Framing margin: size of the view relative to the performer at rest, so that raised arms fit."""
 _KEPT = 60
-"""Figures that are kept: those of the strip are asked for in every picture."""
+"""Maximum number of cached figures. Those of the strip are needed in every frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class PerformerFigure:
-    """The joints of the performer at one moment.
+    """The joints of the performer at one time.
 
     Attributes:
-        skeleton: the take's.
-        joints: (N, 3) metres, above the floor at the origin.
-        height: metres, of the skeleton at rest.
+        skeleton: skeleton of the take.
+        joints: (N, 3) metres, standing on the floor at the origin.
+        height: height of the skeleton at rest in metres.
     """
 
     skeleton: Skeleton
@@ -44,11 +44,11 @@ class PerformerFigure:
 
 
 class PerformerView:
-    """The second view: the performer, seen by a camera of its own.
+    """The second view, which shows the performer with its own camera.
 
     Attributes:
-        linked: whether it turns with the stage.
-        size: pixels.
+        linked: whether it turns with the stage's view.
+        size: width and height in pixels.
         hovered: the joint under the pointer, or None.
     """
 
@@ -66,7 +66,7 @@ class PerformerView:
 
     @property
     def take(self) -> str | None:
-        """The id of the take that is shown: of the key pose that is edited, of the layer, or as chosen."""
+        """Returns the id of the shown take: that of the edited key pose, of the layer, or the chosen one."""
         editor = self.editor
         key, puppet = editor.puppets.key, editor.puppets.puppet
         if key is not None:
@@ -78,7 +78,7 @@ class PerformerView:
 
     @property
     def moment(self) -> tuple[str, float] | None:
-        """The take and the second of it that are shown."""
+        """Returns the shown take and the time in it."""
         editor, take = self.editor, self.take
         if take is None or take not in editor.project.takes:
             return None
@@ -87,11 +87,11 @@ class PerformerView:
 
     @property
     def lens(self) -> Lens:
-        """The camera and the view's size."""
+        """Returns the camera with the view's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     def playhead(self, take: str) -> float:
-        """The second of a take at the project's time, whatever key pose is edited."""
+        """Returns the time in a take at the project's time, regardless of an edited key pose."""
         editor, puppet = self.editor, self.editor.puppets.puppet
         number = None if puppet is None else layer_of(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
@@ -99,7 +99,7 @@ class PerformerView:
         return min(editor.time, editor.project.takes[take].duration)
 
     def show(self, take: str) -> None:
-        """Show a take; a puppet that plays nothing yet plays it from now on."""
+        """Shows a take. A puppet without layers also plays it from now on."""
         self._take = take
         puppet = self.editor.puppets.puppet
         if puppet is None:
@@ -111,7 +111,7 @@ class PerformerView:
             self.play()
 
     def play(self) -> None:
-        """Let the puppet play the take that is shown, as a layer more."""
+        """Adds the shown take to the puppet as another layer."""
         puppet, take = self.editor.puppets.puppet, self.take
         if puppet is not None and take is not None:
             name = puppet.id
@@ -121,7 +121,10 @@ class PerformerView:
                 self.editor.select(layer=len(puppet.layers))
 
     def follow(self) -> None:
-        """Prepare a picture: turn with the stage, frame the performer, and tell the puppets the moment."""
+        """Prepares a frame.
+
+        Turns with the stage, frames the performer, and passes the moment to the puppets.
+        """
         self.editor.puppets.moment = self.moment
         figure = self.figure()
         if figure is None:
@@ -139,7 +142,7 @@ class PerformerView:
             self.camera.advance(10.0)
 
     def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
-        """The performer at a moment, or at the one that is shown."""
+        """Returns the performer at a given moment, or at the shown one."""
         moment = moment or self.moment
         if moment is None:
             return None
@@ -154,13 +157,14 @@ class PerformerView:
     def _made(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
-        # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
+        # Face the same direction as the mesh: remove the performer's yaw and the facing direction of its rest
+        # pose.
         back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
 
     def paired(self) -> dict[int, int]:
-        """For joints of the performer that are paired, the number of the control point."""
+        """Returns the number of the control point for each paired joint of the performer."""
         puppet, moment = self.editor.puppets.puppet, self.moment
         if puppet is None or moment is None:
             return {}
@@ -168,14 +172,17 @@ class PerformerView:
         return {names[point.joint]: k for k, point in enumerate(puppet.points) if point.joint in names}
 
     def press(self, at: Point) -> None:
-        """Pair the joint that is clicked with the chosen control point; or begin to turn the view."""
+        """Pairs the clicked joint with the selected control point, or begins to turn the view."""
         joint, figure = self.joint_at(at), self.figure()
         self._last = at if joint is None else None
         if joint is not None and figure is not None:
             self.pair(figure.skeleton.names[joint])
 
     def pair(self, joint: str) -> None:
-        """Pair a joint with the chosen control point; one that is paired already chooses its point."""
+        """Pairs a joint with the selected control point.
+
+        Without a selected point, selects the one paired with the joint.
+        """
         editor = self.editor
         puppet, number = editor.puppets.puppet, editor.puppets.point
         if puppet is None:
@@ -196,7 +203,7 @@ class PerformerView:
             )
 
     def move(self, at: Point) -> None:
-        """Light what is under the pointer, or turn the view (and the stage with it)."""
+        """Highlights the joint under the pointer, or turns the view (and the stage with it)."""
         if self._last is None:
             self.hovered = self.joint_at(at)
             return
@@ -208,16 +215,19 @@ class PerformerView:
         self._last = at
 
     def release(self) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
         self._last = None
 
     def wheel(self, up: float) -> None:
-        """Closer, or further."""
+        """Zooms in or out."""
         self.camera.zoom(0.88**up)
         self.camera.advance(10.0)
 
     def joint_at(self, at: Point) -> int | None:
-        """The joint within reach of a pixel; of those at one place the one that is nearest to the root."""
+        """Returns the joint within reach of a pixel.
+
+        Of coincident joints, returns the one nearest to the root.
+        """
         figure = self.figure()
         if figure is None:
             return None
@@ -229,7 +239,7 @@ class PerformerView:
         )
 
     def _front_turn(self, clip: Clip) -> float:
-        """Radians that the performer's front is turned at rest."""
+        """Returns the yaw of the performer's rest pose in radians."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
             self._facing = (clip.skeleton, facing_of(clip.skeleton))
         return self._facing[1]

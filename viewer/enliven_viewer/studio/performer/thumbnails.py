@@ -1,4 +1,4 @@
-"""Small pictures of key poses: solved beside the window, drawn one a frame by the viewer's renderer, kept."""
+"""Thumbnails of key poses: solved in the background, rendered one per frame, and cached."""
 
 from __future__ import annotations
 
@@ -19,26 +19,28 @@ from enliven_viewer.theme import look_in_theme, theme_in_use
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
-"""Pixels, width and height of a thumbnail: twice those of a tile, for screens with small pixels."""
+"""Width and height of a thumbnail in pixels: twice those of a tile, for high-resolution screens."""
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
 SIDE = 0.42
-"""Radians from the front that thumbnails and their stick figures are seen from: both arms show."""
+"""Azimuth in radians from the front for thumbnails and their stick figures, so that both arms are visible."""
 _ABOVE = 0.16
-"""Radians above the horizon that a thumbnail is seen from: a little, so that feet part."""
+"""Elevation in radians of the thumbnails' camera: slightly above the horizon, so that the feet are
+separate.
+"""
 _ROOM = 1.06
-"""Size of a thumbnail over that of the puppet: little room, since it is small."""
+"""Framing margin: size of a thumbnail relative to the puppet. Small, because thumbnails are small."""
 _KEPT = 96
-"""Pictures that are kept, of 110 kB each: several strips of key poses."""
+"""Maximum number of cached thumbnails, of 110 kB each: several strips of key poses."""
 
 _Key = tuple[object, ...]
 
 
 class Thumbnails:
-    """Pictures of puppets in poses, as textures.
+    """Thumbnails of posed puppets, as textures.
 
     Args:
         ctx: an OpenGL context that is current in this thread.
-        surfaces: solves them beside the window.
+        surfaces: solves the surfaces in the background.
     """
 
     def __init__(self, ctx: moderngl.Context, surfaces: PuppetSurfaces) -> None:
@@ -50,10 +52,11 @@ class Thumbnails:
         self._shown: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """The OpenGL name of the picture, upper row first; None until it is drawn.
+        """Returns the OpenGL name of the thumbnail, upper row first; None until it is drawn.
 
         Args:
-            slot: the number of the picture; until it is drawn, the last picture of the slot is shown.
+            slot: number of the place that shows the thumbnail. Until it is drawn, the slot's previous
+                thumbnail is shown.
         """
         key = (*_key(puppet, places), theme_in_use())
         known = self._done.get(key)
@@ -68,7 +71,7 @@ class Thumbnails:
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
     def work(self) -> None:
-        """Draw one that is solved; to be called once a picture."""
+        """Draws one solved thumbnail. Call once per frame."""
         for key, (puppet, future) in list(self._solving.items()):
             if not future.done():
                 continue

@@ -1,4 +1,4 @@
-"""The studio's 3-D picture: shapes by the viewer's renderer, skeletons over them."""
+"""The studio's 3D view: shapes drawn by the viewer's renderer, with skeletons over them."""
 
 import lazy_loader
 

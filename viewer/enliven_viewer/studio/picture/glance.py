@@ -1,4 +1,4 @@
-"""What edges' cameras see, as textures for the corner of the window."""
+"""Preview images of the edges' cameras, as textures for the corner of the window."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from enliven.wire import CameraMessage
 from enliven_viewer.theme import GLANCE_FAR, GLANCE_NEAR, theme_in_use
 
 _CURVE = 1.7
-"""Power of the nearness: who stands two metres from a wall stands out from it."""
+"""Exponent of the nearness, so that a person two metres in front of a wall contrasts with it."""
 
 
 class GlancePictures:
-    """A texture for each edge; a picture is sent to the graphics card once.
+    """One texture per edge. Each image is uploaded once.
 
     Args:
         ctx: the window's context.
@@ -25,7 +25,10 @@ class GlancePictures:
         self._made: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
 
     def of(self, name: str, camera: CameraMessage | None) -> int | None:
-        """OpenGL's number of the texture of what an edge told last; None for one without a picture."""
+        """Returns the OpenGL number of the texture with an edge's newest camera image.
+
+        Returns None if there is no image.
+        """
         if camera is None or not camera.height:
             return None
         known = self._made.get(name)
@@ -42,7 +45,7 @@ class GlancePictures:
 
 
 def picture_of(camera: CameraMessage) -> UInt8:
-    """(height, width, 3) sRGB: near things light, far ones and what is unknown dark."""
+    """Returns (height, width, 3) sRGB: near surfaces bright, far and unknown ones dark."""
     near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
     far = np.array(GLANCE_FAR) / 255.0
     return np.asarray(np.round(255 * (far + near**_CURVE * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8)

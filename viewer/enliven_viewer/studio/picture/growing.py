@@ -1,4 +1,4 @@
-"""Draws a surface that grows while it is scanned, hatched where it was seen little."""
+"""Draws the preview surface of a running scan; areas with few observations are hatched."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from enliven_viewer.theme import WAIT
 
 @dataclass(frozen=True, eq=False)
 class GrowingPicture:
-    """A surface as it is drawn.
+    """A preview surface to draw.
 
     Attributes:
-        vertices: (V, 3) metres, its own frame.
-        normals: (V, 3) unit.
+        vertices: (V, 3) metres in its own frame.
+        normals: (V, 3) unit normals.
         colours: (V, 3) uint8 sRGB.
-        seen: (V,) uint8, 255 where it was seen well.
+        seen: (V,) uint8 observation quality; 255 is best.
         faces: (F, 3) int32.
     """
 
@@ -32,7 +32,7 @@ class GrowingPicture:
 
 
 class GrowingSurfacePass:
-    """Draws over the last picture of a renderer, with the same camera, before and behind what stands there.
+    """A render pass that draws over the last image of a renderer, with the same camera and depth buffer.
 
     Args:
         ctx: the renderer's context.
@@ -46,7 +46,7 @@ class GrowingSurfacePass:
         self._array: moderngl.VertexArray | None = None
 
     def draw(self, picture: RenderTarget, shown: GrowingPicture, world_from_own: Float) -> None:
-        """Draw a surface where (4, 4) ``world_from_own`` puts it, and resolve the picture."""
+        """Draws a surface with the placement (4, 4) ``world_from_own``, and resolves the image."""
         self._load(shown)
         if self._array is None:
             return
@@ -60,7 +60,7 @@ class GrowingSurfacePass:
         picture.resolve()
 
     def release(self) -> None:
-        """Give the memory on the GPU back."""
+        """Frees the GPU memory."""
         if self._array is not None:
             self._array.release()
         for buffer in self._buffers:
@@ -68,7 +68,7 @@ class GrowingSurfacePass:
         self._array, self._buffers, self._shown = None, [], None
 
     def _load(self, shown: GrowingPicture) -> None:
-        """Put a surface on the GPU; the same one is not sent again."""
+        """Uploads a surface to the GPU; the same surface is not uploaded again."""
         if shown is self._shown:
             return
         self.release()

@@ -1,4 +1,4 @@
-"""Draws ghosts of characters: glassy bodies that are seen at their edges."""
+"""Draws ghosts of characters (onion skins): glassy bodies that are opaque at their edges."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from enliven_viewer.studio.ghosts import GhostBody, MomentBody
 
 
 class OnionSkin:
-    """Draws ghosts over the last picture of a renderer, with the same camera, behind what covers them.
+    """A render pass that draws ghosts over the last image of a renderer, with the same camera.
+
+    Other geometry occludes them.
 
     Args:
         ctx: the renderer's context.
@@ -22,7 +24,7 @@ class OnionSkin:
         self._known: dict[MomentBody, tuple[moderngl.VertexArray, list[moderngl.Buffer]]] = {}
 
     def draw(self, picture: RenderTarget, bodies: tuple[GhostBody, ...]) -> None:
-        """Draw the ghosts in their order and resolve the picture."""
+        """Draws the ghosts in order, and resolves the image."""
         self._keep({one.body for one in bodies})
         picture.widen()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
@@ -36,7 +38,7 @@ class OnionSkin:
         picture.resolve()
 
     def _draw(self, picture: RenderTarget, one: GhostBody) -> None:
-        """Draw one: its depth first, so that it hides its own far side."""
+        """Draws one ghost. Writes its depth first, so that it hides its own far side."""
         array = self._array(one)
         self._program["tint"] = tuple(part / 255 for part in one.tint)
         self._program["opacity"] = one.opacity
@@ -47,7 +49,7 @@ class OnionSkin:
             array.render(moderngl.TRIANGLES)
 
     def _array(self, one: GhostBody) -> moderngl.VertexArray:
-        """The ghost on the GPU; the same one is not sent again."""
+        """Returns the ghost on the GPU; the same ghost is not uploaded again."""
         if one.body not in self._known:
             rows = self.ctx.buffer(np.ascontiguousarray(one.body.rows).tobytes())
             faces = self.ctx.buffer(np.ascontiguousarray(one.body.faces, np.int32).tobytes())
@@ -57,7 +59,7 @@ class OnionSkin:
         return self._known[one.body][0]
 
     def _keep(self, wanted: set[MomentBody]) -> None:
-        """Give back what the GPU holds of other ghosts."""
+        """Frees the GPU memory of other ghosts."""
         for gone in set(self._known) - wanted:
             array, buffers = self._known.pop(gone)
             for held in (array, *buffers):

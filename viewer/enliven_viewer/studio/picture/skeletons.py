@@ -1,4 +1,4 @@
-"""Skeletons as the renderer's tubes: bones that taper from parent to child, joints as balls."""
+"""Skeletons as tubes for the renderer: bones taper from parent to child; joints are balls."""
 
 from __future__ import annotations
 
@@ -13,23 +13,27 @@ from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCha
 from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
 
 _BONE = 2.3
-"""Pixels, radius of a bone at its parent: thin, so that the mesh is seen."""
+"""Radius in pixels of a bone at its parent: thin, so that the mesh stays visible."""
 _JOINT = 3.9
-"""Pixels, radius of a joint: large enough to hit with the pointer."""
+"""Radius in pixels of a joint: large enough to hit with the pointer."""
 _ROOT = 5.4
-"""Pixels, radius of the root, which moves the whole shape: larger than other joints."""
+"""Radius in pixels of the root, which moves the whole shape: larger than other joints."""
 
 
 _BONE_SHARE = 0.012
-"""Largest radius of a bone over the size of the skeleton: from afar bones do not hide the surface."""
+"""Maximum radius of a bone as a fraction of the skeleton's size, so that distant bones do not hide the
+surface.
+"""
 _JOINT_SHARE = 0.02
-"""Largest radius of a joint over the size of the skeleton: a little thicker than a bone."""
+"""Maximum radius of a joint as a fraction of the skeleton's size: a little thicker than a bone."""
 _JOINT_OF_BONE = 0.45
-"""Largest radius of a joint over the longest bone at it: those of a hand do not run into one another."""
+"""Maximum radius of a joint as a fraction of its longest bone, so that the joints of a hand do not
+overlap.
+"""
 
 
 def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
-    """(N - 1 + N, 12) of ``Tubes``: a character's bones, then its handles."""
+    """Returns (N - 1 + N, 12) rows of ``Tubes``: a character's bones, then its handles."""
     pixel = lens.spans(posed.handles)
     mine = posed.id in selection.characters
     bones = np.tile(np.array(BONE if mine else FADED, float), (len(posed.handles), 1))
@@ -57,7 +61,10 @@ def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, ov
 
 
 def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
-    """Returns (H,) metres of the longest bone at each handle; infinite at one without a bone."""
+    """Returns (H,) metres, the length of the longest bone at each handle.
+
+    The value is infinite at a handle without bones.
+    """
     lengths = np.linalg.norm(handles[above] - handles[below], axis=1)
     longest = np.zeros(len(handles))
     np.maximum.at(longest, above, lengths)
@@ -66,7 +73,7 @@ def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
 
 
 def _tint_chain(posed: StandingCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
-    """Light the bones between neighbours of a chain."""
+    """Highlights the bones between neighbours of a chain."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):
         bones[b if parents[b] == a else a] = CHAINED

@@ -1,4 +1,4 @@
-"""The 3-D picture of the studio: shapes by the viewer's renderer, skeletons over them."""
+"""The 3D view of the studio: shapes drawn by the viewer's renderer, with skeletons over them."""
 
 from __future__ import annotations
 
@@ -22,15 +22,17 @@ from enliven_viewer.studio.tools import NOTHING, ToolPicture
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
 
 _SEEN_THROUGH = 0.4
-"""Of the eye's distance: bones are seen clearly through whatever covers them by less."""
+"""Depth bias as a fraction of the camera distance. Bones are visible through geometry that covers them by
+less.
+"""
 
 
 class Viewport:
-    """Draws characters into a picture of its own; :attr:`renderer` holds it.
+    """A view of the studio's characters, drawn into the render target of :attr:`renderer`.
 
     Args:
         ctx: an OpenGL context that is current in this thread.
-        size: width and height of the picture in pixels.
+        size: width and height of the image in pixels.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: RenderSettings) -> None:
@@ -54,7 +56,10 @@ class Viewport:
         live: Scene | None = None,
         growing: tuple[GrowingPicture, Float] | None = None,
     ) -> None:
-        """One picture, resolved; ``live`` stands beside the project's characters, ``growing`` is a scan."""
+        """Draws and resolves one image.
+
+        ``live`` is drawn next to the project's characters; ``growing`` is a running scan.
+        """
         actors = [
             SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
         ]
@@ -78,7 +83,7 @@ class Viewport:
             self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
 
     def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
-        """Draw what is being scanned; without a scan its memory is given back."""
+        """Draws the running scan; without a scan, frees its GPU memory."""
         if growing is not None:
             self._growing = self._growing or GrowingSurfacePass(self.renderer.ctx)
             self._growing.draw(self.renderer.picture, *growing)
@@ -86,7 +91,7 @@ class Viewport:
             self._growing.release()
 
     def _draw_puppet(self, over: ToolPicture) -> None:
-        """Draw what the tool shows over the picture."""
+        """Draws the geometry of the active tool over the image."""
         if over is NOTHING:
             return
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)

@@ -1,4 +1,4 @@
-"""Puppets in the studio: their surfaces as they stand, control points, key poses and dragging."""
+"""Puppets in the studio: their surfaces in the current pose, control points, key poses and dragging."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Finds the faces of a posed puppet that pass through one another, in a thread beside the window."""
+"""Finds self-intersecting faces of a posed puppet in a background thread."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from enliven.meshes import Mesh
 from enliven_viewer.language import tr
 
 _FEW = 2
-"""Faces: fewer that cross are a rounding of the surface, and not worth a word."""
+"""Maximum number of self-intersecting faces that is ignored as a rounding effect of the surface."""
 
 
 class SelfCrossing:
-    """Looks for faces that cross and did not at rest; always at the newest pose that was asked for.
+    """A search for faces that intersect in the pose but not at rest, always for the newest requested pose.
 
     Attributes:
-        faces: (K,) faces of the mesh that cross in the pose that was looked at last.
+        faces: (K,) faces of the mesh that intersect in the last checked pose.
         said: one line about them, or empty.
     """
 
@@ -35,7 +35,10 @@ class SelfCrossing:
         self._finder: SelfIntersection | None = None
 
     def look(self, puppet: Puppet, surface: Float) -> None:
-        """Look at a surface (V, 3) metres; called once a picture, it never waits."""
+        """Starts a self-intersection check of the surface (V, 3) metres in the background.
+
+        Call once per frame; does not block.
+        """
         if puppet.mesh is not self._mesh:
             self.forget()
             self._mesh, self._finder = puppet.mesh, None
@@ -49,13 +52,13 @@ class SelfCrossing:
             self._now = self._threads.submit(self._found, puppet, surface)
 
     def wait(self) -> None:
-        """Wait for the newest answer: for sessions without a window."""
+        """Waits for the current check. For sessions without a window."""
         if self._now is not None:
             self.faces, self.said = self._now.result()
             self._now = None
 
     def forget(self) -> None:
-        """Nothing is looked at."""
+        """Clears the results, and stops the current check."""
         if self._now is not None:
             self._now.cancel()
         self.faces, self.said, self._now, self._seen = np.zeros(0, np.int64), "", None, None
@@ -69,7 +72,10 @@ class SelfCrossing:
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:
-    """A sentence about the parts that cross; faces (K,) belong to the control point nearest at rest."""
+    """Returns a sentence about the intersecting parts.
+
+    Each of the faces (K,) belongs to the control point nearest at rest.
+    """
     if not puppet.points:
         return tr("the surface passes through itself")
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)

@@ -1,4 +1,4 @@
-"""Protocols between the puppets of the studio and the editor that holds the project."""
+"""Protocols between the studio's puppets and the editor that holds the project."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ R = TypeVar("R", bound=RigBase)
 
 
 class Editing(Protocol):
-    """An editor: the project with its history, the time that is shown, and the selection."""
+    """An editor: the project with its history, the current time, and the selection."""
 
     time: float
     playing: bool
@@ -27,43 +27,43 @@ class Editing(Protocol):
 
     @property
     def project(self) -> Project:
-        """The project as it is shown."""
+        """Returns the project as shown, including a draft."""
 
     def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
-        """Do an edit and remember it; False where it cannot be done."""
+        """Applies an edit and adds it to the history. Returns False if it failed."""
 
     def select(self, **changes: object) -> None:
-        """Change parts of the selection."""
+        """Changes parts of the selection."""
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
-        """Choose a character, and perhaps a handle of it."""
+        """Selects a character, and optionally one of its handles."""
 
     def chosen(self, rig: type[R], /) -> R | None:
-        """The chosen character, where it has that rig."""
+        """Returns the selected character if it has this type of rig."""
 
 
 class Posing(Protocol):
-    """The key pose that is edited, or the control point that is dragged, as the stage shows it."""
+    """The key pose being edited, or the control point being dragged, as the stage shows it."""
 
     silhouette: bool
     start_state: State | None
 
     @property
     def puppet(self) -> Puppet | None:
-        """The chosen puppet."""
+        """Returns the selected puppet."""
 
     @property
     def number(self) -> int | None:
-        """The number of the key pose; None while the puppet plays."""
+        """Returns the number of the key pose; None while the puppet plays."""
 
     @property
     def previous(self) -> KeyPose | None:
-        """The key pose that it is compared with."""
+        """Returns the key pose to compare it with."""
 
     @property
     def places(self) -> Float | None:
-        """(P, 3) metres in the mesh's frame; None while the puppet plays."""
+        """Returns (P, 3) metres in the mesh's frame; None while the puppet plays."""
 
     @property
     def dragging(self) -> bool:
-        """Whether a control point is dragged."""
+        """Returns True if a control point is being dragged."""

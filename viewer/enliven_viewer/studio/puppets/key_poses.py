@@ -1,4 +1,4 @@
-"""Key poses begun, edited, accepted and dropped."""
+"""Starting, editing, accepting and cancelling key poses."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
 class KeyPoses(PuppetSelection):
-    """The key pose of the chosen puppet that is edited.
+    """The key pose of the selected puppet that is being edited.
 
     Attributes:
-        start_state: the state of the puppet when the key pose was begun; it stays there while it is edited.
+        start_state: state of the puppet when editing began; it stays there while the key pose is edited.
     """
 
     def __init__(self, editor: Editing, stage: PuppetStage) -> None:
@@ -30,14 +30,14 @@ class KeyPoses(PuppetSelection):
         self._at = 0.0
 
     def leave_elsewhere(self) -> None:
-        """Leave the key pose where it plays, another time is shown, or another puppet is chosen."""
+        """Stops editing the key pose during playback, at another time, or with another puppet."""
         elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
         if self._key is not None and (elsewhere or self.editor.selection.character != self._key[0]):
             self.accept()
 
     @property
     def number(self) -> int | None:
-        """The number of the key pose that is edited; None while the puppet plays."""
+        """Returns the number of the edited key pose; None while the puppet plays."""
         puppet = self.puppet
         if self._key is None or puppet is None or self._key[0] != puppet.id:
             return None
@@ -45,25 +45,28 @@ class KeyPoses(PuppetSelection):
 
     @property
     def posing(self) -> bool:
-        """Whether a key pose is edited."""
+        """Returns True if a key pose is being edited."""
         return self.number is not None
 
     @property
     def key(self) -> KeyPose | None:
-        """The key pose that is edited."""
+        """Returns the edited key pose."""
         puppet, number = self.puppet, self.number
         return puppet.poses[number] if puppet is not None and number is not None else None
 
     @property
     def previous(self) -> KeyPose | None:
-        """The key pose before the one that is edited, to compare with; of the first the one after it."""
+        """Returns the key pose before the edited one, for comparison. For the first one, returns the next."""
         puppet, number = self.puppet, self.number
         if puppet is None or number is None or len(puppet.poses) < 2:
             return None
         return puppet.poses[number - 1 if number else 1]
 
     def begin_pose(self, take: str, time: float) -> bool:
-        """Make a key pose for a take's second, as the puppet is then; one that is there already is edited."""
+        """Adds a key pose at a time of a take, in the puppet's current shape.
+
+        An existing key pose there is edited instead.
+        """
         puppet = self._wanted()
         if puppet is None:
             return False
@@ -73,12 +76,12 @@ class KeyPoses(PuppetSelection):
         return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
 
     def pose_at(self, take: str, time: float) -> int | None:
-        """The number of the chosen puppet's key pose of a frame of a take, or None."""
+        """Returns the number of the selected puppet's key pose at a time of a take, or None."""
         puppet, project = self.puppet, self.editor.project
         return key_pose_at(project, puppet, take, time) if puppet and take in project.takes else None
 
     def edit_pose(self, number: int) -> bool:
-        """Edit an existing key pose."""
+        """Edits an existing key pose."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
@@ -87,15 +90,15 @@ class KeyPoses(PuppetSelection):
         return True
 
     def accept(self) -> None:
-        """Leave the key pose as it is; the puppet plays again."""
+        """Keeps the key pose and stops editing it; the puppet plays again."""
         self._key = self._before = self.start_state = None
         self.let_go()
 
     def let_go(self) -> None:
-        """Forget what is dragged."""
+        """Clears the current drag."""
 
     def cancel(self) -> None:
-        """Restore the key pose as it was before, or remove it where it is new."""
+        """Restores the key pose to its state before editing, or removes it if it is new."""
         puppet, number, before = self.puppet, self.number, self._before
         self.accept()
         if puppet is None or number is None:
@@ -113,7 +116,10 @@ class KeyPoses(PuppetSelection):
     def _edit(
         self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
-        """Begin to edit a key pose; ``before`` has the place of each vertex, None for a new key pose."""
+        """Starts editing a key pose.
+
+        ``before`` maps each vertex to its previous position; None for a new key pose.
+        """
         self.start_state = (
             standing.state if standing is not None and self.start_state is None else self.start_state
         )
@@ -122,7 +128,7 @@ class KeyPoses(PuppetSelection):
         self.editor.playing, self._at = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
-        """Add a key pose, which is edited from now on; one edit."""
+        """Adds a key pose as one edit, and starts editing it."""
         if not puppet.points:
             self.editor.toasts.say(
                 tr("It has no control points yet"), tr("Click the mesh where it is to be held.")

@@ -1,7 +1,7 @@
-"""The manipulator of a control point: three arrows, three planes and a ring, as large on any screen.
+"""The gizmo of a control point: three arrows, three planes and a ring, of constant size on the screen.
 
-Red is x, green y, blue z, of the world. An arrow moves along its axis, a square in the plane of two axes, the
-ring parallel to the picture.
+Red is x, green is y and blue is z of the world. An arrow moves along its axis, a square in the plane of two
+axes, the ring parallel to the image.
 """
 
 from __future__ import annotations
@@ -17,41 +17,41 @@ from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
 from enliven_viewer.theme import AXES, HELD_AXIS, MARK, Colour, Paint
 
 LENGTH = 84.0
-"""Pixels of an arrow."""
+"""Length of an arrow in pixels."""
 _NEAR = 24.0
-"""Pixels along both of its axes at which a square begins: clear of the ring."""
+"""Distance in pixels along both axes at which a square begins, so that it does not cover the ring."""
 _FAR = 42.0
-"""Pixels along both of its axes at which a square ends: half of an arrow."""
+"""Distance in pixels along both axes at which a square ends: half of an arrow."""
 _REACH = 8.0
-"""Pixels from an arrow within which the pointer takes it."""
+"""Distance in pixels within which an arrow can be grabbed."""
 _RING = 13.0
-"""Pixels, radius of the ring."""
+"""Radius of the ring in pixels."""
 _EDGE_ON = 0.2
-"""A square that is seen nearly from its edge, or an arrow nearly along it, is not offered."""
+"""Limit for hiding parts: a square seen nearly edge-on, or an arrow seen nearly end-on, cannot be grabbed."""
 _CONE = 0.24
-"""Share of an arrow that its cone takes."""
+"""Fraction of an arrow's length that its cone takes."""
 _TRACK = 260.0
-"""Pixels to both sides of the line along which an arrow is dragged: three times the arrow."""
+"""Half length in pixels of the guide line along which an arrow is dragged: three times the arrow."""
 PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
 _STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Manipulator:
-    """A manipulator at a place (3,) metres in the world, as a lens sees it."""
+    """A gizmo at a place (3,) metres in the world, as seen by a lens."""
 
     place: Float
     lens: Lens
 
     @property
     def pixel(self) -> float:
-        """Metres that a pixel spans there."""
+        """Returns the size of a pixel in metres at the gizmo's position."""
         lens = self.lens
         depth = max(float((self.place - lens.view.eye) @ lens.forward), 0.05)
         return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
 
     def at(self, pixel: Point) -> str:
-        """The part under a pixel, or an empty string."""
+        """Returns the part under a pixel, or an empty string."""
         centre, tips = self._seen()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
@@ -70,9 +70,9 @@ class Manipulator:
         return ""
 
     def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """(3,) metres in the world, the movement of the place when a part is dragged between two pixels.
+        """Returns (3,) metres in the world: the movement of the place for a drag between two pixels.
 
-        None where a pixel is beyond the horizon of the part's plane.
+        Returns None if a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
             way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
@@ -90,13 +90,13 @@ class Manipulator:
 
     @property
     def step(self) -> float:
-        """Metres of a step that Shift snaps to: a round number of about ten pixels."""
+        """Returns the step in metres that Shift snaps to: a round number near ten pixels."""
         wanted = 10.0 * self.pixel
         power = 10.0 ** np.floor(np.log10(wanted))
         return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
 
     def rows(self, lit: str, alone: str = "") -> Float32:
-        """Arrows as ``tube_rows``; ``alone``: of a part that is dragged."""
+        """Returns the arrows as ``tube_rows``; ``alone`` names the dragged part."""
         made = []
         for axis in range(3):
             part = PARTS[axis]
@@ -106,7 +106,7 @@ class Manipulator:
         return np.concatenate(made) if made else np.zeros((0, 12), np.float32)
 
     def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
-        """Squares and ring over the picture."""
+        """Returns the squares and the ring, as marks over the image."""
         centre, _ = self._seen()
         if not np.isfinite(centre).all():
             return ()
@@ -127,7 +127,7 @@ class Manipulator:
         return tuple(found)
 
     def _track(self, axis: int) -> list[Line]:
-        """The line along which an arrow is dragged."""
+        """Returns the guide line along which an arrow is dragged."""
         ends = self.place + np.outer([-_TRACK, _TRACK], np.eye(3)[axis]) * self.pixel
         pixels = self.lens.project(ends)[0]
         if not np.isfinite(pixels).all():
@@ -144,13 +144,13 @@ class Manipulator:
         return made
 
     def _seen(self) -> tuple[Float, Float]:
-        """(2,) pixels of the place, and (3, 2) of the arrows' tips."""
+        """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""
         points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
         pixels, _ = self.lens.project(points)
         return pixels[0], pixels[1:]
 
     def _along(self, axis: int) -> float:
-        """The share of an arrow's length that is seen: 0 along the line of sight, 1 across it."""
+        """Returns the foreshortening of an arrow: 0 along the line of sight, 1 perpendicular to it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
 
@@ -159,7 +159,7 @@ class Manipulator:
         return abs(float(sight[axis])) > _EDGE_ON
 
     def _square(self, axis: int) -> Float:
-        """(4, 2) pixels of the square across an axis."""
+        """Returns (4, 2) pixels of the square perpendicular to an axis."""
         first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
         ends = [(_NEAR, _NEAR), (_FAR, _NEAR), (_FAR, _FAR), (_NEAR, _FAR)]
         corners = np.array([self.place + a * first + b * second for a, b in ends])
@@ -167,7 +167,7 @@ class Manipulator:
 
     @staticmethod
     def _away(centre: Float, tip: Float, at: Float) -> float:
-        """Pixels from the outer part of an arrow."""
+        """Returns the distance in pixels from the outer part of an arrow."""
         way = tip - centre
         length = float(way @ way)
         if length < 1e-9:
@@ -176,13 +176,16 @@ class Manipulator:
         return float(np.linalg.norm(centre + share * way - at))
 
     def _on_axis(self, axis: int, at: Point) -> float:
-        """Metres along an axis from the place to where it is nearest to a pixel's ray."""
+        """Returns metres along an axis from the place to the point nearest to a pixel's ray."""
         ray, line = self.lens.ray(at), np.eye(3)[axis]
         between, slant = self.place - self.lens.view.eye, float(ray @ line)
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _on_plane(self, normal: Float, at: Point) -> Float | None:
-        """(3,) where a pixel's ray meets the plane through the place; None where it does not."""
+        """Returns (3,) the intersection of a pixel's ray with the plane through the place.
+
+        Returns None if they do not intersect.
+        """
         ray, eye = self.lens.ray(at), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)
         if abs(steep) < 1e-3 or away / steep <= 0.0:
@@ -191,7 +194,7 @@ class Manipulator:
 
 
 def _inside(corners: Float, at: Float) -> bool:
-    """Whether a pixel is inside a convex quadrangle (4, 2)."""
+    """Returns True if a pixel is inside a convex quadrilateral (4, 2)."""
     way, arm = np.roll(corners, -1, 0) - corners, at - corners
     side = way[:, 0] * arm[:, 1] - way[:, 1] * arm[:, 0]
     return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))

@@ -1,4 +1,4 @@
-"""Control points and suggestions of a puppet: those under the pointer, and rows to draw them."""
+"""Control points and suggestions of a puppet: hit testing, and rows for drawing them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from enliven_viewer.studio.viewport import Lens, Point
 from enliven_viewer.theme import point_colour
 
 GHOST_RADIUS = 7.0
-"""Pixels, radius of a suggestion's ring: larger than a control point, which may be put there."""
+"""Radius in pixels of a suggestion's ring: larger than that of a control point."""
 POINT_RADIUS = 5.2
-"""Pixels, radius of a control point on the mesh."""
+"""Radius in pixels of a control point on the mesh."""
 
 
 def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
-    """The suggested vertex with its ring under a pixel; None for none."""
+    """Returns the suggested vertex with its ring under a pixel, or None."""
     if not suggested:
         return None
     away = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - at, axis=1)
@@ -28,7 +28,10 @@ def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, a
 
 
 def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
-    """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
+    """Returns the control points as balls.
+
+    They are (P, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`.
+    """
     points = standing.handles
     tints = np.array([point_colour(k) for k in range(len(points))], float).reshape(-1, 3)
     radii = np.full(len(points), POINT_RADIUS)

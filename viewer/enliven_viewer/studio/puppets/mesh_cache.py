@@ -1,4 +1,4 @@
-"""Caches facts of a mesh: its size, its plane of symmetry, its vertices in a tree."""
+"""Caches properties of a mesh: its size, its plane of symmetry, and a k-d tree of its vertices."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from enliven.modeling.mesh import plane_of_symmetry
 
 Found = TypeVar("Found")
 _MOST = 8
-"""Meshes that an answer is kept for: more puppets are seldom on one stage."""
+"""Maximum number of meshes with cached results. A stage seldom has more puppets."""
 
 
 def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
-    """The function, its answers for the last few meshes kept; a mesh is known by identity."""
+    """Returns the function with a cache for the last few meshes. Meshes are compared by identity."""
     known: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
 
     @wraps(find)
@@ -37,30 +37,30 @@ def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
 
 @by_mesh
 def size_of(mesh: Mesh) -> float:
-    """Metres, the diagonal of its box."""
+    """Returns the diagonal of the mesh's bounding box in metres."""
     return float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
 
 
 @by_mesh
 def middle_of(mesh: Mesh) -> Float:
-    """(3,) metres, the middle of its box."""
+    """Returns (3,) metres, the centre of the mesh's bounding box."""
     return np.asarray(mesh.bounds.mean(0))
 
 
 @by_mesh
 def normals_of(mesh: Mesh) -> Float:
-    """(V, 3) unit normals of its vertices at rest."""
+    """Returns (V, 3) unit normals of the mesh's vertices at rest."""
     return mesh.vertex_normals()
 
 
 @by_mesh
 def plane_of(mesh: Mesh) -> Plane | None:
-    """Its plane of symmetry, or None where it has none."""
+    """Returns the mesh's plane of symmetry, or None if it has none."""
     return plane_of_symmetry(mesh)
 
 
 @by_mesh
 def tree_of(mesh: Mesh) -> tuple[scipy.spatial.cKDTree, Int32]:
-    """A tree of the vertices that faces use, and (U,) which they are."""
+    """Returns a k-d tree of the vertices that faces use, and (U,) their indices."""
     used = np.unique(mesh.faces)
     return scipy.spatial.cKDTree(mesh.vertices[used]), used

@@ -1,4 +1,4 @@
-"""Symmetric control points: the mirror image of a vertex, of a control point, and of places."""
+"""Symmetric control points: the mirror image of a vertex, of a control point, and of positions."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from enliven.examples import reflected
 from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
 
 _OFF = 0.05
-"""Part of the mesh's size that a mirror image may be off."""
+"""Maximum error of a mirror image, as a fraction of the mesh's size."""
 
 
 def plane_for(puppet: Puppet) -> Plane | None:
-    """The plane of symmetry that the puppet has, or else its mesh's; None where it has none."""
+    """Returns the puppet's own plane of symmetry, or else that of its mesh; None if there is none."""
     return puppet.symmetry if puppet.symmetry is not None else plane_of(puppet.mesh)
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """The vertex nearest to the mirror image of one, which is the vertex itself near the plane; or None."""
+    """Returns the vertex nearest to a vertex's mirror image, or None.
+
+    Near the plane it is the vertex itself.
+    """
     plane = plane_for(puppet)
     if plane is None:
         return None
@@ -32,7 +35,7 @@ def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
 
 
 def partner_point(puppet: Puppet, point: int) -> int | None:
-    """The control point that is the mirror image of one, itself where it is on the plane; None for none."""
+    """Returns the control point that mirrors another one, or None. On the plane it is the point itself."""
     plane = plane_for(puppet)
     if plane is None:
         return None
@@ -42,9 +45,11 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
-    """(P, 3) places, the partner of ``point`` gone from its rest as that did, mirrored.
+    """Returns (P, 3) positions with the movement of ``point`` mirrored to its partner.
 
-    A control point that is its own partner goes along the plane only.
+    Movements are measured from the rest positions.
+
+    A control point that is its own partner moves only within the plane.
     """
     plane, other = plane_for(puppet), partner_point(puppet, point)
     if plane is None or other is None:

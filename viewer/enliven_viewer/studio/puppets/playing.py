@@ -1,4 +1,4 @@
-"""The places of a puppet's control points while it plays, and those a new key pose begins with."""
+"""The positions of a puppet's control points during playback, and the initial positions of a new key pose."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from enliven_viewer.studio.puppets.editing import Editing
 
 
 def rest_state(puppet: Puppet) -> State:
-    """The state of a puppet at rest, where it was put."""
+    """Returns the rest state of a puppet, at its placement."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
 def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
-    """The puppet and its state at the editor's time; at rest where it cannot move yet.
+    """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
 
-    The puppet is an older value while the motion of the newest is being solved.
+    While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
     project, solved = editor.solving.shown(editor.project, puppet.id)
     if not solved.layers:
         return puppet, rest_state(puppet)
     try:
         state = state_of(project, solved, editor.time)
-    except EnlivenError:  # the example panel says what it is
+    except EnlivenError:  # the examples panel reports the error
         return puppet, rest_state(puppet)
     if solved.mesh is not puppet.mesh or solved.points != puppet.points:
         return solved, state
@@ -34,8 +34,10 @@ def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
 
 
 def take_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
-    """(P, 3) metres in the mesh's frame where a new key pose for a second of a take begins: as the
-    examples so far would have it, or else as the last key pose."""
+    """Returns (P, 3) metres in the mesh's frame: the initial positions of a new key pose at a time of a take.
+
+    They come from the existing examples if the motion can be solved, or else from the last key pose.
+    """
     start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
     for number, layer in enumerate(puppet.layers):
         if layer.take == take and not missing(project, puppet):

@@ -1,4 +1,4 @@
-"""Edits the chosen puppet: its control points and key poses, dragged and dropped.
+"""Edits the selected puppet: dragging its control points, and its key poses.
 
 puppets = editor.puppets
 puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
@@ -6,7 +6,7 @@ puppets.drag(2, place)                 # the surface follows; nothing is remembe
 puppets.drop()                         # one edit of the project
 puppets.accept()                       # the puppet plays again
 
-Everything that is finished is an edit at once, so that undo, the recovery file and all panels see it.
+Every finished step is an edit, so that undo, the recovery file and all panels include it.
 """
 
 from __future__ import annotations
@@ -25,19 +25,21 @@ from enliven_viewer.studio.puppets.mirrored import mirrored_places
 from enliven_viewer.studio.puppets.stage import PuppetStage
 
 _MANY = 200_000
-"""Faces: where there are more, it is looked whether they cross when a drag is over, not during it."""
+"""Number of faces above which self-intersections are searched only after a drag, not during it."""
 _MOST_AWAY = 50.0
-"""Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
+"""Maximum distance of a dragged control point from the mesh's centre, in mesh sizes. Beyond it the drag is an
+accident.
+"""
 
 
 class PuppetEditor(KeyPoses):
-    """The state of editing puppets, which the stage and the example panel share.
+    """The state of editing puppets, shared by the stage and the examples panel.
 
     Attributes:
-        moment: the take and the second of it that the performer's view shows; a drag begins a key pose
-            there. None: of the lowest layer, at the project's time.
-        silhouette: whether the key pose before is outlined while one is edited.
-        warn: whether faces that pass through one another are shown.
+        moment: the take, and the time in it, that the performer's view shows. A drag begins a key pose there.
+            None means the lowest layer at the project's time.
+        silhouette: whether the previous key pose is outlined while one is edited.
+        warn: whether self-intersecting faces are shown.
     """
 
     def __init__(self, editor: Editing) -> None:
@@ -48,7 +50,10 @@ class PuppetEditor(KeyPoses):
         self._dragged: Float | None = None
 
     def advance(self) -> None:
-        """A picture went by: surfaces come to rest. Another time or another puppet leaves the key pose."""
+        """Advances one frame: surfaces relax towards rest.
+
+        Another time or another puppet ends the editing of a key pose.
+        """
         self.leave_elsewhere()
         self.stage.improve()
         standing = self.shown
@@ -61,23 +66,26 @@ class PuppetEditor(KeyPoses):
 
     @property
     def shaping(self) -> bool:
-        """Whether a key pose is edited, or a control point dragged."""
+        """Returns True if a key pose is being edited or a control point dragged."""
         return self.posing or self.dragging
 
     @property
     def places(self) -> Float | None:
-        """(P, 3) metres in the mesh's frame: as dragged, or of the key pose; None while the puppet plays."""
+        """Returns (P, 3) metres in the mesh's frame, as dragged or from the key pose.
+
+        Returns None while the puppet plays.
+        """
         if self._dragged is not None:
             return self._dragged
         return None if self.key is None else self.key.places
 
     @property
     def dragging(self) -> bool:
-        """Whether a control point is dragged."""
+        """Returns True if a control point is being dragged."""
         return self._dragged is not None
 
     def drag(self, point: int, place: Float) -> None:
-        """Show a control point at a place (3,) of the mesh's frame; with symmetry its partner follows."""
+        """Previews a control point at a place (3,) in the mesh's frame. With symmetry its partner follows."""
         puppet, place = self.puppet, np.asarray(place, np.float64)
         if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
@@ -88,7 +96,7 @@ class PuppetEditor(KeyPoses):
         self._dragged = places
 
     def drop(self, name: str = "") -> bool:
-        """End a drag with one edit; where no key pose is edited, one begins at :attr:`moment`."""
+        """Ends a drag with one edit. If no key pose is being edited, one begins at :attr:`moment`."""
         puppet, places, self._dragged = self.puppet, self._dragged, None
         if puppet is None or places is None:
             return False
@@ -100,11 +108,14 @@ class PuppetEditor(KeyPoses):
         )
 
     def let_go(self) -> None:
-        """Forget what is dragged."""
+        """Clears the current drag."""
         self._dragged = None
 
     def nudge(self, way: Float) -> bool:
-        """Move the chosen control point by (3,) metres of the mesh's frame, or its mirror image too."""
+        """Moves the selected control point by (3,) metres in the mesh's frame.
+
+        With symmetry, its partner moves too.
+        """
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -112,7 +123,7 @@ class PuppetEditor(KeyPoses):
         return self.drop(later("nudge {0}", puppet.points[point].name))
 
     def reset_point(self) -> bool:
-        """Put the chosen control point where it is at rest."""
+        """Moves the selected control point back to its rest position."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -120,7 +131,7 @@ class PuppetEditor(KeyPoses):
         return self.drop(later("reset {0}", puppet.points[point].name))
 
     def remove_point(self) -> bool:
-        """Take the chosen control point away, also from all key poses; one edit."""
+        """Removes the selected control point, also from all key poses, as one edit."""
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
@@ -138,7 +149,10 @@ class PuppetEditor(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """(P, 3) metres, the places at the start of a drag: of the key pose of this moment, or as shown."""
+        """Returns (P, 3) metres, the positions at the start of a drag.
+
+        They are those of the key pose at this moment, or those shown.
+        """
         if self.places is not None:
             return self.places
         moment = self._moment(puppet)
@@ -146,12 +160,12 @@ class PuppetEditor(KeyPoses):
         return self.seen(puppet) if there is None else puppet.poses[there].places
 
     def seen(self, puppet: Puppet) -> Float:
-        """(P, 3) metres in the mesh's frame, where its control points are now on the stage."""
+        """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
         standing = self.stage.standing_of(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
-        """Make the dragged places the key pose of the moment that the performer's view shows."""
+        """Stores the dragged positions as the key pose of the moment that the performer's view shows."""
         moment = self._moment(puppet)
         if moment is None:
             self.editor.toasts.say(
@@ -166,7 +180,7 @@ class PuppetEditor(KeyPoses):
         return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
 
     def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
-        """The take and the second of it that are shown; None where no take is."""
+        """Returns the shown take and the time in it; None if no take is shown."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]
@@ -175,7 +189,7 @@ class PuppetEditor(KeyPoses):
 
 
 def _near(puppet: Puppet, place: Float) -> Float:
-    """The place (3,), or the farthest on its way from rest that is no slip of the hand."""
+    """Returns the place (3,), clamped to the maximum distance from the mesh's centre."""
     middle, most = middle_of(puppet.mesh), _MOST_AWAY * size_of(puppet.mesh)
     way = place - middle
     away = float(np.linalg.norm(way))

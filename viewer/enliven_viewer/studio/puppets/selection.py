@@ -1,4 +1,4 @@
-"""The selection of puppet and control point, and new control points on the mesh."""
+"""The selection of puppet and control point, and the creation of control points on the mesh."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
 class PuppetSelection:
-    """The chosen puppet and control point, and adding control points.
+    """The selected puppet and control point, with the command that adds control points.
 
     Attributes:
-        stage: how the puppets stand.
-        symmetric: whether control points are put and dragged with their mirror image.
+        stage: the puppets in their current poses.
+        symmetric: whether control points are added and dragged symmetrically.
     """
 
     def __init__(self, editor: Editing, stage: PuppetStage) -> None:
@@ -27,26 +27,26 @@ class PuppetSelection:
 
     @property
     def standing(self) -> tuple[StandingPuppet, ...]:
-        """Every puppet as it is shown now."""
+        """Returns every puppet in its current pose."""
         return self.stage.standing
 
     @property
     def puppet(self) -> Puppet | None:
-        """The chosen puppet."""
+        """Returns the selected puppet."""
         return self.editor.chosen(Puppet)
 
     @property
     def point(self) -> int | None:
-        """The number of the chosen control point."""
+        """Returns the number of the selected control point."""
         return None if self.puppet is None else self.editor.selection.handle
 
     @property
     def shown(self) -> StandingPuppet | None:
-        """The chosen puppet as it is shown now."""
+        """Returns the selected puppet in its current pose."""
         return None if self.puppet is None else self.stage.standing_of(self.puppet.id)
 
     def add_point(self, vertex: int) -> bool:
-        """Put a control point on a vertex, with symmetry on its mirror image too; one edit."""
+        """Adds a control point at a vertex, with symmetry also at its mirror image, as one edit."""
         puppet = self._wanted()
         if puppet is None:
             return False
@@ -79,7 +79,7 @@ class PuppetSelection:
         return True
 
     def set_symmetric(self, on: bool) -> None:
-        """Turn symmetric control points on or off; a mesh without a plane of symmetry says so."""
+        """Turns symmetric control points on or off. Reports if the mesh has no plane of symmetry."""
         puppet = self.puppet
         self.symmetric = on
         if on and puppet is not None and plane_for(puppet) is None:

@@ -1,4 +1,4 @@
-"""Draws over the picture of a mesh: the outline of another pose, faces that cross, and what is painted."""
+"""Overlays on the rendered meshes: another pose's outline, self-intersecting faces, painted stiffness."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
 from enliven_viewer.theme import GHOST, WARNING, Paint
 
 _LINE = 2.0
-"""Pixels."""
+"""Line width of the outline in pixels."""
 _JUMP = 0.06
-"""Of the mesh's size: where one part of it lies before another by more, a line is drawn between them."""
+"""Depth step, as a fraction of the mesh's size, above which a line is drawn between a nearer and a farther
+part.
+"""
 
 
 class PuppetOverlay:
-    """Draws over the last picture of a renderer, with the same camera.
+    """A render pass that draws over the last image of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.
@@ -33,7 +35,10 @@ class PuppetOverlay:
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
     def outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
-        """The outline of a mesh (V, 3) metres in the world and its size, metres; over everything."""
+        """Draws the outline of a mesh (V, 3) metres in the world over everything.
+
+        `size` is the mesh's size in metres.
+        """
         mask, buffer = self._mask_of(picture.size)
         buffer.use()
         buffer.clear(0.0, depth=1.0)
@@ -50,7 +55,10 @@ class PuppetOverlay:
         picture.resolve()
 
     def crossing(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
-        """Faces (K, 3) of a surface that pass through one another; fainter where something covers them."""
+        """Highlights the self-intersecting faces (K, 3) of a surface.
+
+        They are fainter where other geometry covers them.
+        """
         corners = np.ascontiguousarray(vertices[faces.ravel()], np.float32)
         if not len(corners):
             return
@@ -71,7 +79,7 @@ class PuppetOverlay:
         buffer.release()
 
     def shade(self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8) -> None:
-        """Colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
+        """Draws colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
         data = (np.asarray(vertices, np.float32), tints, np.asarray(faces, np.int32))
         places, colours, order = (self.ctx.buffer(np.ascontiguousarray(one).tobytes()) for one in data)
         array = self.ctx.vertex_array(
@@ -108,7 +116,7 @@ class PuppetOverlay:
         return self._mask
 
     def _loaded(self, vertices: Float32, faces: Int32) -> moderngl.VertexArray:
-        """The mesh on the GPU; the same one is not sent again."""
+        """Returns the mesh on the GPU. The same mesh is not uploaded again."""
         if self._mesh is None or self._mesh[0] is not vertices or self._mesh[1] is not faces:
             if self._mesh is not None:
                 self._mesh[3].release()

@@ -1,4 +1,4 @@
-"""The surface solver of one puppet, prepared in a thread where the mesh is large."""
+"""The surface solver of one puppet. A large mesh is prepared in a thread."""
 
 from __future__ import annotations
 
@@ -15,24 +15,28 @@ from enliven_viewer.studio.puppets.mesh_cache import size_of
 from enliven_viewer.studio.toasts import Toasts
 
 AT_ONCE = 4000
-"""Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
+"""Maximum number of vertices that are prepared without a thread: less than a tenth of a second."""
 LARGE = 30_000
-"""Vertices from which other control points are taken up beside the window too."""
+"""Number of vertices above which changed control points are also applied in the background."""
 TOLD = 150_000
-"""Vertices from which preparing is worth telling, and scrubbing does not settle every frame."""
+"""Number of vertices above which the preparation is announced, and scrubbing does not fully settle every
+frame.
+"""
 _STILL = 1e-4
-"""Share of the mesh's size below which a frame counts as at rest: less than a pixel."""
+"""Movement per frame, as a fraction of the mesh's size, below which the surface counts as settled: less than
+a pixel.
+"""
 _MOST_ROUNDS = 60
-"""Frames that a surface is improved after a drag: one or two seconds, by then it is at rest."""
+"""Maximum number of frames for settling the surface after a drag: one or two seconds."""
 Held = tuple[tuple[int, float | None], ...]
 
 
 class Solver:
-    """The solver of one mesh.
+    """The surface solver of one mesh.
 
     Args:
-        pool: runs what takes long.
-        toasts: shows that something takes a moment, or is impossible.
+        pool: runs long computations.
+        toasts: shows messages about waiting times and errors.
     """
 
     def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:
@@ -53,7 +57,10 @@ class Solver:
             )
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """(V, 3) metres, the surface at ``places`` (P, 3); the last good one while or where it cannot be."""
+        """Returns (V, 3) metres, the surface with control points at ``places`` (P, 3).
+
+        Returns the last valid surface while it is being prepared, or if it cannot be solved.
+        """
         surface = self.ready(puppet)
         if surface is None:
             return self._shown
@@ -64,12 +71,13 @@ class Solver:
         return self._shown
 
     def ready(self, puppet: Puppet) -> PuppetSurface | None:
-        """The surface with the puppet's control points, or None while it is being prepared."""
+        """Returns the solver with the puppet's control points, or None while it is being prepared."""
         held = held_by(puppet)
         if self._refused == held or (self._work is not None and not self._work.done()):
             return None
         try:
-            if self._refused is not None:  # other control points: what was refused is mended
+            # the control points have changed, so the refused ones no longer matter
+            if self._refused is not None:
                 self._refused, self._held, self._places = None, held, None
                 self._work = self._begin(puppet)
                 return self.ready(puppet)
@@ -84,22 +92,22 @@ class Solver:
         return self._surface if self._work is None else None
 
     def came(self) -> bool:
-        """Whether the preparation has finished and was not taken yet."""
+        """Returns True if the preparation has finished and its result was not fetched yet."""
         return self._work is not None and self._work.done()
 
     def forget(self) -> None:
-        """Forget at which places it is, so that it is settled at the next ones whatever came before."""
+        """Discards the last positions, so that the next surface is settled independently of its history."""
         self._places, self._rounds = None, 0
 
     def improve(self) -> bool:
-        """One more frame towards where it comes to rest; whether anything moved."""
+        """Solves one more frame of settling. Returns whether anything moved."""
         if self._rounds <= 0 or self._surface is None or self._places is None or self._work is not None:
             return False
         before = self._shown
         self._rounds -= 1
         try:
             self._shown = self._surface.solve(self._places)
-        except EnlivenError:  # it was told when it was asked for
+        except EnlivenError:  # the error was reported when the surface was first requested
             self._rounds = 0
             return False
         if float(np.abs(self._shown - before).max()) < _STILL * size_of(self.mesh):
@@ -111,7 +119,7 @@ class Solver:
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
-                surface.hold(*_split(self._held))  # at rest, without looking for it
+                surface.hold(*_split(self._held))  # the rest pose needs no solving
                 return surface.pose
             return surface.settle(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
@@ -120,7 +128,7 @@ class Solver:
             return self._shown
 
     def _refuse(self, error: Exception) -> None:
-        """Tell that these control points cannot be prepared."""
+        """Reports that these control points cannot be prepared."""
         self._toasts.tell(error)
         self._refused = self._held
 
@@ -141,7 +149,7 @@ class Solver:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _hold(self, held: Held) -> None:
-        """Other control points; beside the window where that takes long."""
+        """Changes the control points; in the background if that takes long."""
         surface, self._held, self._places = self._surface, held, None
         assert surface is not None
 
@@ -156,7 +164,7 @@ class Solver:
 
 
 def held_by(puppet: Puppet) -> Held:
-    """The vertex and the weight of each control point, on which the surface depends."""
+    """Returns the vertex and the weight of each control point, which determine the surface."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 

@@ -1,4 +1,4 @@
-"""The puppets on the studio's stage at a moment."""
+"""The puppets on the studio's stage at one time."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from enliven_viewer.studio.viewport import DrawnMeshes, StandingCharacter, moved
 
 @dataclass(frozen=True, eq=False)
 class StandingPuppet(StandingCharacter):
-    """A puppet on the stage at one moment.
+    """A puppet on the stage at one time.
 
     Attributes:
-        surface: (V, 3) metres of its vertices, in the mesh's own frame.
+        surface: (V, 3) metres, its vertices in the mesh's own frame.
     """
 
     character: Puppet
@@ -36,44 +36,44 @@ class StandingPuppet(StandingCharacter):
 
     @cached_property
     def vertices(self) -> Float:
-        """(V, 3) metres in the world."""
+        """Returns (V, 3) metres in the world."""
         return self.out(self.surface)
 
     @cached_property
     def solved(self) -> Float32:
-        """(V, 3) float32 metres in the world."""
+        """Returns (V, 3) float32 metres in the world."""
         made = np.empty(self.surface.shape, np.float32)
         moved(self.surface, self._turn, self._root, made)
         return made
 
     def out(self, places: AnyArray) -> Float:
-        """(N, 3) metres in the world of places (N, 3) in the mesh's frame."""
+        """Returns (N, 3) metres in the world, for positions (N, 3) in the mesh's frame."""
         made = np.empty(np.shape(places), np.float64)
         moved(np.asarray(places, np.float64), self._turn, self._root, made)
         return made
 
     def into(self, places: AnyArray) -> Float:
-        """(..., 3) metres in the mesh's frame of places (..., 3) in the world."""
+        """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
         return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
 
     def way_into(self, way: AnyArray) -> Float:
-        """(3,) in the mesh's frame, of a direction (3,) in the world."""
+        """Returns (3,) in the mesh's frame, for a direction (3,) in the world."""
         return np.asarray(np.asarray(way, np.float64) @ self._turn)
 
     @cached_property
     def _turn(self) -> Float:
-        """(3, 3) world from mesh."""
+        """Returns the (3, 3) rotation from the mesh to the world."""
         yaw = from_rotation_vector(np.array([0.0, self.state.yaw, 0.0]))
         return np.asarray(to_matrix(multiply(self.character.turn, yaw)))
 
     @cached_property
     def _root(self) -> Float:
-        """(3,) metres, where the mesh's origin is."""
+        """Returns (3,) metres: the position of the mesh's origin in the world."""
         return np.asarray(rotate(self.character.turn, self.state.root) + self.character.place)
 
 
 class PuppetStage:
-    """Every puppet of an editor's project as it stands now; kept while nothing changes."""
+    """All puppets of an editor's project in their current poses; cached while nothing changes."""
 
     def __init__(self, editor: Editing, posing: Posing) -> None:
         self.editor, self.posing = editor, posing
@@ -85,7 +85,7 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StandingPuppet | None:
-        """The puppet in the key pose before the edited one; None without one, or while it is being solved."""
+        """Returns the puppet in the previous key pose; None without one, or while it is being solved."""
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:
@@ -103,13 +103,13 @@ class PuppetStage:
         return None
 
     def wait(self) -> None:
-        """Wait for the ghost: for sessions without a window."""
+        """Waits for the ghost. For sessions without a window."""
         if self.ghost is None and self._wanted is not None:
             self._wanted[1].result()
 
     @property
     def standing(self) -> tuple[StandingPuppet, ...]:
-        """All puppets, in the project's order."""
+        """Returns all puppets, in the project's order."""
         editor, posing = self.editor, self.posing
         project = editor.project
         key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
@@ -119,15 +119,15 @@ class PuppetStage:
         return self._known[1]
 
     def standing_of(self, puppet_id: str) -> StandingPuppet | None:
-        """One of them."""
+        """Returns one of the puppets; None for an unknown id."""
         return next((s for s in self.standing if s.id == puppet_id), None)
 
     def shown(self, puppet: RigBase) -> StandingPuppet:
-        """A puppet of the project."""
+        """Returns a puppet of the project in its current pose."""
         return next(one for one in self.standing if one.id == puppet.id)
 
     def improve(self) -> None:
-        """Bring dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
+        """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1
@@ -154,7 +154,7 @@ class PuppetStage:
 
 
 def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
-    """Whether nothing changed: objects by identity, numbers by value."""
+    """Returns True if nothing changed. Objects are compared by identity, numbers by value."""
     return all(
         a is b or (isinstance(a, float | int) and isinstance(b, float | int) and a == b)
         for a, b in zip(before, after, strict=True)
@@ -162,7 +162,10 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
 
 
 def puppet_meshes() -> DrawnMeshes:
-    """The meshes of puppets, each as one rigid piece: where its vertices are is solved."""
+    """Returns the render meshes of puppets, each as one rigid piece.
+
+    The vertices are solved on the CPU.
+    """
     return DrawnMeshes(_rigid)
 
 

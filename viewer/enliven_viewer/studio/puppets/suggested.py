@@ -1,4 +1,4 @@
-"""Suggests control points at the ends of the mesh's limbs, found in a thread beside the window."""
+"""Suggests control points at the ends of the mesh's limbs, found in a background thread."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from enliven.meshes import Mesh
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 
 _MOST = 14
-"""Extreme vertices that are looked at: more than a spider has limbs."""
+"""Maximum number of extreme vertices to examine: more than the limbs of a spider."""
 _FEW = 5
-"""Vertices that are suggested on a mesh without limbs: enough to bend it."""
+"""Number of suggested vertices on a mesh without limbs: enough to bend it."""
 _SAMPLES = 4000
-"""Points over the surface, by which the neighbourhood of a vertex is measured."""
+"""Number of surface samples for measuring the neighbourhood of a vertex."""
 _NEAR = 0.12
-"""Share of the mesh's size within which points are near a vertex: about the thickness of a limb."""
+"""Radius of the neighbourhood, as a fraction of the mesh's size: about the thickness of a limb."""
 _ASIDE = 0.36
-"""Share of that distance by which the middle of the near points lies aside where a limb ends."""
+"""Minimum offset of the neighbourhood's mean, as a fraction of that radius, for the end of a limb."""
 _APART = 0.06
-"""Of the mesh's size: nearer to a control point that is there nothing is suggested."""
+"""Minimum distance to existing control points, as a fraction of the mesh's size."""
 
 
 class PointSuggestions:
@@ -35,7 +35,7 @@ class PointSuggestions:
         self._found: Future[tuple[int, ...]] | None = None
 
     def of(self, puppet: Puppet) -> tuple[int, ...]:
-        """Vertices that are not near a control point; none yet while they are looked for."""
+        """Returns suggested vertices that are not near a control point; empty while the search runs."""
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
@@ -52,13 +52,16 @@ class PointSuggestions:
         )
 
     def wait(self) -> None:
-        """Until they are found: for sessions without a window."""
+        """Waits until the vertices are found. For sessions without a window."""
         if self._found is not None:
             self._found.result()
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """The vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
+    """Returns the vertices at the ends of limbs; else the most extreme vertices.
+
+    At an end, the neighbourhood lies to one side of the vertex.
+    """
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
     tree, reach = scipy.spatial.cKDTree(samples), _NEAR * size_of(mesh)

@@ -1,4 +1,4 @@
-"""The solved surfaces of all puppets; each mesh is prepared once."""
+"""The solved surfaces of all puppets. Each mesh is prepared once."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class PuppetSurfaces:
     """The solvers of all puppets, by id.
 
     Args:
-        toasts: shows that something takes a moment, or is impossible.
+        toasts: shows messages about waiting times and errors.
 
     Attributes:
-        version: another one whenever a surface moved by itself.
+        version: changes whenever a surface has moved by itself.
     """
 
     def __init__(self, toasts: Toasts) -> None:
@@ -30,24 +30,32 @@ class PuppetSurfaces:
         self.version = 0
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """(V, 3) metres in the mesh's frame, the surface when the control points are at ``places`` (P, 3).
+        """Returns (V, 3) metres in the mesh's frame: the surface with control points at ``places`` (P, 3).
 
-        At rest while the mesh is being prepared. Where the places cannot be meant, the last good surface.
+        While the mesh is being prepared, returns the rest surface. If the positions are invalid, returns the
+        last valid surface.
 
         Args:
-            warm: the next frame of a drag or of a performance; else the same whatever came before.
+            warm: if True, continue from the previous frame of a drag or performance. If False, the result
+                does not depend on history.
         """
         return self._solver(puppet).of(puppet, places, warm=warm)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """(V, 3) the settled surface at other places (P, 3), without a change to the drag; or None."""
+        """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.
+
+        The drag is not affected.
+        """
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
             return None
         return self._others.submit(surface.aside, places)
 
     def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
-        """(V, 3) the settled surface at each of some places (P, 3); None where that cannot be said yet."""
+        """Returns the settled surface (V, 3) at each of several positions (P, 3).
+
+        Returns None if they cannot be computed yet.
+        """
         found = [self.aside(puppet, places) for places in many]
         try:
             return [future.result() for future in found if future is not None] if all(found) else None
@@ -55,22 +63,25 @@ class PuppetSurfaces:
             return None
 
     def improve(self) -> None:
-        """Bring dragged surfaces nearer to rest, and take those that were prepared."""
+        """Settles dragged surfaces further, and fetches prepared ones."""
         moved = [solver.improve() or solver.came() for solver in self._known.values()]
         self.version += any(moved)
 
     def settle(self) -> None:
-        """Settle each surface from anew where it is asked for next: after a drag over many moments."""
+        """Makes every surface settle from its rest state at the next request.
+
+        Called after a drag over many times.
+        """
         for solver in self._known.values():
             solver.forget()
         self.version += 1
 
     def prepared(self, puppet: Puppet) -> bool:
-        """Whether the surface is prepared; asking begins the preparation."""
+        """Returns True if the surface is prepared. The first call starts the preparation."""
         return self._solver(puppet).ready(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:
-        """Forget puppets that are gone."""
+        """Discards the solvers of removed puppets."""
         self._known = {name: solver for name, solver in self._known.items() if name in ids}
 
     def _solver(self, puppet: Puppet) -> Solver:

@@ -1,4 +1,4 @@
-"""Scanning in the window: a stage's camera is carried round a thing, which becomes a character."""
+"""Scanning in the studio: a stage's camera is carried around an object, which becomes a character."""
 
 import lazy_loader
 

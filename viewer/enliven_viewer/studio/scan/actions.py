@@ -1,4 +1,4 @@
-"""What can be done with a scan: menus, the palette and the panel's buttons are made of it."""
+"""The actions of scanning, for menus, command palette and the panel's buttons."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven_viewer.studio.scan.session import ScanSession
 
 
 def scan_actions(scan: ScanSession) -> Iterator[Action]:
-    """Every action of scanning."""
+    """Yields every action of scanning."""
     yield Action(
         "scan.open",
         "Scan",

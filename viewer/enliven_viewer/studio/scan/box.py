@@ -1,4 +1,7 @@
-"""The box that an artist drags round what is meant: a handle in the middle of each side moves that side."""
+"""The crop box that an artist drags around the object.
+
+The handle at the centre of each side moves that side.
+"""
 
 from __future__ import annotations
 
@@ -11,27 +14,29 @@ from enliven_viewer.studio.viewport import Disc, Lens, Line, Point
 from enliven_viewer.theme import ACCENT
 
 _REACH = 16.0
-"""Pixels from a handle within which it is taken."""
+"""Distance in pixels within which a handle can be grabbed."""
 _RADIUS = 7.0
-"""Pixels of a handle."""
+"""Radius of a handle in pixels."""
 _THIN = 0.02
-"""Metres of a box's side at least."""
+"""Minimum length of a box side in metres."""
 _ROOM = 0.03
-"""Metres that a first box is wider than what it holds."""
+"""Margin of the initial box around its content, in metres."""
 _ABOUT = 0.8
-"""Metres about the middle of the stage in which a first box looks for the thing."""
+"""Half width in metres of the area around the stage's centre in which the initial box searches for the
+object.
+"""
 _STANDS = 0.03
-"""Metres above the floor from which on a surface is no floor."""
+"""Height in metres above which a surface is not the floor."""
 _FIRST = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
-"""(2, 3) metres of a box where nothing was scanned yet: a chair's."""
+"""(2, 3) metres: the box used before anything was scanned, the size of a chair."""
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
-"""The twelve pairs of corners that a side joins; corner k is high along the axes of its bits."""
+"""The twelve edges as pairs of corners. Bit k of a corner's number says if it is high along axis k."""
 _FAINT = 0.7
-"""Opacity of the box: the thing in it is seen through."""
+"""Opacity of the box, so that the object in it stays visible."""
 
 
 def box_about(points: Float) -> Float:
-    """Returns (2, 3) the corners of a box round what stands about the middle of the stage.
+    """Returns (2, 3) metres, the corners of a box around the points near the centre of the stage.
 
     Args:
         points: (N, 3) metres on the stage.
@@ -44,10 +49,10 @@ def box_about(points: Float) -> Float:
 
 
 class DraggedBox:
-    """A box on the stage, and its handles.
+    """A box on the stage, with its handles.
 
     Attributes:
-        corners: (2, 3) metres, the lowest and the highest.
+        corners: (2, 3) metres, the lowest and the highest corner.
     """
 
     def __init__(self) -> None:
@@ -55,18 +60,18 @@ class DraggedBox:
         self._held: tuple[int, int] | None = None
 
     def press(self, at: Point, lens: Lens) -> bool:
-        """The button went down; returns whether it takes a handle."""
+        """Handles a button press. Returns whether a handle was grabbed."""
         found = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
         self._held = min(found)[1] if found else None
         return self._held is not None
 
     def drag(self, at: Point, lens: Lens) -> None:
-        """Moves the held side to where the pointer is nearest to the line on which its handle may go."""
+        """Moves the held side to the point on the handle's line that is nearest to the pointer's ray."""
         if self._held is None:
             return
         end, axis = self._held
         through, eye, way = self._handle(end, axis), lens.view.eye, lens.ray(at)
-        # Of all points on the line the one nearest to the ray.
+        # Closest point on the line to the ray.
         across = np.cross(np.eye(3)[axis], way)
         square = float(across @ across)
         if square < 1e-6:
@@ -77,15 +82,17 @@ class DraggedBox:
         self.corners[end, axis] = min(wanted, other - _THIN) if end == 0 else max(wanted, other + _THIN)
 
     def release(self) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
         self._held = None
 
     def follow(self, before: Float, after: Float) -> None:
-        """Move with the scan when the edge places it elsewhere, as it does until it knows the floor.
+        """Moves the box with the scan when the edge changes the scan's placement.
+
+        The edge does so until it has found the floor.
 
         Args:
-            before, after: (4, 4) from the scan's world to the stage. Both are upright, so that the sides
-                stay so; a side on the floor stays on the floor.
+            before, after: (4, 4) from the scan's world to the stage. Both are upright, so the sides stay
+                vertical; a side on the floor stays on the floor.
         """
         change = after @ np.linalg.inv(before)
         middle = self.corners.mean(0)
@@ -96,7 +103,7 @@ class DraggedBox:
         self.corners[1, 1] = max(self.corners[1, 1], self.corners[0, 1] + _THIN)
 
     def marks(self, lens: Lens) -> tuple[Line | Disc, ...]:
-        """Returns its edges and handles in the viewport's pixels."""
+        """Returns the box's edges and handles in the viewport's pixels."""
         corners = np.array([[self.corners[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
         lines = []
         for a, b in _EDGES:
@@ -111,13 +118,13 @@ class DraggedBox:
         return (*lines, *discs)
 
     def _handle(self, end: int, axis: int) -> Float:
-        """Returns (3,) the middle of a side, low (0) or high (1) along an axis."""
+        """Returns (3,) metres, the centre of a side, low (0) or high (1) along an axis."""
         middle = np.asarray(self.corners.mean(0))
         middle[axis] = self.corners[end, axis]
         return middle
 
     def _away(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
-        """Returns each handle that is before the eye, with its pixels from a place."""
+        """Returns each handle in front of the camera, with its distance in pixels from a point."""
         found = []
         for side in product((0, 1), range(3)):
             for pixel in lens.pixels_of(self._handle(*side)[None]):

@@ -1,4 +1,4 @@
-"""The growing surface of a scan, put together of the pieces that its edge sends."""
+"""The preview surface of a running scan, assembled from the pieces that the edge sends."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from enliven_viewer.theme import PLAIN_SURFACE
 
 
 class GrowingMesh:
-    """The newest of each piece, as one surface.
+    """The newest version of every piece, joined into one surface.
 
     Attributes:
-        picture: as it is drawn, in the scan's world; None without a surface. Another object once it changed.
+        picture: the surface to draw, in the scan's world; None without a surface. A change creates a new
+            object.
     """
 
     def __init__(self) -> None:
@@ -25,7 +26,7 @@ class GrowingMesh:
         self.picture: GrowingPicture | None = None
 
     def take(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
-        """Take in the newest message of each piece of a scan; returns whether anything changed."""
+        """Takes the newest message of each piece of a scan. Returns whether anything changed."""
         pieces = {key: one for key, one in newest.items() if one.number == number and one.seen}
         same = len(pieces) == len(self._pieces)
         if same and all(self._pieces.get(key) is one for key, one in pieces.items()):
@@ -36,14 +37,14 @@ class GrowingMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """(2, 3) metres, the scan's world, without what only strays about; None without a surface."""
+        """Returns (2, 3) metres, the bounds in the scan's world without outliers; None without a surface."""
         if self.picture is None:
             return None
         return np.asarray(np.quantile(self.picture.vertices, [0.02, 0.98], axis=0), float)
 
 
 def _joined(pieces: list[ScanPieceMessage]) -> GrowingPicture:
-    """Returns the pieces as one surface, smooth across their seams."""
+    """Returns the pieces joined into one surface that is smooth across the seams."""
     vertices: list[Float32] = []
     faces: list[Int32] = []
     colours: list[UInt8] = []
@@ -63,7 +64,7 @@ def _joined(pieces: list[ScanPieceMessage]) -> GrowingPicture:
 
 
 def _normals(vertices: Float32, faces: Int32) -> Float32:
-    """Returns (V, 3) unit normals; vertices at one place, of neighbouring pieces, have the same."""
+    """Returns (V, 3) unit normals. Coincident vertices of neighbouring pieces share one normal."""
     _, place = np.unique(np.round(vertices * 1e4).astype(np.int64), axis=0, return_inverse=True)
     place = place.reshape(-1)
     whole = Mesh(vertices.astype(float), faces).face_vectors()

@@ -1,4 +1,4 @@
-"""Marks over the picture of a scan: the camera where it is, and the way to where it should be."""
+"""Marks over a running scan: the current camera, and the path to the next recommended view."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from enliven_viewer.theme import ACCENT, BAD, GOOD, WAIT, Colour
 
 Mark = Line | Fill
 _AHEAD = 0.16
-"""Metres from a drawn camera's eye to its picture."""
+"""Distance in metres from a drawn camera's centre to its image plane."""
 _HALF = (0.11, 0.08)
-"""Metres, half the sides of a drawn camera's picture."""
+"""Half width and half height, in metres, of a drawn camera's image."""
 _BARB = 0.09
-"""Metres of the arrow's head."""
+"""Length of the arrow's head in metres."""
 _ALONG = 28
-"""Points of the arrow's way."""
+"""Number of points along the arrow's path."""
 _FAINT = 0.75
-"""Opacity of where the camera should be."""
+"""Opacity of the recommended camera."""
 
 
 def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
-    """Returns the marks of a scan that is under way, in the viewport's pixels."""
+    """Returns the marks of a running scan in the viewport's pixels."""
     if said.phase not in ("scanning", "paused", "failed") or not said.stage_from_camera:
         return ()
     advice = advice_of(said)
@@ -40,7 +40,10 @@ def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
 
 
 def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
-    """A camera as a pyramid of lines, its picture at the open end; ``axes`` (3, 3) right, down, ahead."""
+    """Returns a camera as a pyramid of lines, with the image at the open end.
+
+    ``axes`` (3, 3) are right, down and ahead, in columns.
+    """
     right, down, ahead = axes.T
     across, up = _HALF
     corners = [eye + _AHEAD * ahead + x * across * right + y * up * down for x, y in _ROUND]
@@ -53,11 +56,11 @@ def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
 
 
 _ROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-"""The corners of a picture, in halves of its sides."""
+"""The corners of an image, in units of half its sides."""
 
 
 def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
-    """The way from an eye to another round a target, with a head."""
+    """Returns an arrow from one camera position to another, around a target."""
     one, two = start - target, end - target
     first, last = np.arctan2(one[0], one[2]), np.arctan2(two[0], two[2])
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
@@ -80,13 +83,13 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
 
 
 def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
-    """The pixels of places (N, 3); empty where one of them is behind the eye."""
+    """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
     found = lens.pixels_of(points)
     return tuple(found) if len(found) == len(points) else ()
 
 
 def _looking(eye: Float, target: Float) -> Float:
-    """(3, 3) the axes, right, down and ahead in columns, of an upright camera that looks at a target."""
+    """Returns the (3, 3) axes (right, down, ahead in columns) of an upright camera that looks at a target."""
     ahead = target - eye
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
     right = np.cross(ahead, [0.0, 1.0, 0.0])

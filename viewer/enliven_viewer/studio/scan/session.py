@@ -1,4 +1,4 @@
-"""A scan in the window: what is asked of the edge, what comes of it, and the character that it becomes."""
+"""A scan in the studio: requests to the edge, its progress, and the character that it becomes."""
 
 from __future__ import annotations
 
@@ -25,41 +25,44 @@ Size = Literal["thing", "small", "room"]
 Kept = Literal["thing", "box", "all"]
 Way = Literal["round", "laid", "spun", "turned", "person"]
 VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
-"""Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
+"""Voxel size in metres by the scanned object: a cup, a chair, a room."""
 _PERSON = 0.008
-"""Metres of a voxel's side of a person at two metres: in smaller ones it is often unclear how they turned."""
+"""Voxel size in metres for a person at two metres. With smaller voxels the person's rotation is often
+ambiguous.
+"""
 _WITHIN = 1.5
-"""Metres from a camera that stands still within which a thing is turned."""
+"""Maximum distance in metres from a fixed camera when the object is turned in front of it."""
 _ABOVE = 0.012
-"""Metres by which it is drawn higher: its floor is seen, and not the stage's."""
+"""Height offset in metres of the drawn scan, so that its floor hides the floor of the stage."""
 _WORDS = 0.5
-"""Metres of the picture above it for the words."""
+"""Space in metres above the scan that is kept in view for the instructions."""
 _FRAMED = 8
-"""Images from which on it is brought into the picture: the middle of what is looked at is known."""
+"""Number of fused images after which the view is framed; by then the centre of the object is known."""
 _STANDS_NS = 1_000_000_000
-"""Nanoseconds of the sensor's clock for which a person stands still, after the last side came into view, to
-become a character: a slow edge sees as many images of it as a quick one."""
+"""Time in nanoseconds on the sensor's clock that a person stands still after the last side came into view.
+Then the scan becomes a character. The sensor's clock makes it independent of the edge's speed.
+"""
 _OFF = ScanMessage()
 
 
 class ScanSession:
-    """The scan of the edge that the window follows.
+    """The edge's scan as seen by the studio.
 
     Args:
-        editor: what is edited; what was scanned becomes a character of its project.
+        editor: the editor; the scanned object becomes a character of its project.
         perform: the link to the edge.
 
     Attributes:
         shown: whether the panel is open.
-        said: how the scan goes, as the edge tells it.
-        size: what is to be scanned.
-        way: "round": the camera is carried round it; "laid": and it is laid on its back or side meanwhile;
-            "spun": it turns on a turntable, and is followed apart from the room;
-            "turned": it is turned before a camera that stands still;
-            "person": a person turns before it, and becomes a character as soon as all sides were seen.
-        keeps: what stands on the floor, what is in the box, or all that was scanned.
-        box: the box that the artist drags.
-        name: the character that it becomes; empty: the edge finds a name.
+        said: the progress of the scan, as reported by the edge.
+        size: the size class of the object.
+        way: how the scan is made. "round": the camera is carried around the object. "laid": in addition the
+            object is laid on its back or side. "spun": the object turns on a turntable and is tracked
+            independently of the room. "turned": the object is turned in front of a fixed camera. "person": a
+            person turns in front of the camera, and becomes a character once all sides were seen.
+        keeps: what becomes the character: the object on the floor, the content of the box, or everything.
+        box: the crop box that the artist drags.
+        name: name of the new character; empty to let the edge choose one.
     """
 
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
@@ -78,58 +81,61 @@ class ScanSession:
 
     @property
     def active(self) -> bool:
-        """Whether a scan is under way on the edge."""
+        """Returns True if a scan is running on the edge."""
         return self.said.phase in ("scanning", "paused", "finishing", "failed")
 
     @property
     def surface(self) -> tuple[GrowingPicture, Float] | None:
-        """What grows and (4, 4) where it stands on the stage; None where nothing does."""
+        """Returns the preview surface and its (4, 4) placement on the stage; None if there is none."""
         if not self.active or self._growing.picture is None:
             return None
         return self._growing.picture, self.stage_from_scan
 
     def beside(self, live: Scene | None) -> Scene | None:
-        """What is live without its characters while a scan is under way: only what is scanned is seen."""
+        """Returns the live scene.
+
+        While a scan is running, its characters are left out, so that only the scan is visible.
+        """
         return replace(live, actors=(), boards={}) if live is not None and self.active else live
 
     @property
     def stage_from_scan(self) -> Float:
-        """(4, 4) where the scan's world stands on the stage."""
+        """Returns (4, 4), the placement of the scan's world on the stage."""
         place = np.vstack([np.array(self.said.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
         place[1, 3] += _ABOVE
         return place
 
-    # Orders -----------------------------------------------------------------------------------------------
+    # Requests ---------------------------------------------------------------------------------------------
 
     def lacks_stage(self) -> str:
-        """Why nothing can be scanned, and what to do about it; empty where it can."""
+        """Returns why scanning is unavailable, with advice; empty if it is available."""
         if self.perform.client is None:
             return NO_STAGE
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
-        """Why the scan cannot be told anything; empty where it can."""
+        """Returns why the scan accepts no requests; empty if it does."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = "It is being made. Wait until it stands there" if self.said.phase == "finishing" else ""
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
-        """Why nothing can be taken back; empty where it can."""
+        """Returns why nothing can be undone; empty if something can."""
         return self.lacks_scan() or (
             "" if self.said.undoable > 0 else "There is nothing to take back. Scan on"
         )
 
     def lacks_again(self) -> str:
-        """Why nothing can be added to a scan; empty where it can."""
+        """Returns why no scan can be continued; empty if one can."""
         there = self.said.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 
     def open(self) -> None:
-        """Show the panel, in the workspace where the stage is."""
+        """Shows the panel, in the workspace that contains the stage."""
         self.perform.room, self.shown = "Perform", True
 
     def start(self) -> None:
-        """Begin a scan."""
+        """Starts a scan."""
         self.open()
         if lacking := self.lacks_stage():
             self.editor.toasts.say(*tr(lacking).split(". "))
@@ -141,20 +147,20 @@ class ScanSession:
         self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
-        """Pause it, or go on."""
+        """Pauses or resumes the scan."""
         self._ask(Scan("pause" if self.said.phase == "scanning" else "go on"))
 
     def again(self) -> None:
-        """Go on with a scan that was done: what is seen now is added to it."""
+        """Continues a finished scan: new images are added to it."""
         self.open()
         self._ask(Scan("go on"))
 
     def undo(self) -> None:
-        """Take the last seconds back."""
+        """Undoes the last seconds of the scan."""
         self._ask(Scan("undo"))
 
     def done(self) -> None:
-        """Make a character of it."""
+        """Finishes the scan and makes a character of it."""
         if self.keeps != "box":
             self._ask(Scan("done", whole=self.keeps == "all"))
             return
@@ -162,38 +168,38 @@ class ScanSession:
         self._ask(Scan("done", box=corners, stage_from_scan=list(self.said.stage_from_scan)))
 
     def cancel(self) -> None:
-        """Forget it."""
+        """Cancels the scan and discards it."""
         self._ask(Scan("cancel"))
 
     def keep(self, what: Kept) -> None:
-        """Choose what is kept; a box begins round what stands in the middle."""
+        """Chooses what becomes the character. A box starts around the object at the centre."""
         if what == "box" and self.keeps != "box":
             self.fit_box()
         self.keeps = what
 
     def fit_box(self) -> None:
-        """Put the box round what stands in the middle of the stage."""
+        """Fits the box around the object at the centre of the stage."""
         grown, place = self._growing.picture, self.stage_from_scan
         points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
         self.box.corners = box_about(points @ place[:3, :3].T + place[:3, 3])
 
     @property
     def boxed(self) -> bool:
-        """Whether the box is drawn and can be dragged."""
+        """Returns True if the box is shown and can be dragged."""
         return self.active and self.said.phase != "finishing" and self.keeps == "box"
 
-    # The box's handles over the picture -------------------------------------------------------------------
+    # The box's handles over the view ---------------------------------------------------------------------
 
     def press(self, at: Point) -> bool:
-        """The left button went down over the picture; returns whether it takes a side of the box."""
+        """Handles a press of the left button over the view. Returns whether a side of the box was grabbed."""
         return self.boxed and self.box.press(at, self.editor.lens)
 
     def drag(self, at: Point) -> None:
-        """The pointer moved while a side is held."""
+        """Handles pointer movement while a side is held."""
         self.box.drag(at, self.editor.lens)
 
     def release(self) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
         self.box.release()
 
     def _ask(self, order: Scan) -> None:
@@ -206,10 +212,10 @@ class ScanSession:
             what, _, mend = answer.reason.removeprefix("scan: ").partition(". ")
             self.editor.toasts.say(what[:1].upper() + what[1:], mend)
 
-    # Once a picture ---------------------------------------------------------------------------------------
+    # Once per frame ---------------------------------------------------------------------------------------
 
     def advance(self) -> None:
-        """Take in what the edge tells."""
+        """Reads the newest messages of the edge."""
         client = self.perform.client
         if client is None:
             self.said = _OFF
@@ -234,7 +240,10 @@ class ScanSession:
             self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
 
     def _end_when_round(self) -> None:
-        """Make a character of a person a moment after the last side was seen: the keys are out of reach."""
+        """Finishes the scan of a person a moment after the last side was seen.
+
+        The person cannot reach the keyboard.
+        """
         if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
             self._round_ns = None
         elif self._round_ns is None:
@@ -244,19 +253,19 @@ class ScanSession:
             self.done()
 
     def _frame(self, bounds: Float) -> None:
-        """Bring what grows into the picture."""
+        """Moves the view so that the growing surface is visible."""
         place = self.stage_from_scan
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
         points = points @ place[:3, :3].T + place[:3, 3]
         camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
-        # The camera will be all about it, and words stand above it.
+        # Leave room for the camera on all sides, and for the instructions above.
         top = np.array([0.0, points[:, 1].max() + _WORDS, 0.0])
         points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
 
     def _keep(self, scanned: Character | None, name: str) -> None:
-        """Make what stands on the stage a character of the project: one edit, chosen and framed."""
+        """Adds the scanned character on the stage to the project as one edit, selects it, and frames it."""
         if scanned is None:
             return
         self._wanted = None

@@ -1,4 +1,4 @@
-"""What a person who carries the camera is told: one sentence that is read from three metres away."""
+"""Instructions for the person that carries the camera: one sentence, readable from three metres away."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from enliven.wire import ScanMessage
 from enliven_viewer.language import later, tr
 
 _BESIDE = 0.35
-"""Radians round the thing, 20 degrees, within which a camera stands where it is wanted."""
+"""Angle around the object, in radians (20 degrees), within which the camera counts as at the recommended
+view.
+"""
 _BEHIND = 2.2
-"""Radians round the thing from which on the other side is meant, 126 degrees."""
+"""Angle around the object, in radians (126 degrees), above which the instruction says "the other side"."""
 _HIGHER = 0.25
-"""Metres of height that are worth a word."""
+"""Minimum height difference in metres that is mentioned."""
 
 _TRACKED = {
     "lost": (later("Lost: go back to where you were"), "bad"),
@@ -24,17 +26,17 @@ _TRACKED = {
     "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
     "empty": (later("Go nearer: nothing is seen"), "wait"),
 }
-"""What is said by what became of the newest image."""
+"""The instruction and mood for each tracking state of the newest image."""
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What is said.
+    """An instruction to show.
 
     Attributes:
-        text: in large letters.
-        mood: "good": go on; "wait": something hinders; "bad": nothing is added.
-        arrow: whether the arrow to the next view belongs to it.
+        text: the instruction, shown in large letters.
+        mood: "good": continue; "wait": something hinders the scan; "bad": nothing is added.
+        arrow: whether the arrow to the next view is shown.
     """
 
     text: str
@@ -43,7 +45,7 @@ class Advice:
 
 
 def advice_of(said: ScanMessage) -> Advice:
-    """Returns what to tell the person with the camera."""
+    """Returns the instruction for the person with the camera."""
     if said.phase == "paused":
         return Advice(tr("Paused"), "wait")
     if said.phase == "finishing":
@@ -73,7 +75,7 @@ def advice_of(said: ScanMessage) -> Advice:
 
 
 def _person(said: ScanMessage) -> Advice:
-    """Returns what to tell a person who turns before the camera."""
+    """Returns the instruction for a person that turns in front of the camera."""
     if said.tracking in ("", "empty"):
         return Advice(tr("Stand one to three metres before the camera, whole in view"), "wait")
     if said.tracking != "scanning":
@@ -84,7 +86,7 @@ def _person(said: ScanMessage) -> Advice:
 
 
 def _moved(said: ScanMessage) -> str:
-    """Returns what to do with a thing of which it is not known where it lies."""
+    """Returns the instruction for an object with an unknown pose."""
     if said.thing == "carried":
         return tr("Taken up, or lost: lay it down, and go round it")
     if said.thing == "lost":
@@ -95,7 +97,7 @@ def _moved(said: ScanMessage) -> str:
 
 
 def _way(said: ScanMessage) -> str:
-    """Returns where the camera is wanted, as seen by the person who carries it."""
+    """Returns the instruction towards the recommended view, from the carrier's perspective."""
     camera = np.array(said.stage_from_camera).reshape(3, 4)[:, 3]
     eye, target = np.array(said.view[:3]), np.array(said.view[3:])
     round_it = _about(camera - target, eye - target)
@@ -105,7 +107,7 @@ def _way(said: ScanMessage) -> str:
     if abs(round_it) > _BEHIND:
         return tr("Walk round to the other side")
     if abs(round_it) > _BESIDE:
-        # Anticlockwise from above is to the right of one who looks at the middle.
+        # Anticlockwise seen from above is to the right of a person facing the centre.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not held:
             return side
@@ -114,6 +116,6 @@ def _way(said: ScanMessage) -> str:
 
 
 def _about(one: Float, other: Float) -> float:
-    """Returns the radians about +Y, -pi to pi, from a direction to another."""
+    """Returns the angle about +Y from one direction to another, in radians from -pi to pi."""
     angle = np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2])
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

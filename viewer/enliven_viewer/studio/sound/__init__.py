@@ -1,4 +1,4 @@
-"""Sounds that are performed along: read, mixed and heard in step with the playhead."""
+"""Sounds to perform along with: read, mixed and played in sync with the playhead."""
 
 import lazy_loader
 

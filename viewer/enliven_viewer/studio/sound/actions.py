@@ -1,4 +1,4 @@
-"""What is done with the sounds that are performed along."""
+"""The actions on sounds to perform along with."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MENU = "Sound"
 
 
 def sound_actions(player: SoundPlayer) -> Iterator[Action]:
-    """Hear the sounds, let them begin elsewhere, and remove them."""
+    """Yields the actions that mute, move and remove the sounds."""
     editor = player.editor
 
     def lacks() -> str:

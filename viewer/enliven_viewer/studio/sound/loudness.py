@@ -1,4 +1,4 @@
-"""How loud a sound is over time, as a timeline draws it."""
+"""The envelope of a sound, as drawn in the timeline."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from enliven.arrays import Float32
 from enliven.sounds import SOUND_RATE, Sound
 
 _LOUDEST = 32767
-"""The largest sample of 16 bits."""
+"""The largest 16-bit sample."""
 
 
 def envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
-    """(columns,) the loudest sample of each equal part of the project's time between two seconds, 0 to 1."""
+    """Returns (columns,) the peak level, 0 to 1, in equal parts of the project's time between two seconds."""
     edges = np.linspace(begin - sound.begin, end - sound.begin, columns + 1) * SOUND_RATE
     edges = np.clip(np.round(edges), 0, len(sound.samples)).astype(np.int64)
     loud = np.zeros(columns, np.float32)

@@ -1,4 +1,4 @@
-"""Plays a project's sounds beside the window, in step with its playhead."""
+"""Plays a project's sounds in the background, in sync with its playhead."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 
 _APART = 0.08
-"""Seconds by which sound and picture may differ: twice what is noticed would be heard as late."""
+"""Maximum time difference of sound and image in seconds. A larger one would be noticed as late."""
 
 
 class Stream(Protocol):
-    """What asks for samples, in a thread of its own."""
+    """An audio output that requests samples in a separate thread."""
 
     latency: float
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the output."""
 
 
 Fill = Callable[[Any, int, Any, Any], None]
-"""Writes the next samples into an array (N, 1) of int16; N, and what the device says of times and faults."""
+"""Writes the next N samples into an int16 array (N, 1). Further arguments: N, and the device's times and
+fault flags.
+"""
 
 
 def device(fill: Fill) -> Stream:
-    """The machine's own output.
+    """Returns the computer's default audio output.
 
     Raises:
-        ImportError: where sounddevice is not installed.
-        OSError: where PortAudio is not installed.
-        Exception: of PortAudio, where nothing can play.
+        ImportError: if sounddevice is not installed.
+        OSError: if PortAudio is not installed.
+        Exception: an error of PortAudio, if no device can play.
     """
     import sounddevice
 
@@ -43,13 +45,13 @@ def device(fill: Fill) -> Stream:
 
 
 class SoundPlayer:
-    """Lets the sounds of a project be heard while it plays at its own speed.
+    """A player of a project's sounds, active while the project plays at normal speed.
 
     Args:
-        opened: opens what plays.
+        opened: opens the audio output.
 
     Attributes:
-        heard: whether they are to be heard.
+        heard: whether sound is on.
     """
 
     def __init__(self, editor: Editor, opened: Callable[[Fill], Stream] = device) -> None:
@@ -57,15 +59,15 @@ class SoundPlayer:
         self.heard = True
         self._stream: Stream | None = None
         self._sounds: tuple[Sound, ...] = ()
-        self._next = 0  # the sample of the project's time that is asked for next
+        self._next = 0  # number of the project's sample that is requested next
         self._failed = False
 
     def toggle(self) -> None:
-        """Let them be heard, or not; a device that failed is tried again."""
+        """Turns the sound on or off. A failed device is tried again."""
         self.heard, self._failed = not self.heard, False
 
     def follow(self) -> None:
-        """Keep step with the editor; to be called once a picture."""
+        """Synchronises with the editor. Call once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
         plays = editor.playing and editor.speed == 1.0 and not editor.scrubbing
@@ -76,22 +78,22 @@ class SoundPlayer:
             self._next = round(editor.time * SOUND_RATE)
             self._stream = self._begin()
         if self._stream is not None:
-            # What is asked for now is heard once it has gone through the device.
+            # Samples requested now are heard after the device's latency.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
             if abs(wanted - self._next) > _APART * SOUND_RATE:
                 self._next = wanted
 
     def stop(self) -> None:
-        """End the sound."""
+        """Stops the sound."""
         if self._stream is not None:
             self._stream.close()
         self._stream = None
 
     def _begin(self) -> Stream | None:
-        """Open what plays; where that fails it is said once, and the project plays on in silence."""
+        """Opens the audio output. On failure reports it once, and the project plays silently."""
         try:
             return self._opened(self._fill)
-        except Exception as error:  # PortAudio's own errors are no OSErrors
+        except Exception as error:  # PortAudio's errors are not OSErrors
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
             mend = tr('Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.')
@@ -99,6 +101,6 @@ class SoundPlayer:
             return None
 
     def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:
-        """Write the next samples; called by the device's thread."""
+        """Writes the next samples; called in the device's thread."""
         first, self._next = self._next, self._next + count
         out[:, 0] = mixed(self._sounds, first, count)

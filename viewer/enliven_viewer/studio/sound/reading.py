@@ -1,4 +1,4 @@
-"""Reads sound files into a project, to perform along."""
+"""Reads sound files into a project, to perform along with."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.language import tr
 
 SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
-"""Endings of sound files."""
+"""File extensions of sound files."""
 _LONGEST = 1200.0
-"""Seconds of a sound at most, which are 77 MB of a project."""
+"""Maximum duration in seconds, which is 77 MB in a project."""
 
 
 def read_sound(path: Path) -> Sound:
-    """Returns the sound of a file, as one channel of :data:`SOUND_RATE`.
+    """Returns the sound of a file, as one channel at :data:`SOUND_RATE`.
 
     Raises:
-        InputError: where it is none, is damaged before its first sample, or longer than 20 minutes.
+        InputError: if it is not a sound, is damaged before its first sample, or is longer than 20 minutes.
     """
-    import av  # 0.1 s to load, which a window without sounds does without
+    import av  # import it only when needed: it takes 0.1 s to load
 
     where = str(path)
     parts, count = list[Int16](), 0
@@ -51,7 +51,7 @@ def read_sound(path: Path) -> Sound:
 
 
 def _samples(file: Any, resampler: Any) -> Iterator[Int16]:
-    """Yields (N,) int16 samples until the file ends, or is damaged."""
+    """Yields (N,) int16 samples until the file ends or a damaged part begins."""
     for frame in file.decode(file.streams.audio[0]):
         for made in resampler.resample(frame):
             yield made.to_ndarray()[0]

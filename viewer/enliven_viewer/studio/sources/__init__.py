@@ -1,4 +1,4 @@
-"""Sources of motion: a take's skeleton beside the shapes, and the parts that it could drive."""
+"""Sources of motion: a take's skeleton next to the shapes, and the parts of shapes that it could drive."""
 
 import lazy_loader
 

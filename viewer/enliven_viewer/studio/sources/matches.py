@@ -1,4 +1,4 @@
-"""Ranks the parts of a shape that a take could drive, as both are seen, and applies a chosen match."""
+"""Ranks the parts of a shape that a take could drive, based on both views, and applies a chosen match."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Chain = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Offer:
-    """A match: which chain of the shape each chain of the take would drive, and how alike they look."""
+    """A match: the pairs of chains of the take and of the shape that it drives, and a similarity score."""
 
     shape: str
     take: str
@@ -26,17 +26,19 @@ class Offer:
 
     @property
     def joints(self) -> Chain:
-        """All joints of the shape that would move."""
+        """Returns all joints of the shape that would move."""
         return tuple(sorted({joint for _, target in self.pairs for joint in target}))
 
 
 def offers(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
 ) -> list[Offer]:
-    """The best matches of a take's pose at a time on a shape with joints (N, 3), each seen as it is shown.
+    """Returns the best matches of a take's pose at a time with a shape with joints (N, 3).
+
+    Both are compared as seen in their views.
 
     Raises:
-        InputError: where one of the skeletons cannot be abstracted.
+        InputError: if one of the skeletons cannot be abstracted.
     """
     source = source_of_skeleton(clip.skeleton)
     pose = posed_take(clip, time).handles
@@ -58,7 +60,7 @@ def offers(
 
 
 def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:
-    """The project with every chain of an offer driven."""
+    """Returns the project with every chain of a match driven."""
     for source, target in offer.pairs:
         project = bind_chain(
             project,
@@ -77,5 +79,5 @@ def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop
 
 
 def matching_view(lens: Lens) -> MatchView:
-    """A lens as matching knows it."""
+    """Returns a lens as a view for the matcher."""
     return MatchView(lens.forward, lens.up, lens.view.eye)

@@ -1,4 +1,4 @@
-"""The second view of the studio: the skeleton of a take, to choose a chain of it."""
+"""The second view of the studio: the skeleton of a take, for choosing a chain."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from enliven_viewer.studio.viewport import (
 )
 
 _TURN = 0.01
-"""Radians a pixel of dragging: more than on the stage, since the view is small."""
+"""Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""
 SOURCE = "source"
-"""The id of the shape that stands for a take's skeleton."""
+"""Id of the shape that represents a take's skeleton."""
 
 
 class SourceView:
-    """A take's skeleton, seen by a camera of its own, playing along with the project.
+    """A take's skeleton with its own camera, playing in sync with the project.
 
     Attributes:
-        take: the id of the take that is shown, or None.
-        chain: the joints that are chosen, from the one that stays to the one that moves.
+        take: id of the shown take, or None.
+        chain: the chosen joints, from the fixed end to the moving end.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -45,16 +45,16 @@ class SourceView:
 
     @property
     def clip(self) -> Clip | None:
-        """The take, or None."""
+        """Returns the take, or None."""
         return self.editor.project.takes.get(self.take or "")
 
     @property
     def lens(self) -> Lens:
-        """The camera and the view's size."""
+        """Returns the camera with the view's size."""
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     def show(self, take: str) -> None:
-        """Show another take, all of it in the picture."""
+        """Shows another take, and frames it completely."""
         self.take, self.chain, self._start = take, (), None
         clip = self.clip
         if clip is None:
@@ -66,19 +66,22 @@ class SourceView:
             self.camera.frame(
                 (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, room=1.25
             )
-            # From the front: a chain is mapped as it is seen.
+            # Start with the front view: a chain is mapped as seen on screen.
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
     def posed(self) -> StandingCharacter | None:
-        """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
+        """Returns the take's skeleton at the project's time; the take is looped.
+
+        While playback is stopped at 0, this is its first frame.
+        """
         clip = self.clip
         if clip is None:
             return None
         return posed_take(clip, self.editor.time % max(clip.duration, clip.step))
 
     def press(self, at: Point) -> None:
-        """Choose the joint at which a chain begins, then the one at which it ends."""
+        """Chooses the joint where a chain begins, then the one where it ends."""
         hit = self._hit(at)
         clip = self.clip
         if hit is None or clip is None:
@@ -90,7 +93,7 @@ class SourceView:
             self._start = None
 
     def move(self, at: Point) -> None:
-        """Light what is under the pointer, or turn the view."""
+        """Highlights the joint under the pointer, or turns the view."""
         if self._last is not None:
             across, down = at[0] - self._last[0], at[1] - self._last[1]
             self.camera.orbit(-_TURN * across, _TURN * down)
@@ -99,25 +102,25 @@ class SourceView:
             self._hovered = self._hit(at)
 
     def release(self) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
         self._last = None
 
     def forget(self) -> None:
-        """Choose anew."""
+        """Clears the chosen chain."""
         self.chain, self._start = (), None
 
     @property
     def choosing(self) -> bool:
-        """Whether the end of the chain is still to be clicked."""
+        """Returns True if the end of the chain still has to be clicked."""
         return self._start is not None
 
     @property
     def selection(self) -> Selection:
-        """The selection with the chosen joint, for the picture."""
+        """Returns the selection with the chosen joint, for drawing."""
         return Selection(SOURCE, self._start)
 
     def overlay(self) -> Overlay:
-        """The overlay of the chain and the joint under the pointer."""
+        """Returns the overlay with the chain and the hovered joint."""
         hovered = (SOURCE, self._hovered.handle) if self._hovered else None
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
@@ -127,7 +130,7 @@ class SourceView:
 
 
 def posed_take(clip: Clip, time: float) -> StandingCharacter:
-    """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
+    """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     one = clip.mapped(lambda track: track[frame : frame + 1])
     joints, shape = joint_places(one)[0], still_shape(SOURCE, clip.skeleton)

@@ -1,4 +1,4 @@
-"""The first minutes: a tour that points at each step, sees it done by the artist, or shows it."""
+"""The first minutes: a tour that points at each step, and detects or demonstrates it."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Does one part of a step of the tour for the artist: a hand goes there, and the real action is done."""
+"""Demonstrates one part of a tour step: an animated hand moves to the target, and the real action runs."""
 
 from __future__ import annotations
 
@@ -10,31 +10,33 @@ from enliven_viewer.studio.start.toured import Toured
 from enliven_viewer.studio.viewport import Point
 
 _GLIDE_S = 0.9
-"""Seconds of the way of the hand to the target: the eye follows it."""
+"""Duration in seconds of the hand's movement to the target, slow enough to follow."""
 _PRESS_S = 0.35
-"""Seconds that the hand rests before it acts."""
+"""Pause in seconds before the hand acts."""
 _DRAG_S = 1.4
-"""Seconds of the way along a path."""
+"""Duration in seconds of a drag along a path."""
 _LETTER_S = 0.06
-"""Seconds from one letter of a typed name to the next."""
+"""Time in seconds between two letters of a typed name."""
 _APART = 5.0
-"""Pixels between two points of a dragged path: a slow picture does not make the stroke coarse."""
+"""Maximum distance in pixels between two points of a dragged path, so that a slow frame does not make the
+stroke coarse.
+"""
 
 
 class Demonstration:
-    """The hand of the tour, which does one part.
+    """The animated hand of the tour, which demonstrates one part.
 
     Args:
-        toured: the studio.
-        part: what is done.
-        start: where the hand begins, in the window's pixels.
+        toured: the studio as the tour sees it.
+        part: the part to demonstrate.
+        start: initial position of the hand, in the window's pixels.
 
     Attributes:
-        hand: where the hand is, in the window's pixels.
+        hand: current position of the hand, in the window's pixels.
         presses: whether it holds the button.
         shift: whether it holds Shift.
-        ended: whether it has done its part.
-        typed: the letters that are to be typed into the field with the focus; taken by :meth:`take_typed`.
+        ended: whether the demonstration is over.
+        typed: letters to type into the focused field; :meth:`take_typed` fetches them.
     """
 
     def __init__(self, toured: Toured, part: TourPart, start: Point) -> None:
@@ -46,12 +48,12 @@ class Demonstration:
         self._origin: Point = (0.0, 0.0)
 
     def advance(self, seconds: float, target: Target, place: Point | None, origin: Point) -> None:
-        """Let time pass.
+        """Advances the demonstration by a time step.
 
         Args:
-            target: where the part points now.
-            place: the middle of the target, in the window's pixels; None if it cannot be seen.
-            origin: the top left of the picture, in the window's pixels.
+            target: the current target of the part.
+            place: centre of the target, in the window's pixels; None if it is not visible.
+            origin: the top left corner of the image, in the window's pixels.
         """
         if self.ended:
             return
@@ -75,25 +77,25 @@ class Demonstration:
             self._end()
 
     def take_typed(self) -> str:
-        """The letters since the last call."""
+        """Returns the letters typed since the last call."""
         typed, self.typed = self.typed, ""
         return typed
 
     def cancel(self) -> None:
-        """Stop; what was begun is dropped."""
+        """Stops the demonstration and cancels a stroke that it began."""
         if self._path:
             self._toured.desk.input.tool.cancel()
             self._toured.desk.input.release(self._path[-1])
         self._end()
 
     def _first(self, target: Target) -> Point | None:
-        """The begin of the path, in the window's pixels; None without a path."""
+        """Returns the start of the path, in the window's pixels; None without a path."""
         if not target.path:
             return None
         return target.path[0][0] + self._origin[0], target.path[0][1] + self._origin[1]
 
     def _begin(self, target: Target) -> None:
-        """Press the button; what plays stands still from then on, so that the path stays right."""
+        """Presses the button. Playback pauses from then on, so that the path stays valid."""
         self._path, self._at, self.shift = target.path, 0.0, self.part.shift
         hands = self._toured.desk.input
         hands.press(self._path[0], shift=False)
@@ -112,7 +114,7 @@ class Demonstration:
             self._end()
 
     def _type(self, before: float) -> None:
-        """Type the name a letter at a time."""
+        """Types the name letter by letter."""
         since = _GLIDE_S + _PRESS_S
         count = int(max(self._at - since, 0.0) / _LETTER_S)
         known = int(max(before - since, 0.0) / _LETTER_S)
@@ -126,7 +128,7 @@ class Demonstration:
 
 
 def _free_name(toured: Toured, name: str) -> str:
-    """A name without a file yet: nothing is replaced."""
+    """Returns a file name that does not exist yet, so that nothing is replaced."""
     browser, number, free = toured.desk.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1
@@ -139,13 +141,13 @@ def _between(start: Point, end: Point, share: float) -> Point:
 
 
 def _along(path: tuple[Point, ...], share: float) -> Point:
-    """The place at a share of a path, its parts being of equal time."""
+    """Returns the point at a fraction of a path. All its segments take equal time."""
     at = share * (len(path) - 1)
     index = min(int(at), len(path) - 2)
     return _between(path[index], path[index + 1], at - index)
 
 
 def _steps(start: Point, end: Point) -> list[Point]:
-    """The points of a way, near to each other."""
+    """Returns points along a segment, close to each other."""
     count = max(math.ceil(math.dist(start, end) / _APART), 1)
     return [_between(start, end, (k + 1) / count) for k in range(count)]

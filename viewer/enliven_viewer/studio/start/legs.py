@@ -1,4 +1,4 @@
-"""Finds the leg of a chair in the picture: where to cut it, and where to put it then."""
+"""Finds the leg of a chair in the image: where to cut it, and where to drag it afterwards."""
 
 from __future__ import annotations
 
@@ -13,41 +13,48 @@ from enliven_viewer.studio.start.target import Rectangle, Target
 from enliven_viewer.studio.viewport import Point
 
 Stroke = tuple[Point, Point]
-"""Both ends, in pixels of the picture."""
+"""Both ends of a stroke, in pixels of the image."""
 
 _HEIGHTS = np.linspace(0.05, 0.4, 15)
-"""Shares of the height of a chair below which its legs are looked for: seats are higher."""
+"""Fractions of a chair's height below which legs are searched. Seats are higher."""
 _STANDS = 0.02
-"""Share of the height of a chair within which a leg begins over the floor."""
+"""Maximum height of a leg's lowest point above the floor, as a fraction of the chair's height."""
 _LEAST_VERTICES = 12
-"""Fewer are a splinter, not a leg."""
+"""Minimum number of vertices of a leg. Fewer are a splinter."""
 _CUTS = (0.72, 0.6, 0.5, 0.4, 0.3)
-"""Shares of a leg's height at which it may be cut: as much as can be, with nothing else cut through."""
+"""Fractions of a leg's height at which it may be cut. The highest one that cuts nothing else is used."""
 _BANDS = 8
-"""Parts of a leg's vertices; those of one part, around the cut, say how wide the leg is there."""
+"""Number of bands of a leg's vertices. The band at the cut determines how wide the leg is there."""
 _AIR = 10.0
-"""Pixels of air around a leg."""
+"""Margin in pixels around a leg."""
 _REACH = 14.0
-"""Pixels by which the stroke reaches over both sides of the leg, so that it cuts all of it."""
+"""Length in pixels of the stroke beyond each side of the leg, so that it cuts all of it."""
 _SEEN = 4.0
-"""Pixels between the middles of a leg's halves: where it seems shorter, it points at the eye."""
+"""Minimum projected length in pixels of a leg, between the centres of its halves. A shorter one points at the
+camera.
+"""
 _BEYOND = 2 * _REACH
-"""Pixels around a leg's box in which a stroke may lie: it reaches as far over both sides."""
+"""Margin in pixels around a leg's box that contains its stroke, including the ends beyond both sides."""
 _BESIDE = 3.0
-"""Pixels on both sides of a stroke that must be free of other parts: a hand does not draw straight."""
+"""Distance in pixels on both sides of a stroke that must be free of other parts, since people do not draw
+straight.
+"""
 _HIGH = 0.35
-"""Share of the height of a chair above which a part is put: over the seat."""
+"""Fraction of a chair's height above which the part is attached: above the seat."""
 _AS_FAR = 0.03
-"""Share of a chair's height by which the place may be nearer or farther: the two still meet."""
-_KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []  # the legs of the last surfaces: asked for in every picture
+"""Maximum depth difference of that place, as a fraction of the chair's height, so that the two still
+touch.
+"""
+# cached legs of the last surfaces, since they are needed in every frame
+_KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []
 _KEPT = 4
-"""Number of surfaces with known legs: the chair, and parts that are cut off it."""
+"""Number of cached surfaces: the chair, and parts that were cut off."""
 
 
 def legs_of(mesh: Mesh) -> tuple[Int, ...]:
-    """Returns the vertices of each leg: the parts that are apart below some height, of the most parts.
+    """Returns the vertices of each leg: the connected parts below the height that separates most parts.
 
-    A mesh that has none in this sense is one leg: its lowest fifth.
+    If a mesh has no such parts, its lowest fifth counts as one leg.
     """
     for known, legs in _KNOWN:
         if known is mesh:
@@ -63,7 +70,7 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
     best: tuple[Int, ...] = ()
     for share in _HEIGHTS:
         parts = [one for one in _parts(mesh, heights < share * tall) if heights[one].min() < _STANDS * tall]
-        if len(parts) >= max(len(best), 2):  # the highest of equally many
+        if len(parts) >= max(len(best), 2):  # if the number is equal, prefer the greater height
             best = tuple(parts)
     if best:
         return best
@@ -71,7 +78,7 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
 
 
 def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
-    """The vertices of each connected part of the faces that lie low altogether."""
+    """Returns the vertices of each connected part of the faces that lie completely in the low region."""
     faces = mesh.faces[low[mesh.faces].all(1)]
     count = len(mesh.vertices)
     ends = np.concatenate([faces[:, :2], faces[:, 1:]])
@@ -83,11 +90,11 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
-    """Returns a leg in the picture, and a stroke across it that passes through nothing else.
+    """Returns a leg in the image, and a stroke across it that crosses nothing else.
 
-    The leg that is nearest to the eye is tried first. A stroke cuts all that it passes over in the picture.
-    Where other parts of the chair are behind every leg there is therefore no stroke: a dancing chair soon
-    moves on, and of one that stands still the view can be turned.
+    The leg nearest to the camera is tried first. A stroke cuts everything that it crosses in the image. So if
+    every leg has other parts of the chair behind it, no stroke is returned. A dancing chair soon moves on;
+    for a still one the user can turn the view.
     """
     rest, now = chair.mesh.vertices, _pixels(editor, chair)
     legs = sorted(legs_of(chair.mesh), key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
@@ -101,12 +108,15 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
 
 
 def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
-    """(M, 3, 2) pixels of the triangles near a leg that do not belong to it; NaN behind the eye."""
+    """Returns (M, 3, 2) pixels of the triangles near a leg that do not belong to it.
+
+    The values are NaN behind the camera.
+    """
     inside = np.zeros(len(mesh.vertices), bool)
     inside[leg] = True
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
     low, high = pixels[leg].min(0) - _BEYOND, pixels[leg].max(0) + _BEYOND
-    for axis in (0, 1):  # corner by corner: reductions over three elements take ten times as long
+    for axis in (0, 1):  # corner by corner, since reductions over three elements take ten times as long
         one, two, three = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
         near &= np.maximum(np.maximum(one, two), three) > low[axis]
         near &= np.minimum(np.minimum(one, two), three) < high[axis]
@@ -114,12 +124,12 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
 
 
 def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Stroke | None:
-    """The ends of a stroke across a leg, at right angles to it; None where the leg is seen from its end.
+    """Returns the ends of a stroke perpendicular to a leg; None if the leg is seen end-on.
 
     Args:
-        heights: (N,) of its vertices at rest, metres.
-        pixels: (N, 2) where they are in the picture.
-        share: of the leg's height, where it is cut.
+        heights: (N,) rest heights of the leg's vertices in metres.
+        pixels: (N, 2) their positions in the image.
+        share: fraction of the leg's height at which it is cut.
     """
     heights = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-6)
     upper, lower = heights > 0.5, heights <= 0.5
@@ -142,9 +152,9 @@ def _in_picture(path: Stroke, size: tuple[float, float]) -> bool:
 
 
 def _meets(path: Stroke, triangles: Float) -> bool:
-    """Returns whether a stroke passes over triangles (M, 3, 2) of the picture, or within some pixels of one.
+    """Returns True if a stroke crosses triangles (M, 3, 2) of the image, or comes within a few pixels of one.
 
-    It meets none that lies on one side of the stroke's line, or beyond one of its ends.
+    Triangles on one side of the stroke's line, or beyond one of its ends, are not crossed.
     """
     start, end = np.asarray(path[0]), np.asarray(path[1])
     way = (end - start) / np.linalg.norm(end - start)
@@ -156,9 +166,9 @@ def _meets(path: Stroke, triangles: Float) -> bool:
 
 
 def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
-    """Returns the part that was cut off, and the way from it to a high place of the chair as far away.
+    """Returns the cut-off part, and the drag from it to a high place of the chair at the same depth.
 
-    A drag keeps the distance from the eye, so that only at such a place the two meet.
+    A drag keeps the depth, so the two touch only at such a place.
     """
     own, distance = editor.lens.project(editor.posed(piece.id).vertices)
     there, distances = editor.lens.project(editor.posed(chair.id).vertices)
@@ -166,13 +176,16 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
     near = np.abs(distances - distance.mean()) < _AS_FAR * heights.max()
     high = heights > _HIGH * heights.max()
     end = int(np.argmax(np.where(high & near, heights, -1.0) if (high & near).any() else heights))
-    start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]  # on its surface
+    start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]  # a point on the surface
     path = tuple((float(x), float(y)) for x, y in (start, there[end]))
     return Target(box=_aired(_box(own)), path=path)
 
 
 def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
-    """Returns the box in the picture around the places (N, 3) of a chair, metres; nothing without one."""
+    """Returns the bounding box in the image of a chair's points (N, 3) in metres.
+
+    Returns an empty target without a chair.
+    """
     if extent is None or not len(extent):
         return Target()
     pixels = editor.lens.project(np.asarray(extent, float))[0]
@@ -180,7 +193,7 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
 
 
 def _pixels(editor: Editor, one: GraphShape) -> Float:
-    """(V, 2) pixels of the picture."""
+    """Returns the (V, 2) pixels of its vertices in the image."""
     return editor.lens.project(editor.posed(one.id).vertices)[0]
 
 

@@ -12,28 +12,28 @@ from enliven_viewer.studio.start.target import Target
 from enliven_viewer.studio.start.toured import TourCounts, Toured
 
 _ENOUGH = 3.0
-"""Seconds of dancing before the tour says how to stop: a swing of the arms, and back."""
+"""Seconds of dancing before the tour says how to stop: one swing of the arms."""
 _ROOM = 1.5
-"""Size of the picture over that of the chair, before a leg is cut."""
+"""Framing margin around the chair before a leg is cut."""
 _FILE = "My dancing chair"
-"""The name that the tour gives the file, if it does that step itself."""
+"""File name that the tour types if it demonstrates that step."""
 
 
 def _nothing(toured: Toured) -> None:
-    """Wait: there is nothing to do."""
+    """Does nothing: the part only waits."""
 
 
 @dataclass(frozen=True)
 class TourPart:
-    """One thing to do; the first part of a step that is not done yet is what the tour says.
+    """One instruction. The tour shows the first part of a step that is not done yet.
 
     Attributes:
         text: one sentence.
-        target: returns where it points.
-        done: whether it is done, given the counts at the begin of the step.
-        command: does what a click on the target does.
-        shift: whether Shift is held while the path of the target is dragged.
-        types: the name that is typed into a field; empty for none.
+        target: returns where the tour points.
+        done: returns whether it is done, given the counts at the start of the step.
+        command: has the same effect as a click on the target.
+        shift: whether Shift is held during the drag along the target's path.
+        types: text to type into a field; empty for none.
     """
 
     text: str
@@ -45,20 +45,20 @@ class TourPart:
 
     @property
     def waits(self) -> bool:
-        """Whether it only waits for something that goes on by itself."""
+        """Returns True if the part only waits for something that happens by itself."""
         return self.command is _nothing and not self.types
 
 
 @dataclass(frozen=True)
 class TourStep:
-    """A step of the tour: it is done once its last part is.
+    """A step of the tour. It is done once its last part is done.
 
     Attributes:
         title: a few words.
         icon: its glyph in Font Awesome 4.
-        parts: what is done in it.
-        ready: whether what it needs is there; else the tour goes back to the step that brings it.
-        begin: called when the step begins.
+        parts: its instructions.
+        ready: returns whether its preconditions are met; if not, the tour returns to an earlier step.
+        begin: called when the step starts.
     """
 
     title: str
@@ -68,7 +68,7 @@ class TourStep:
     begin: Callable[[Toured], object] = _nothing
 
     def part(self, toured: Toured, before: TourCounts) -> TourPart | None:
-        """The part that is to be done; None once the step is done."""
+        """Returns the first part that is not done; None once the step is done."""
         if self.parts[-1].done(toured, before):
             return None
         return next(part for part in self.parts if not part.done(toured, before))
@@ -109,13 +109,13 @@ def _piece(toured: Toured) -> Target:
 
 
 def _dance(toured: Toured) -> None:
-    """Let what was recorded play."""
+    """Plays the recording."""
     if toured.dances:
         toured.desk.editor.playing = True
 
 
 def _look_at_chair(toured: Toured) -> None:
-    """Bring the dancing chair into the picture, with room to draw around it."""
+    """Frames the dancing chair, with room to draw around it."""
     _dance(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:
@@ -136,7 +136,7 @@ def _has_name(toured: Toured) -> bool:
 
 
 def _drag(toured: Toured) -> None:
-    """Drag along the path of the target."""
+    """Does nothing: the demonstration drags along the target's path."""
 
 
 _WORKSHOP = TourPart(
@@ -299,7 +299,7 @@ TOUR = (
         ),
     ),
 )
-"""The steps, in their order; each can be done in a quarter of a minute."""
+"""The steps, in order. Each takes about a quarter of a minute."""
 
 ENDING = (later("You did it"), later("Your chair is kept. Open it again, and it dances."))
-"""Title and sentence once all steps are done."""
+"""Title and sentence shown once all steps are done."""

@@ -1,4 +1,4 @@
-"""Where a step of the tour points: a widget by its name, or a place in the picture."""
+"""The target of a tour step: a widget by its name, or a place in the image."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from enliven_viewer.studio.viewport import Point
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in pixels."""
 _STALE = 2
-"""Pictures after which a widget that was not drawn again is gone: menus close, panels change."""
+"""Number of frames after which a widget that was not drawn again counts as gone: menus close, panels
+change.
+"""
 
 
 @dataclass(frozen=True)
@@ -17,9 +19,9 @@ class Target:
     """The target of a step.
 
     Attributes:
-        widgets: names of widgets; the first that is drawn is meant.
-        box: pixels of the picture, around what is meant there.
-        path: the way to drag in the picture, in its pixels.
+        widgets: names of widgets; the first one on screen is used.
+        box: bounding box of the target in the image, in pixels.
+        path: the drag path in the image, in pixels.
     """
 
     widgets: tuple[str, ...] = ()
@@ -29,12 +31,12 @@ class Target:
 
 @dataclass
 class DrawnWidgets:
-    """Where widgets were drawn, and in which picture; and the ones that are to be scrolled into sight.
+    """The places of widgets, with the frame in which each was drawn, and the widgets to scroll to.
 
     Attributes:
-        picture: the number of the picture that is drawn.
-        wanted: names of the widgets that are meant.
-        left_alone: whether the artist scrolls, so that nothing else does.
+        picture: number of the current frame.
+        wanted: names of the targeted widgets.
+        left_alone: whether the artist is scrolling, so that the tour must not.
     """
 
     picture: int = 0
@@ -43,16 +45,16 @@ class DrawnWidgets:
     _drawn: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
 
     def note(self, name: str, rectangle: Rectangle) -> None:
-        """Note where a widget is drawn in this picture."""
+        """Records where a widget is drawn in this frame."""
         self._drawn[name] = self.picture, rectangle
 
     def want(self, names: tuple[str, ...]) -> None:
-        """Name the widgets that are meant from now on."""
+        """Sets the targeted widgets."""
         if names != self.wanted:
             self.wanted, self.left_alone = names, False
 
     def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
-        """Returns the first of some widgets that is drawn now, and where; None if none is."""
+        """Returns the first of several widgets that is on screen, with its place; None if there is none."""
         for name in names:
             picture, rectangle = self._drawn.get(name, (-_STALE - 1, (0.0, 0.0, 0.0, 0.0)))
             if self.picture - picture <= _STALE:

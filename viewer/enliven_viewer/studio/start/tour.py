@@ -1,4 +1,4 @@
-"""The tour as far as it has come: it sees each step done, goes on, goes back, and can be left and resumed."""
+"""The state of the tour: it detects finished steps, moves forward and back, and can be left and resumed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from enliven_viewer.studio.start.toured import Desk, Toured
 from enliven_viewer.studio.viewport import Point
 
 _STAYS_S = 1.2
-"""Seconds that a step stays after it was done, with a tick, before the next one is shown."""
+"""Seconds that a finished step stays on screen with a tick before the next one."""
 _AGAIN_S = 6.0
-"""Seconds without an effect after which the tour shows a part once more: the stage may have been busy."""
+"""Seconds without an effect after which a part is demonstrated again: the stage may have been busy."""
 _NEAR = 30.0
-"""Pixels around what is meant in the picture within which the pointer makes a dancing chair hold still."""
+"""Distance in pixels from the target within which the pointer pauses a dancing chair."""
 _MISSING_S = 2.0
-"""Seconds for which a step lacks what it needs before the tour goes back: a dancer is lost for a moment."""
+"""Seconds for which a precondition must be missing before the tour goes back. A dancer may be lost for a
+moment.
+"""
 
 
 class Tour:
@@ -26,16 +28,17 @@ class Tour:
 
     Args:
         desk: the workspace.
-        widgets: where widgets are drawn.
-        number: of the step to resume at; the tour begins at an earlier one if that lacks what it needs.
+        widgets: the places of widgets.
+        number: number of the step to resume at. If its preconditions are missing, the tour starts at an
+            earlier one.
 
     Attributes:
-        number: of the step that is to be done; the count of the steps once all are.
-        ticked: seconds for which the step that was just done still stays.
-        reviewing: whether a step is looked at again that was done before; it stays until *Next*.
-        shows: whether the tour does the step for the artist; demonstration: its hand, while that moves.
-        target: where the tour points.
-        card: where the card was drawn last, in the window's pixels; card_key: what was said then.
+        number: number of the current step; the number of steps once all are done.
+        ticked: remaining seconds for which the finished step stays.
+        reviewing: whether an earlier, finished step is shown again; it stays until *Next*.
+        shows: whether the tour demonstrates the step. demonstration: the animated hand while it moves.
+        target: the current target.
+        card: last position of the card, in the window's pixels. card_key: its content at that time.
     """
 
     def __init__(self, desk: Desk, widgets: DrawnWidgets, number: int = 0) -> None:
@@ -56,23 +59,23 @@ class Tour:
 
     @property
     def step(self) -> TourStep | None:
-        """The step that is to be done; None once all are."""
+        """Returns the current step; None once all are done."""
         return TOUR[self.number] if self.number < len(TOUR) else None
 
     @property
     def part(self) -> TourPart | None:
-        """The part of the step that is to be done; None once it is done, or all are."""
+        """Returns the current part of the step; None once the step or the tour is done."""
         step = self.step
         return None if step is None or self.ticked > 0.0 else step.part(self._toured, self._before)
 
     @property
     def title(self) -> str:
-        """The subject of the step, in a few words."""
+        """Returns the title of the step."""
         return ENDING[0] if self.step is None else self.step.title
 
     @property
     def text(self) -> str:
-        """The thing to do now: one sentence; empty while a tick is shown."""
+        """Returns the current instruction; empty while a tick is shown."""
         if self.step is None:
             return ENDING[1]
         part = self.part
@@ -80,19 +83,19 @@ class Tour:
 
     @property
     def wants_samples(self) -> bool:
-        """Whether the start page has to be shown, since a sample is to be clicked on it."""
+        """Returns True if the start page must be shown, because its samples are the target."""
         return any(name.startswith("do ") for name in self.target.widgets)
 
     @property
     def moves(self) -> bool:
-        """Whether something of it moves by itself, so that the window must not rest."""
+        """Returns True if the tour is animating, so that the window must not idle."""
         return self.shows or self.ticked > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
-        """Where what is meant is now, in the window's pixels; None where it cannot be seen.
+        """Returns the bounding box of the target, in the window's pixels; None if it is not visible.
 
         Args:
-            origin: the top left of the picture, in the window's pixels.
+            origin: the top left corner of the image, in the window's pixels.
         """
         if self.target.box is not None:
             left, top, right, bottom = self.target.box
@@ -101,14 +104,17 @@ class Tour:
         return None if found is None else found[1]
 
     def covered(self, origin: Point) -> Rectangle | None:
-        """Where the chair is in the window's pixels, so that nothing is put over it; None without one."""
+        """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.
+
+        Returns None without a chair.
+        """
         box = chair_in_picture(self._toured.desk.editor, self._toured.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
 
     def watch(self, seconds: float, origin: Point = (0.0, 0.0)) -> None:
-        """Look whether the step was done; to be called once a picture, so long after the one before."""
+        """Checks if the step is done. Call once per frame with the time since the last one."""
         step = self.step
         if step is None:
             self.target = Target()
@@ -132,24 +138,24 @@ class Tour:
         self._show_on(seconds, origin)
 
     def skip(self) -> None:
-        """Go on with the next step that has what it needs."""
+        """Moves to the next step with its preconditions met."""
         self._go(self.number + 1)
         while self.number < len(TOUR) - 1 and not TOUR[self.number].ready(self._toured):
             self._go(self.number + 1)
 
     def back(self) -> None:
-        """Look at the step before; if it was done already it stays until :meth:`skip`."""
+        """Shows the previous step. If it is already done, it stays until :meth:`skip`."""
         self._go(max(self.number - 1, 0))
         step = self.step
         self.reviewing = step is not None and self._is_done(step)
 
     def show(self, start: Point) -> None:
-        """Let the tour do the step; the hand begins at a pixel of the window."""
+        """Demonstrates the step. The hand starts at a pixel of the window."""
         if self.part is not None and not self.shows:
             self.shows, self._hand, self._shown = True, start, None
 
     def _hold_still(self) -> None:
-        """Let what plays stand still while the pointer is near: a dancing leg is hard to hit."""
+        """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
         editor, hands = self._toured.desk.editor, self._toured.desk.input
         if hands.busy or self.demonstration is not None:
             return
@@ -161,12 +167,12 @@ class Tour:
             self._let_play()
 
     def _let_play(self) -> None:
-        """Let what was made to stand still play on."""
+        """Resumes playback that the tour has paused."""
         if self._holds_still:
             self._toured.desk.editor.playing, self._holds_still = True, False
 
     def leave(self) -> None:
-        """Restore the studio: playing, pointer and widgets."""
+        """Restores playback, pointer and widgets."""
         self._stop_showing()
         self._let_play()
         self._widgets.want(())
@@ -185,7 +191,7 @@ class Tour:
         return step.part(self._toured, self._before) is None
 
     def _look_for_needs(self, step: TourStep, seconds: float) -> None:
-        """Go back where a step has lacked for a while what it needs."""
+        """Goes back if the preconditions of a step have been missing for a while."""
         self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
         if self._missing > _MISSING_S:
             number = self.number
@@ -208,7 +214,7 @@ class Tour:
             self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
 
     def _show_next(self, seconds: float) -> None:
-        """Begin with the next part of the step, once the last one had its effect."""
+        """Starts to demonstrate the next part of the step once the last one had its effect."""
         part, self._rested = self.part, self._rested + seconds
         if part is None or part.waits or (part is self._shown and self._rested < _AGAIN_S):
             return
@@ -223,7 +229,7 @@ class Tour:
 
 
 def _is_near(at: Point, box: Rectangle, begin: Point) -> bool:
-    """Returns whether a pixel is in a box with some room around it, or near the begin of a drag."""
+    """Returns True if a pixel is in a box with a margin, or near the start of a drag."""
     left, top, right, bottom = box
     inside = left - _NEAR < at[0] < right + _NEAR and top - _NEAR < at[1] < bottom + _NEAR
     return inside or math.dist(at, begin) < _NEAR

@@ -1,4 +1,4 @@
-"""The studio as the tour sees it: the chair, who holds it, whether it dances, what was cut and merged."""
+"""The studio as the tour sees it: the chair, its performer, whether it dances, and cuts and merges."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from enliven_viewer.studio.tools import Tool
 from enliven_viewer.studio.viewport import Point
 
 _WORKSHOPS = ("Animate", "Model")
-"""The workspaces that have tools."""
+"""The workspaces with tools."""
 
 
 class SavedFile(Protocol):
@@ -25,87 +25,87 @@ class SavedFile(Protocol):
 
     @property
     def named(self) -> bool:
-        """Whether it has a file."""
+        """Returns True if the project has a file."""
 
     @property
     def dirty(self) -> bool:
-        """Whether something is not saved."""
+        """Returns True if there is unsaved work."""
 
 
 class Hands(Protocol):
-    """The input over the picture: pointer, buttons and tools."""
+    """The input over the view: pointer, buttons and tools."""
 
     tool: Tool
     at: Point
 
     def take(self, name: str) -> None:
-        """Make another tool the active one."""
+        """Makes another tool the active one."""
 
     def press(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
-        """Press a button, at a pixel of the picture."""
+        """Presses a button at a pixel of the view."""
 
     def move(self, at: Point, *, shift: bool = False) -> None:
-        """Move the pointer to a pixel of the picture."""
+        """Moves the pointer to a pixel of the view."""
 
     def release(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
-        """Release the button."""
+        """Releases the button."""
 
     @property
     def busy(self) -> bool:
-        """Whether a button is held."""
+        """Returns True if a button is held."""
 
 
 class NameField(Protocol):
-    """The part of a dialogue about files that the tour fills in."""
+    """The part of a file dialogue that the tour fills in."""
 
     folder: Path
     name: str
 
     def chosen(self) -> Path:
-        """The path that is chosen."""
+        """Returns the chosen path."""
 
 
 class Desk(Protocol):
-    """The part of the workspace that the tour sees and uses."""
+    """The part of the workspace that the tour reads and uses."""
 
     @property
     def editor(self) -> Editor:
-        """The editor."""
+        """Returns the editor."""
 
     @property
     def actions(self) -> ActionTable:
-        """Every action."""
+        """Returns every action."""
 
     @property
     def store(self) -> SavedFile:
-        """The file of the project."""
+        """Returns the file of the project."""
 
     @property
     def perform(self) -> PerformSession:
-        """The link to a stage."""
+        """Returns the link to a stage."""
 
     @property
     def input(self) -> Hands:
-        """The input over the picture."""
+        """Returns the input over the view."""
 
     @property
     def asking(self) -> str:
-        """The dialogue that is open, or empty."""
+        """Returns the open dialogue, or empty."""
 
     @property
     def browser(self) -> NameField | None:
-        """The contents of a dialogue about files."""
+        """Returns the contents of a file dialogue."""
 
     def attempt(self, command: Callable[[], object]) -> bool:
-        """Call a function; show an error as a message and return False."""
+        """Calls a function. Shows an error as a message and returns False."""
 
     def chosen(self, path: Path) -> None:
-        """Choose a file in the dialogue."""
+        """Chooses a file in the dialogue."""
 
 
 @dataclass(frozen=True)
 class TourCounts:
-    """How often things were done, to see what is new since a step began."""
+    """Counters for detecting what has happened since a step began."""
 
     chairs: int
     merges: int
@@ -113,7 +113,7 @@ class TourCounts:
 
 @dataclass(frozen=True)
 class Toured:
-    """The state of the studio, in the terms of the tour.
+    """The state of the studio in the terms of the tour.
 
     Attributes:
         desk: the workspace.
@@ -123,75 +123,75 @@ class Toured:
 
     @property
     def chairs(self) -> tuple[GraphShape, ...]:
-        """The characters that a dancer can step into, and the parts that were cut off them."""
+        """Returns the characters that a dancer can possess, and the parts cut off them."""
         return tuple(self.desk.editor.project.graphs.values())
 
     @property
     def counts(self) -> TourCounts:
-        """The counts now."""
+        """Returns the current counts."""
         merges = sum(name.startswith("merge") for name in self.desk.editor.history.names)
         return TourCounts(len(self.chairs), merges)
 
     @property
     def chair(self) -> GraphShape | None:
-        """The chair of the tour: the held one, or else the largest; None without one."""
+        """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
         held = self._held()
         chairs = sorted(self.chairs, key=lambda one: (one.id in held, _size(one)))
         return chairs[-1] if chairs else None
 
     @property
     def piece(self) -> GraphShape | None:
-        """The smallest part that was cut off the chair; None without one."""
+        """Returns the smallest part that was cut off the chair; None if there is none."""
         pieces = [one for one in self.chairs if one is not self.chair]
         return min(pieces, key=_size) if pieces else None
 
     @property
     def has_workshop(self) -> bool:
-        """Whether the tools are in reach."""
+        """Returns True if the current workspace has tools."""
         return self.desk.perform.room in _WORKSHOPS
 
     @property
     def has_stage(self) -> bool:
-        """Whether a dancer has been asked for."""
+        """Returns True if a stage has been requested."""
         return self.desk.perform.live is not None
 
     @property
     def has_dancer(self) -> bool:
-        """Whether a dancer is in view, and the chair stands on the dancer's stage."""
+        """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
         perform, chair = self.desk.perform, self.chair
         there = chair is not None and chair.id in perform.standing
         return there and perform.connected and bool(perform.performers)
 
     @property
     def is_held(self) -> bool:
-        """Whether a dancer is in the chair."""
+        """Returns True if a dancer possesses the chair."""
         return bool(self._held())
 
     @property
     def dances(self) -> bool:
-        """Whether the chair has a motion of its own."""
+        """Returns True if the chair has its own motion."""
         chair = self.chair
         return chair is not None and plays(self.desk.editor.project, chair)
 
     @property
     def records(self) -> bool:
-        """Whether a recording is counted in or runs."""
+        """Returns True if a recording is running or counting in."""
         return self.desk.perform.recording.phase != "idle"
 
     @property
     def recorded_s(self) -> float:
-        """Seconds of the running recording; 0 without one."""
+        """Returns the length of the running recording in seconds; 0 without one."""
         recording = self.desk.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
     @property
     def is_saved(self) -> bool:
-        """Whether everything is in the project's file."""
+        """Returns True if the project has a file without unsaved changes."""
         return self.desk.store.named and not self.desk.store.dirty
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """(N, 3) metres, places on the chair that is shown, live or playing; None without one."""
+        """Returns (N, 3) metres: points on the chair as shown, live or playing; None without a chair."""
         chair, perform = self.chair, self.desk.perform
         if chair is None:
             return None
@@ -202,7 +202,7 @@ class Toured:
         return self.desk.editor.posed(chair.id).extent
 
     def has_tool(self, name: str) -> bool:
-        """Whether a tool is the active one."""
+        """Returns True if a tool is the active one."""
         return self.desk.input.tool.name == name
 
     def _held(self) -> Sequence[str]:

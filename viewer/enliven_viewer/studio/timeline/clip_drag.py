@@ -1,4 +1,4 @@
-"""What dragging a clip makes: moved, slipped, trimmed, stretched, or blended with the next."""
+"""Drags of timeline clips: move, slip, trim, stretch, or blend with the next clip."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _WORDS = {
     "stretch": later("change speed"),
     "stretch begin": later("change speed"),
 }
-"""What a drag is called."""
+"""The name of each kind of drag in the history."""
 
 
 @dataclass(frozen=True)
 class ClipDrag:
-    """A drag of one clip, as it began.
+    """A drag of one clip, with the state at its start.
 
     Attributes:
-        handle: what was taken hold of.
+        handle: the grabbed part of the timeline.
         how: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
-        lane, layout: as they were.
-        playhead: seconds.
-        frame: seconds of a frame; 0: nothing sticks.
+        lane, layout: the lane and the layout at the start of the drag.
+        playhead: position of the playhead in seconds.
+        frame: duration of a frame in seconds; 0 disables snapping.
     """
 
     handle: LaneHandle
@@ -52,7 +52,7 @@ class ClipDrag:
     def of(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
-        """The drag that begins at a handle; None where it is not of a clip."""
+        """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
         how = changed.get(handle.kind, handle.kind)
@@ -63,16 +63,16 @@ class ClipDrag:
 
     @property
     def word(self) -> str:
-        """What the edit is called."""
+        """Returns the name of the edit in the history."""
         return _WORDS[self.how]
 
     @property
     def clip(self) -> Segment:
-        """The clip as it was."""
+        """Returns the clip as it was at the start."""
         return self.lane.clips[self.handle.item]
 
     def edit(self, moved: float) -> tuple[Edit, float | None]:
-        """The edit that moving the pointer by some seconds makes, and the second that it sticks to."""
+        """Returns the edit for a pointer movement of some seconds, and the time that it snaps to."""
         name, numbers, item, clip = self.handle.character, self.handle.layers, self.handle.item, self.clip
         if self.how == "slip":
             return lambda p: slip_clip(p, name, numbers, item, -moved * clip.speed), None

@@ -1,4 +1,4 @@
-"""Small pictures of what takes do, for the clips of the timeline: drawn beside the window, kept."""
+"""Thumbnails of the poses of takes, shown in timeline clips. Drawn in the background and cached."""
 
 from __future__ import annotations
 
@@ -12,32 +12,35 @@ from enliven.arrays import AnyArray, Float, Int32, UInt8
 from enliven.document import Clip, GraphShape, PoseStream, Project, joint_places
 
 POSES = 64
-"""Poses of a take that have a picture: of a long one every few seconds, of a short one every frame."""
+"""Number of poses in a take's sheet: one every few seconds of a long take, every frame of a short one."""
 COLUMNS = 8
-"""Tiles of a picture side by side."""
+"""Number of tiles in a row of the sheet."""
 TILE = 48
-"""Pixels, width and height of one pose: twice those of a lane, for screens with small pixels."""
+"""Width and height of a tile in pixels: twice the lane height, for high-resolution screens."""
 _ROOM = 0.9
-"""Share of a tile that the take's largest pose fills."""
+"""Fraction of a tile that the take's largest pose fills."""
 _LINES = 400
-"""Lines of a figure at most: a mesh with more edges shows some of them."""
+"""Maximum number of lines in a figure. A mesh with more edges shows a subset."""
 _THICK = 1.6
-"""Pixels, half the width of a limb of a figure with few lines."""
+"""Half of the line width, in pixels, of a figure with few lines."""
 _THIN = 0.45
-"""Pixels, half the width of a line of a figure with many, so that it does not become a blot."""
+"""Half of the line width, in pixels, of a figure with many lines, so that it does not become a blot."""
 _MANY = 60
-"""Lines from which on a figure has many: a performer has some twenty bones."""
+"""Minimum number of lines of a figure with thin lines. A performer has about twenty bones."""
 
 
 class ClipPictures:
-    """Sheets of :data:`POSES` figures of a take, from its first frame to its last; white on nothing."""
+    """Sheets of :data:`POSES` figures of a take, white on a transparent background.
+
+    They range from its first to its last frame.
+    """
 
     def __init__(self) -> None:
         self._pool: ThreadPoolExecutor | None = None
         self._known: WeakKeyDictionary[object, Future[UInt8]] = WeakKeyDictionary()
 
     def sheet(self, project: Project, take: Clip | PoseStream) -> UInt8 | None:
-        """(R, C, 4) uint8 pixels, upper row first, or None until it is drawn."""
+        """Returns the (R, C, 4) uint8 pixels, upper row first, or None until the sheet has been drawn."""
         future = self._known.get(take)
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
@@ -46,13 +49,16 @@ class ClipPictures:
         return future.result() if future.done() and future.exception() is None else None
 
     def finish(self) -> None:
-        """Wait for all of them."""
+        """Waits until all sheets have been drawn."""
         for future in list(self._known.values()):
             future.exception()
 
 
 def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
-    """What finds the points (P, N, 3) and lines (L, 2) of a take's figures, in any thread."""
+    """Returns the function that computes a take's figures, in any thread.
+
+    They are points (P, N, 3) and lines (L, 2).
+    """
     if isinstance(take, Clip):
         return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
     shapes = project.of(GraphShape).values()
@@ -64,12 +70,12 @@ def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Fl
 
 
 def _frames(count: int) -> Int32:
-    """(P,) the frames that have a picture."""
+    """Returns (P,) the frames shown in the sheet."""
     return np.linspace(0, count - 1, POSES).round().astype(np.int32)
 
 
 def _joints(take: Clip, frames: Int32) -> Float:
-    """(P, N, 3) metres, the joints of a take at frames."""
+    """Returns (P, N, 3) metres: the joint positions of a take at the given frames."""
     return joint_places(take.mapped(lambda track: track[frames]))
 
 
@@ -79,16 +85,19 @@ def _bones(take: Clip) -> AnyArray:
 
 
 def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
-    """(L, 2) the lines between the nodes of a stream; a part plays its first nodes."""
+    """Returns (L, 2) the lines between the nodes of a stream; a part plays the first of its nodes."""
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
     return lines[:: max(len(lines) // _LINES, 1)]
 
 
 def drawn(points: Float, lines: AnyArray) -> UInt8:
-    """(R, C, 4) a sheet of figures with points (P, N, 3) in metres, each centred, seen from the front."""
+    """Returns the (R, C, 4) sheet of figures with points (P, N, 3) in metres.
+
+    Each is centred and seen from the front.
+    """
     flat = np.stack([points[..., 0], -points[..., 1]], -1)
-    # A figure is centred where it is; all have one size, and one floor.
+    # Each figure is centred horizontally; all figures have the same scale and floor.
     low, high = flat.min(1), flat.max(1)
     wide = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
     tall = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)
@@ -103,7 +112,10 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
 
 
 def _figure(points: Float, lines: AnyArray) -> UInt8:
-    """(TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels; of points without lines, dots."""
+    """Returns the (TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels.
+
+    Points without lines become dots.
+    """
     if not len(lines):
         lines = np.stack([np.arange(len(points))] * 2, 1)
     across = np.arange(TILE) + 0.5

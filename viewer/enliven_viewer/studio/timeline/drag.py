@@ -1,4 +1,4 @@
-"""The pointer over the timeline: scrub, drag clips and markers, zoom, mute, lock, fold."""
+"""Pointer input of the timeline: scrub, drag clips and markers, zoom, mute, lock, fold."""
 
 from __future__ import annotations
 
@@ -16,32 +16,35 @@ from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
 _NOTHING = LaneHandle("nothing")
 _CLOSEST = 0.25
-"""Seconds that the track shows at least: some frames."""
+"""Minimum time span of the track, in seconds: a few frames."""
 _BEYOND = 1.25
-"""Times the project's length that the track shows at most: room to drag the last clip's end."""
+"""Maximum time span of the track as a multiple of the project's length: leaves room to drag the last clip's
+end.
+"""
 _ZOOM = 0.85
-"""Share of the seconds that are shown after one notch of the wheel."""
+"""Factor of the visible time span per notch of the wheel."""
 _SHORTEST = 0.1
-"""Seconds of the marked span at least: there is time to begin and to end."""
+"""Minimum length of the marked span, in seconds: enough time to begin and to end a recording."""
 _SPAN = ("from", "to", "marked")
 _CLIP = ("bar", "begin", "edge", "blend")
 
 
 class TimelineInput:
-    """Turns the pointer over the timeline into edits; pixels are counted from the timeline's top left.
+    """The pointer input on the timeline, turned into edits. Pixels count from the timeline's top left corner.
 
     Attributes:
-        rows: what the pointer does on the rows under a puppet's bars.
-        width, scrolled: pixels of the area, and by which the lanes are moved up.
-        start, span: seconds of the project at the track's left, and that it shows; a span of 0 shows all.
-        folded: characters with one row for all of their lanes.
-        opened: alternatives of which every take has a lane.
-        locked: lanes that no drag changes: the character and the first layer of each.
-        snapping: whether what is dragged sticks to clips, markers, the playhead and frames.
-        stuck: the second that the drag sticks to now, or None.
-        clip: which clip of the chosen layer is chosen.
-        marker: the marker that is named anew, or empty.
-        pictures: of what the takes do.
+        rows: pointer input on the rows below a puppet's bars.
+        width, scrolled: width of the area, and vertical scroll offset of the lanes, in pixels.
+        start, span: time at the left of the track, and visible time span, in seconds. A span of 0 shows
+            everything.
+        folded: characters with all lanes collapsed into one row.
+        opened: groups of alternatives that show a lane for every take.
+        locked: lanes that cannot be dragged, as the character and the first layer of each.
+        snapping: whether drags snap to clips, markers, the playhead and frames.
+        stuck: the time that the drag currently snaps to, or None.
+        clip: number of the selected clip in the selected layer.
+        marker: the marker being renamed, or empty.
+        pictures: thumbnails of the takes.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -60,17 +63,17 @@ class TimelineInput:
 
     @property
     def layout(self) -> TimelineLayout:
-        """The layout at this moment."""
+        """Returns the current layout."""
         editor = self.editor
         how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
         return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
 
     def follow(self, tall: float, recorded: str = "") -> None:
-        """Move the lanes up or down to those of what was recorded, or chosen, since the picture before.
+        """Scrolls vertically to the lanes of a newly recorded or newly selected character.
 
         Args:
-            tall: pixels that ruler and lanes have.
-            recorded: the character that was recorded last; empty for none.
+            tall: height of ruler and lanes in pixels.
+            recorded: the character that was just recorded; empty for none.
         """
         chosen = self.editor.selection.character or ""
         wanted, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
@@ -83,16 +86,16 @@ class TimelineInput:
 
     @property
     def busy(self) -> bool:
-        """Whether something is held."""
+        """Returns True if a part of the timeline is being dragged."""
         return self._handle.kind != "nothing"
 
     @property
     def held(self) -> LaneHandle:
-        """What is held."""
+        """Returns the part that is being dragged."""
         return self._handle
 
     def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
-        """The left button went down; with Alt a clip is slipped, with Ctrl its speed is changed."""
+        """Handles a press of the left button. Alt slips a clip; Ctrl changes its speed."""
         layout = self.layout
         handle = layout.handle_at(x, y)
         self.rows.marked = None
@@ -133,16 +136,16 @@ class TimelineInput:
             self.rows.press(handle, layout, x)
 
     def _layer(self, handle: LaneHandle) -> Playing:
-        """The first layer of the lane that is pressed."""
+        """Returns the first layer of the pressed lane."""
         return self.editor.project.characters[handle.character].playing[handle.number]
 
     def _bar(self, handle: LaneHandle) -> Lane:
-        """The lane that is pressed."""
+        """Returns the pressed lane."""
         here = (handle.character, handle.layers)
         return next(one for one in self.layout.bars() if (one.character.id, one.layers) == here)
 
     def _press_head(self, handle: LaneHandle) -> None:
-        """Fold a character's lanes, choose it, or let it play alone and again with the others."""
+        """Folds or unfolds a character's lanes, toggles solo, or selects the character."""
         if handle.kind == "fold":
             self.folded = self.folded ^ {handle.character}
         elif handle.kind == "solo":
@@ -150,7 +153,7 @@ class TimelineInput:
         self.editor.choose(handle.character)
 
     def drag(self, x: float) -> None:
-        """The pointer moved."""
+        """Handles pointer movement during a drag."""
         if self._handle.kind == "ruler":
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
@@ -162,7 +165,7 @@ class TimelineInput:
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
-        """The button went up: a drag becomes one edit; a click on a key pose opens it."""
+        """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
         word, handle = self._dragged, self._handle
         if word is not None and self.editor.draft is not None:
             self.editor.edit(word, self._change(x))
@@ -174,7 +177,7 @@ class TimelineInput:
         self._handle, self._drag, self.stuck = _NOTHING, None, None
 
     def double(self, x: float, y: float) -> bool:
-        """The second click of two; whether it meant something."""
+        """Handles a double click. Returns whether it had an effect."""
         handle = self.layout.handle_at(x, y)
         if handle.kind == "marker":
             self.marker = handle.name
@@ -182,7 +185,7 @@ class TimelineInput:
         return self.rows.double(handle)
 
     def zoom(self, notches: float, x: float) -> None:
-        """Show less time around a pixel, or more."""
+        """Zooms the visible time span in or out around a pixel."""
         layout = self.layout
         at, most = layout.time(x), _BEYOND * layout.length
         span = min(max(layout.shown * _ZOOM**notches, _CLOSEST), most)
@@ -191,12 +194,12 @@ class TimelineInput:
         self._start_at(at - share * span)
 
     def pan(self, pixels: float) -> None:
-        """Show what is to the right of it by some pixels."""
+        """Pans the visible time span to the right by some pixels."""
         layout = self.layout
         self._start_at(layout.start + pixels * layout.shown / layout.track)
 
     def show_all(self) -> None:
-        """Show the whole project."""
+        """Shows the whole project."""
         self.start = self.span = 0.0
 
     def _start_at(self, start: float) -> None:
@@ -205,13 +208,13 @@ class TimelineInput:
 
     @property
     def _dragged(self) -> str | None:
-        """What dragging the held part is called; None for what is not dragged."""
+        """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
         if self._drag is not None:
             return self._drag.word
         return {"marker": later("move marker"), **DRAGGED}.get(self._handle.kind)
 
     def _change(self, x: float) -> Edit:
-        """The edit that dragging to ``x`` makes."""
+        """Returns the edit for a drag to ``x``."""
         layout, handle = self._held_layout, self._handle
         moved = layout.time(x) - layout.time(self._from)
         if self._drag is not None:
@@ -227,7 +230,10 @@ class TimelineInput:
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
     def _span_to(self, x: float) -> tuple[float, float] | None:
-        """The marked span with an end, or all of it, dragged to a pixel; as it was where none is left."""
+        """Returns the marked span after dragging an end, or all of it, to a pixel.
+
+        Returns None without a marked span.
+        """
         layout, kind = self._held_layout, self._handle.kind
         span = layout.marked
         if span is None:
@@ -257,12 +263,12 @@ class TimelineInput:
 
 
 def _changing(handle: LaneHandle, **changes: Any) -> Edit:
-    """The edit that changes attributes of a lane's layers."""
+    """Returns the edit that changes attributes of a lane's layers."""
     return lambda project: change_layers(project, handle.character, handle.layers, **changes)
 
 
 def _alone(project: Project, name: str) -> Project:
-    """The project in which a character plays alone; or all, where the others are silent already."""
+    """Returns the project with a character soloed. If the others are already muted, unmutes all."""
     playing = {key: one for key, one in project.characters.items() if one.playing}
     others = [one for key, one in playing.items() if key != name]
     silent = bool(others) and all(layer.muted for one in others for layer in one.playing)

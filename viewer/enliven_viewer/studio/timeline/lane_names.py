@@ -1,4 +1,4 @@
-"""The names of lanes: the limb that moves first, then what it plays."""
+"""The labels of lanes: first the limb that moves, then the take that it plays."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ import re
 from enliven.document import Playing, RigBase, Shape
 
 _PLAIN = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
-"""Words of the mapping, and those of an artist."""
+"""Words of the retargeting code, and the artist's words for them."""
 _LEGS = {"shoulder": "hip"}
-"""The word for a girdle that legs hang on."""
+"""The artist's word for a girdle that legs are attached to."""
 
 
 def lane_name(character: RigBase, layer: Playing) -> str:
-    """Returns the name of a layer's lane, such as "left arm, wave": a narrow lane shows its begin."""
+    """Returns the label of a layer's lane, such as "left arm, wave".
+
+    A narrow lane shows only its beginning.
+    """
     name = str(getattr(layer, "id", character.id))
     take, _, limb = name.partition(": ")
     if limb:
@@ -39,7 +42,7 @@ def plain_limb(role: str) -> str:
 
 
 def _driven(shape: Shape, layer_id: str) -> str:
-    """Returns the joint at the end of the bones that a layer drives; empty if it drives all or none."""
+    """Returns the end joint of the bones that a layer drives; empty if it drives all bones or none."""
     driven = [
         joint
         for joint, spans in enumerate(shape.spans)

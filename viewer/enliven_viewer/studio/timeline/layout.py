@@ -1,4 +1,4 @@
-"""The layout of the timeline: ruler, lanes by character, clips, and the handle under the pointer."""
+"""The layout of the timeline: ruler, lanes grouped by character, clips, and hit testing."""
 
 from __future__ import annotations
 
@@ -13,33 +13,35 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.timeline.lane_names import lane_name
 
 LABELS = 190.0
-"""Pixels, width of the labels: about 25 letters."""
+"""Width of the labels in pixels: about 25 letters."""
 RULER = 26.0
-"""Pixels, height of the ruler."""
+"""Height of the ruler in pixels."""
 LANE = 28.0
-"""Pixels, height of a lane: small figures and a line of text over them."""
+"""Height of a lane in pixels: thumbnails with a line of text over them."""
 HEAD = 20.0
-"""Pixels, height of the row with a character's name over its lanes."""
+"""Height, in pixels, of the row with a character's name above its lanes."""
 GAP = 3.0
-"""Pixels between two lanes."""
+"""Gap between two lanes in pixels."""
 END = 12.0
-"""Pixels that are left free at the right, so that the last bar's end can be taken."""
+"""Margin at the right in pixels, so that the end of the last bar can be grabbed."""
 EDGE = 7.0
-"""Pixels around a clip's end that trim it, or change its speed with Ctrl."""
+"""Distance in pixels from a clip's end within which a drag trims it, or changes its speed with Ctrl."""
 MUTE = 22.0
-"""Pixels of an icon at the left of a label: the eye that mutes, the lock after it, what folds a character."""
+"""Width in pixels of an icon at the left of a label: mute (eye), lock, or fold."""
 SOLO = 20.0
-"""Pixels at the right of a character's label that let it play alone."""
+"""Width in pixels of the solo button at the right of a character's label."""
 TAKES = 34.0
-"""Pixels at the right of a label in which stands which of its takes is heard; a click opens them."""
+"""Width in pixels of the take number at the right of a label; a click opens the alternatives."""
 SPAN = 8.0
-"""Pixels, height of the band on the ruler that shows where recordings begin and end."""
+"""Height in pixels of the band on the ruler that shows the recording range."""
 MARK = 6.0
-"""Pixels around a marker on the ruler that take hold of it."""
+"""Distance in pixels from a marker on the ruler within which it can be grabbed."""
 _FEW = 12
-"""Layers of a take that have a lane each; a model with more has a layer a bone, and they share lanes."""
+"""Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
+these share lanes.
+"""
 _STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
-"""Seconds between two numbers of the ruler: round ones."""
+"""Time intervals between two numbers on the ruler, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,14 @@ class LaneHandle:
     """The part of the timeline under the pointer.
 
     Attributes:
-        kind: "ruler", "marker", "from", "to" and "marked" (the marked span's ends, and it); of a lane "bar",
-            "begin" and "edge" (a clip and its ends), "blend", "mute", "lock", "takes" (opens its
-            alternatives), "label"; of a character "fold", "solo", "name"; "nothing"; or of a row of details.
-        character, layers: of what it is a part.
-        item: which of the clips, or of those in a row of details.
-        seconds: of the layer's take, at the pixel.
-        name: of a marker.
+        kind: "ruler"; "marker"; "from", "to" and "marked" for the ends and the middle of the marked span. On
+            a lane: "bar", "begin" and "edge" for a clip and its ends, "blend", "mute", "lock", "takes" (opens
+            its alternatives) and "label". On a character's row: "fold", "solo" and "name". Otherwise
+            "nothing", or a kind of the details row.
+        character, layers: the character and the layers that the part belongs to.
+        item: number of the clip, or of the mark in a details row.
+        seconds: time in the layer's take at the pixel.
+        name: name of the marker.
     """
 
     kind: str
@@ -65,19 +68,21 @@ class LaneHandle:
 
     @property
     def number(self) -> int:
-        """The first of the layers."""
+        """Returns the first of the layers."""
         return self.layers[0]
 
 
 @dataclass(frozen=True)
 class Lane:
-    """A row: a bar, details of a layer, or a character's name; and the first and last pixel of its clips.
+    """A row of the timeline: a bar, details of a layer, or a character's name.
 
-    Layers of a character that play one take in the same way share a bar: a model that comes with its own
-    animation has a layer for every bone.
+    It includes the first and last pixel of its clips.
+
+    Layers of a character that play one take in the same way share a bar: an imported animation has a layer
+    for every bone.
 
     Attributes:
-        clips: of a bar, in seconds of the project.
+        clips: the clips of a bar, in seconds of the project.
     """
 
     kind: str
@@ -91,42 +96,43 @@ class Lane:
 
     @property
     def layer(self) -> Playing:
-        """The first of its layers."""
+        """Returns the first of its layers."""
         return self.character.playing[self.layers[0]]
 
     @property
     def label(self) -> str:
-        """The limb that moves and what it plays, or the take and how many layers play it."""
+        """Returns the limb that moves and its take, or the take and the number of layers that play it."""
         if len(self.layers) > 1:
             return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
         return lane_name(self.character, self.layer)
 
 
 class Details(Protocol):
-    """What a rig shows under the bars of its layers."""
+    """Provides the rows below the bars of a rig's layers."""
 
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
-        """The kinds and heights in pixels of the rows under a layer's bar."""
+        """Returns the kinds and heights in pixels of the rows below a layer's bar."""
 
     def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
-        """What is at a pixel of such a row, and which; "nothing" where nothing is."""
+        """Returns the kind and number of the mark at a pixel of such a row; "nothing" if there is none."""
 
 
 @dataclass(frozen=True)
 class TimelineLayout:
-    """The timeline of a project in an area with its top left at 0, 0.
+    """The layout of a project's timeline in an area with its top left corner at 0, 0.
 
     Attributes:
-        project: its layers are shown.
-        length: seconds of the whole project.
-        width: pixels of the whole area.
-        scrolled: pixels by which the lanes are moved up.
-        details: what rigs show under their bars.
-        start: the second at the track's left.
-        span: seconds that the track shows; 0: all.
-        folded: the characters with one row for all of their lanes.
-        opened: the alternatives of which every take has a lane; of others the one that is heard has.
-        marked: the seconds in which recordings begin and end, or None.
+        project: the project with the shown layers.
+        length: length of the whole project in seconds.
+        width: width of the whole area in pixels.
+        scrolled: vertical scroll offset of the lanes in pixels.
+        details: the rows that rigs show below their bars.
+        start: time at the left of the track, in seconds.
+        span: visible time span in seconds; 0 shows everything.
+        folded: the characters with all lanes collapsed into one row.
+        opened: groups of alternatives that show a lane for every take. Other groups show only the audible
+            take.
+        marked: start and end of recordings in seconds, or None.
     """
 
     project: Project
@@ -142,39 +148,39 @@ class TimelineLayout:
 
     @property
     def track(self) -> float:
-        """Pixels of the track's width."""
+        """Returns the width of the track in pixels."""
         return max(self.width - LABELS - END, 1.0)
 
     @property
     def shown(self) -> float:
-        """Seconds that the track shows."""
+        """Returns the visible time span in seconds."""
         return self.span or self.length
 
     @property
     def height(self) -> float:
-        """Pixels that ruler and lanes take."""
+        """Returns the total height of ruler and lanes in pixels."""
         lanes = self.lanes()
         return lanes[-1].top + lanes[-1].height + GAP + self.scrolled if lanes else RULER
 
     def x(self, time: float) -> float:
-        """The pixel of a time."""
+        """Returns the x coordinate of a time, in pixels."""
         return LABELS + self.track * (time - self.start) / self.shown
 
     def time(self, x: float) -> float:
-        """The time of a pixel, seconds; outside the track it goes on."""
+        """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
         return self.start + (x - LABELS) / self.track * self.shown
 
     def x_of(self, lane: Lane, second: float) -> float:
-        """The pixel of a second of a lane's take."""
+        """Returns the x coordinate of a time in a lane's take."""
         return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
 
     def second(self, lane: Lane, x: float) -> float:
-        """The second of a lane's take at a pixel, within the take."""
+        """Returns the time in a lane's take at an x coordinate, clamped to the take."""
         once = replace(lane.layer, loop=False)
         return once.played(self.time(x), self.project.length_of(once))[0]
 
     def lanes(self) -> tuple[Lane, ...]:
-        """All rows, from the top: of each layer a bar, and under it what its rig shows."""
+        """Returns all rows from the top: a bar for each layer, and the details of its rig below it."""
         return self._lanes
 
     @cached_property
@@ -200,16 +206,16 @@ class TimelineLayout:
         return tuple(found)
 
     def bars(self) -> tuple[Lane, ...]:
-        """The lanes that are bars, from the top."""
+        """Returns the lanes that are bars, from the top."""
         return tuple(lane for lane in self.lanes() if lane.kind == "bar")
 
     def markers(self) -> tuple[tuple[Marker, float], ...]:
-        """Every marker with its pixel, in the order of time."""
+        """Returns every marker with its x coordinate, in order of time."""
         ordered = sorted(self.project.markers.values(), key=lambda one: one.seconds)
         return tuple((one, self.x(one.seconds)) for one in ordered)
 
     def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
-        """The character and the numbers of its layers that share a bar, from the top."""
+        """Returns each character with the numbers of the layers that share a bar, from the top."""
         groups: dict[tuple[object, ...], list[int]] = {}
         for key, character in self.project.characters.items():
             playing = character.playing
@@ -224,14 +230,17 @@ class TimelineLayout:
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
     def takes(self, lane: Lane) -> tuple[int, int]:
-        """Which of its alternatives a lane is, from 1, and how many there are on its character."""
+        """Returns a lane's number among its alternatives, from 1, and their number on its character."""
         layer = lane.layer
         beside = [one for one in lane.character.playing if one.alternatives == layer.alternatives]
         names = list(dict.fromkeys(one.recorded for one in beside))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
     def _unheard(self, playing: Sequence[Playing]) -> set[int]:
-        """The layers that have no lane: takes that are not heard, where their alternatives are not opened."""
+        """Returns the layers without a lane.
+
+        They are inaudible takes in a closed group of alternatives.
+        """
         beside: dict[str, dict[str, list[int]]] = {}
         for number, layer in enumerate(playing):
             if layer.alternatives and layer.alternatives not in self.opened:
@@ -244,7 +253,10 @@ class TimelineLayout:
         return hidden
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
-        """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
+        """Returns the times to mark on the ruler, and whether each has a number.
+
+        Numbers are at least 60 pixels apart.
+        """
         wanted = 60.0 * self.shown / self.track
         step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
         small = step / 5
@@ -252,7 +264,7 @@ class TimelineLayout:
         return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
-        """The handle under a pixel."""
+        """Returns the part of the timeline under a pixel (hit test)."""
         if y < RULER:
             return self._on_ruler(x, y)
         for lane in self.lanes():
@@ -277,7 +289,7 @@ class TimelineLayout:
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
 
     def _at(self, lane: Lane, x: float) -> tuple[str, int]:
-        """What is at a pixel of a lane."""
+        """Returns the kind and number of the part at a pixel of a lane."""
         if lane.kind == "head":
             if x >= LABELS - END:
                 return "nothing", 0
@@ -291,7 +303,10 @@ class TimelineLayout:
         return self._on_clips(lane, x)
 
     def _on_clips(self, lane: Lane, x: float) -> tuple[str, int]:
-        """The clip, or the end of one, at a pixel of a bar; of a narrow one its end and the middle."""
+        """Returns the clip, or the clip end, at a pixel of a bar.
+
+        A narrow clip offers only its end and its middle.
+        """
         ends = [(self.x(one.begin), self.x(one.end)) for one in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
             if right - left > 2 * EDGE and left + EDGE < x < right - EDGE:
@@ -300,7 +315,7 @@ class TimelineLayout:
         near += [(abs(left - x), 1, k) for k, (left, right) in enumerate(ends) if right - left > 3 * EDGE]
         away, which, number = min(near)
         if away <= EDGE:
-            # Where two clips meet, the side of the pointer decides which of them is trimmed.
+            # If two clips touch, the side of the pointer decides which of them is trimmed.
             return ("begin" if which else "edge"), number
         inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
         if not inside and lane.layer.loop and x >= lane.left:

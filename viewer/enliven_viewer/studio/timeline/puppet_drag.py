@@ -1,4 +1,4 @@
-"""The pointer on the rows of puppets: key poses to other moments, switches of contact, what is held hard."""
+"""Pointer input on the rows of puppets: retiming key poses, contact switches, and hard constraints."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 
 DRAGGED = {"pose": later("retime a key pose"), "switch": later("move a switch")}
-"""What dragging a mark is called."""
+"""The name of each drag in the history."""
 
 
 class PuppetRows:
-    """What the pointer does on the rows under a puppet's bars.
+    """Pointer input on the rows below a puppet's bars.
 
     Attributes:
-        marked: the switch or the constraint that Delete takes away, or None.
-        edit_pose: called with the number of a key pose that was clicked.
-        begin_pose: called with a take and a second of it where a suggestion was clicked.
+        marked: the switch or constraint that the Delete key removes, or None.
+        edit_pose: called with the number of a clicked key pose.
+        begin_pose: called with a take and a time in it when a suggested key pose is clicked.
     """
 
     def __init__(self, editor: Editor, coverages: CoverageCache | None = None) -> None:
@@ -46,11 +46,11 @@ class PuppetRows:
 
     @property
     def details(self) -> PuppetDetails:
-        """The rows as they are now."""
+        """Returns the current rows."""
         return PuppetDetails(self.editor.puppets.puppet, self._coverage, self._switches)
 
     def press(self, handle: LaneHandle, layout: TimelineLayout, x: float) -> None:
-        """A mark was pressed."""
+        """Handles a press on a mark."""
         layer = self.details.layer(handle.number)
         self.marked = handle if handle.kind in ("switch", "held") else None
         if handle.kind == "suggested":
@@ -67,7 +67,10 @@ class PuppetRows:
             self.editor.scrub(layout.time(x))
 
     def double(self, handle: LaneHandle) -> bool:
-        """The second click of two: on contacts and flights it adds a switch there."""
+        """Handles a double click: on contacts and flight phases it adds a switch.
+
+        Returns whether it had an effect.
+        """
         if handle.kind != "band":
             return False
         take = self.editor.project.takes[self.details.layer(handle.number).take]
@@ -77,7 +80,7 @@ class PuppetRows:
         return True
 
     def type(self, key: str) -> bool:
-        """Delete takes away the switch or constraint that was clicked last."""
+        """Handles the Delete key: removes the switch or constraint that was clicked last."""
         (handle, self.marked), puppet = (self.marked, None), self.editor.puppets.puppet
         if handle is None or key not in ("delete", "backspace"):
             return False
@@ -94,7 +97,10 @@ class PuppetRows:
         return True
 
     def dragged(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
-        """The edit that dragging a mark to a second of the take makes; ``switches`` as it began."""
+        """Returns the edit for dragging a mark to a time in the take.
+
+        ``switches`` are those at the start of the drag.
+        """
         if handle.kind == "pose":
             return lambda project: retimed(project, handle.character, handle.item, seconds)
         take = self.editor.project.takes[self.details.layer(handle.number).take]
@@ -112,7 +118,10 @@ class PuppetRows:
         return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
 
     def _switches(self, layer: int) -> tuple[Switch, ...]:
-        """As edited, or as they were found when the motion was solved last; none before."""
+        """Returns the edited switches, or those detected when the motion was last solved.
+
+        Returns an empty tuple before that.
+        """
         editor, puppet = self.editor, self.editor.puppets.puppet
         if puppet is None or layer >= len(puppet.layers):
             return ()

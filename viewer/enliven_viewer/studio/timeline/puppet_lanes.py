@@ -1,6 +1,6 @@
-"""What puppets show under their bars: key poses, contacts and flights, and what is held hard.
+"""The rows below the bars of puppets: key poses, ground contacts and flight phases, and hard constraints.
 
-Everything that is drawn at a pixel is found there.
+Drawing and hit testing use the same positions.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constra
 from enliven_viewer.studio.timeline.layout import END, LABELS, Lane, TimelineLayout
 
 POSES = 30.0
-"""Pixels, height of the row of key poses: the line of coverage and the diamonds over it."""
+"""Height in pixels of the row of key poses: the coverage curve with diamonds over it."""
 BAND = 15.0
-"""Pixels, heights of the rows of contacts and of hard constraints."""
+"""Height in pixels of the rows of contacts and of hard constraints."""
 _NEAR = 7.0
-"""Pixels around a mark within which the pointer takes it."""
+"""Distance in pixels within which a mark can be clicked."""
 
 
 @dataclass(frozen=True)
 class PuppetDetails:
-    """The rows under the bars of the chosen puppet: "poses", "band" and "held".
+    """The rows below the bars of the selected puppet: "poses", "band" and "held".
 
     Attributes:
-        chosen: the puppet that has them, or None.
-        coverage: of a take by its examples.
-        switches: of a layer of it, as edited or as found.
+        chosen: the puppet that has the rows, or None.
+        coverage: returns how well the examples cover a take.
+        switches: returns the contact switches of a layer, as edited or as detected.
     """
 
     chosen: Puppet | None
@@ -35,10 +35,10 @@ class PuppetDetails:
     switches: Callable[[int], Sequence[Switch]]
 
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
-        """The kinds and heights in pixels of the rows under a layer's bar."""
+        """Returns the kinds and heights in pixels of the rows below a layer's bar."""
         puppet = self.chosen
         if puppet is None or character is not puppet or number >= len(puppet.layers):
-            return ()  # what moves its root has no rows
+            return ()  # layers that move only the root have no rows
         layer = puppet.layers[number]
         rows = [("poses", POSES)]
         if layer.travel and any(point.foot for point in puppet.points):
@@ -48,7 +48,7 @@ class PuppetDetails:
         return rows
 
     def poses(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, float], ...]:
-        """Number and pixel of the key poses that are of the layer's take."""
+        """Returns the number and the x coordinate of each key pose of the layer's take."""
         poses = self.chosen.poses if self.chosen is not None else ()
         return tuple(
             (number, layout.x_of(lane, pose.time))
@@ -57,13 +57,13 @@ class PuppetDetails:
         )
 
     def suggested(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
-        """Second and pixel of the key poses that are missing."""
+        """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
         return tuple((t, layout.x_of(lane, t)) for t in times if _plays(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
-        """Each switch with the pixels from which and up to which it holds."""
+        """Returns each switch with the x coordinates between which it is valid."""
         take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
         ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
@@ -72,13 +72,13 @@ class PuppetDetails:
         )
 
     def held(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, HardConstraint, float], ...]:
-        """Number, constraint and pixel of each hard constraint."""
+        """Returns the number, the constraint and the x coordinate of each hard constraint."""
         step = layout.project.takes[lane.layer.take].step
         held = constraints_of(layout.project, lane.character.id, lane.layers[0])
         return tuple((k, one, layout.x_of(lane, one.frame * step)) for k, one in enumerate(held))
 
     def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
-        """What is at a pixel of a row, and which."""
+        """Returns the kind and number of the mark at a pixel of a row."""
         if x < LABELS - END:
             return ("found" if lane.kind == "band" else "label"), 0
         if lane.kind == "poses":
@@ -100,17 +100,17 @@ class PuppetDetails:
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:
-        """A layer of the chosen puppet."""
+        """Returns a layer of the chosen puppet."""
         assert self.chosen is not None
         return self.chosen.layers[number]
 
 
 def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
-    """Whether a second of the take was not trimmed off."""
+    """Returns True if a time of the take is played, that is, not trimmed off."""
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 
 
 def _nearest(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
-    """Which of numbered pixels is nearest to one, within reach."""
+    """Returns the number of the mark nearest to a pixel, within reach."""
     near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
     return min(near)[1] if near else None

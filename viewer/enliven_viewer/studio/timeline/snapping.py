@@ -1,4 +1,4 @@
-"""What a drag on the timeline sticks to: clips, markers, the playhead, and frames."""
+"""Snapping of timeline drags to clips, markers, the playhead, and frames."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 
 SNAP = 6.0
-"""Pixels within which what is dragged sticks to something."""
+"""Snapping distance in pixels."""
 
 
 def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
-    """The seconds that a drag sticks to: 0, the playhead, markers, and the ends of all clips but the held."""
+    """Returns the times that a drag snaps to.
+
+    These are 0, the playhead, markers, and the ends of all clips except the held one.
+    """
     places = [0.0, playhead, *(one.seconds for one, _ in layout.markers() if one.id != held.name)]
     for lane in layout.bars():
         mine = (lane.character.id, lane.layers) == (held.character, held.layers)
@@ -24,14 +27,14 @@ def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list
 def snapped(
     layout: TimelineLayout, times: Sequence[float], places: Sequence[float], frame: float
 ) -> tuple[float, float | None]:
-    """How far to move so that one of ``times`` is at a place, or else the first at a whole frame.
+    """Returns the offset that moves one of ``times`` to a place, or else the first to a whole frame.
 
     Args:
-        times: seconds of what is dragged, such as both ends of a clip.
-        frame: seconds of a frame.
+        times: times of the dragged object in seconds, such as both ends of a clip.
+        frame: duration of a frame in seconds.
 
     Returns:
-        Seconds to add to all of them, and the place that one sticks to, None for frames.
+        The seconds to add to all times, and the place that one of them snaps to; None for frames.
     """
     moves = [(abs(place - time), place - time, place) for time in times for place in places]
     nearest = min(moves, default=None)

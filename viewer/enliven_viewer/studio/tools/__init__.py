@@ -1,4 +1,4 @@
-"""The tools of the studio: small state machines that pointer and keys drive, one module each."""
+"""The tools of the studio: small state machines driven by pointer and keys, one module each."""
 
 import lazy_loader
 

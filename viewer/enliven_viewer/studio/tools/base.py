@@ -1,4 +1,4 @@
-"""The base of all tools: a small state machine that the pointer and the keys drive."""
+"""The base class of all tools: a small state machine driven by pointer and keys."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
 _AS_NEAR = 3.0
-"""Pixels: after a cut, two joints are at one place."""
+"""Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
 
 
 @dataclass(frozen=True)
 class Pointer:
-    """The pointer's place in the viewport's pixels, and the keys that are held."""
+    """The pointer's position in pixels of the viewport, and the held modifier keys."""
 
     at: Point
     shift: bool = False
@@ -25,12 +25,14 @@ class Pointer:
 
 @dataclass(frozen=True, eq=False)
 class ToolPicture:
-    """What a tool draws into the picture, over the meshes.
+    """The geometry that a tool draws into the 3D image, over the meshes.
 
     Attributes:
-        crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
-        ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
-        shade: vertices (V, 3) metres in the world, faces, (V, 4) uint8 sRGB and opacity over them; or None.
+        crossing: vertices (V, 3) metres in the world, and the self-intersecting faces (K, 3) to highlight, or
+            None.
+        ghost: vertices (V, 3), faces, and size in metres of a mesh to outline, or None.
+        shade: vertices (V, 3) metres in the world, faces, and (V, 4) uint8 sRGB and opacity to overlay; or
+            None.
         tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
     """
 
@@ -44,15 +46,15 @@ NOTHING = ToolPicture()
 
 
 class Tool:
-    """A tool; it changes the project only through :meth:`Editor.edit`.
+    """A tool. It changes the project only through :meth:`Editor.edit`.
 
     Attributes:
-        name: one word, as in sessions.
-        label: as on its button.
-        key: the letter that makes it the active tool.
+        name: one word, as used in scripted sessions.
+        label: text of its button.
+        key: the shortcut that activates it.
         icon: its glyph in Font Awesome 4.
-        hint: what to do next, one line.
-        plays_on: whether what plays stands still during a drag only, and goes on after it.
+        hint: what to do next, in one line.
+        plays_on: if True, playback only pauses during a drag and continues afterwards.
     """
 
     name: ClassVar[str] = ""
@@ -67,47 +69,50 @@ class Tool:
 
     @property
     def hint(self) -> str:
-        """What to do next, one line."""
+        """Returns what to do next, in one line."""
         return ""
 
     @property
     def warning(self) -> str:
-        """What is wrong with the work just now, one line; empty where nothing is."""
+        """Returns a one-line warning about the current work; empty if there is none."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:
-        """The pointer moved and no button is held."""
+        """Handles pointer movement without a held button."""
         self.hovered = self.handle_at(pointer)
 
     def press(self, pointer: Pointer) -> bool:
-        """The left button went down; False leaves the drag to the camera."""
+        """Handles a press of the left button. Returns False if the drag should go to the camera."""
         return False
 
     def drag(self, pointer: Pointer) -> None:
-        """The pointer moved while the button is held."""
+        """Handles pointer movement with the button held."""
 
     def release(self, pointer: Pointer) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
 
     def type(self, key: str) -> bool:
-        """A key was pressed; True where the tool took it."""
+        """Handles a key press. Returns True if the tool has used it."""
         return False
 
     def cancel(self) -> None:
-        """Drop what was begun (Escape, or another tool)."""
+        """Cancels the current operation (Escape, or a switch to another tool)."""
         self.editor.draft = None
 
     def overlay(self) -> Overlay:
-        """The marks that the tool draws over the viewport."""
+        """Returns the marks that the tool draws over the viewport."""
         hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
     def picture(self) -> ToolPicture:
-        """What the tool draws into the picture."""
+        """Returns the geometry that the tool draws into the 3D image."""
         return NOTHING
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """The handle under the pointer, or else the bone; of two as near, the chosen character's."""
+        """Returns the handle, or else the bone, under the pointer.
+
+        If two are equally near, the selected character wins.
+        """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
         chosen = [one for one in stage if one.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
@@ -117,13 +122,16 @@ class Tool:
         return None
 
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
-        """The handle, the bone or the surface of any character under the pointer, but for one's surface."""
+        """Returns the handle, bone or surface of any character under the pointer.
+
+        The surface of `without` is ignored.
+        """
         hit = None if without else self.handle_at(pointer)
         stage = [one for one in self.editor.reachable if one.id != without]
         return hit or surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:
-        """The pixel of a place on a bone, while the bone is there."""
+        """Returns the pixel of a hit position on a bone, if the bone still exists."""
         if hit is None or hit.character not in self.editor.project.characters:
             return None
         posed = self.editor.posed(hit.character)
@@ -138,10 +146,10 @@ class Tool:
 
 
 class StrokeTool(Tool):
-    """A tool that draws a stroke, and takes it when the button goes up."""
+    """A tool that draws a stroke, and applies it when the button is released."""
 
     apart: ClassVar[float] = 4.0
-    """Pixels between two points of a stroke: finer than a hand draws."""
+    """Minimum distance in pixels between two points of a stroke."""
     plays_on = True
 
     def __init__(self, editor: Editor) -> None:
@@ -149,12 +157,12 @@ class StrokeTool(Tool):
         self._stroke: list[Point] = []
 
     def taken(self) -> list[Point]:
-        """The points of the stroke, which begins anew."""
+        """Returns the points of the stroke, and clears it."""
         stroke, self._stroke = self._stroke, []
         return stroke
 
     def hover(self, pointer: Pointer) -> None:
-        """Nothing is picked while drawing."""
+        """Does nothing: hovering picks nothing while drawing."""
 
     def press(self, pointer: Pointer) -> bool:
         self.editor.playing = False

@@ -1,4 +1,7 @@
-"""Carrying a character about; dropped with its root on another's node, or by Shift, the two become one."""
+"""The move tool.
+
+Dropping a character's root on another character's node, or dropping it with Shift, merges the two.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,18 @@ from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone
 from enliven_viewer.theme import GOOD, INK, STROKE
 
 _NEAR = 0.05
-"""Share of its own size: what is let go with Shift as near as this to another is merged with it."""
+"""Maximum distance to another character, as a fraction of the dragged one's size, for a merge with Shift."""
 _LOOKED_AT = 4000
-"""Vertices of what is dragged that are compared with the others: a drag of a scan stays fluent."""
+"""Maximum number of vertices of the dragged mesh that are compared with the others, so that dragging a scan
+stays smooth.
+"""
 
 
 class CarryTool(Tool):
-    """Moves a character parallel to the picture, and merges it where its root comes near a node or a bone."""
+    """A tool that moves a character parallel to the image plane.
+
+    It merges the character if its root comes near a node or a bone.
+    """
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
     plays_on = True
@@ -70,7 +78,10 @@ class CarryTool(Tool):
             self._host = self._beneath(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
-        """Merge at the playhead's time, where nothing turns then and both go on moving; or let it stand."""
+        """Merges at the playhead if there is a target; else moves the character.
+
+        A merge keeps the pose, and both characters keep moving.
+        """
         (held, host), self._held, self._host = (self._held, self._host), None, None
         editor = self.editor
         if held is None or editor.draft is None:
@@ -86,7 +97,7 @@ class CarryTool(Tool):
         other = host
 
         def change(project: Project) -> Project:
-            # What snaps to a node is put there by the merge itself.
+            # A merge at a node also positions the character, so it needs no move before.
             moved = project if other.handle >= 0 else held.moved(project, pointer)
             return held.merged(moved, other, notes)
 
@@ -95,22 +106,22 @@ class CarryTool(Tool):
             editor.toasts.say(
                 tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
             )
-            for note in notes[-2:]:  # whether the two meet is said last
+            for note in notes[-2:]:  # the last note says whether the two surfaces touch
                 editor.toasts.say(note)
 
     def _beneath(self, pointer: Pointer) -> Hit | None:
-        """What a drop with Shift merges with: the character under the pointer, or else the nearest."""
+        """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
         held = self._held
         if held is None:
             return None
         return self.character_at(pointer, without=held.character) or self._beside(held)
 
     def _beside(self, held: CharacterDrag) -> Hit | None:
-        """The character that the dragged one touches, or all but touches."""
+        """Returns the character that the dragged one touches or nearly touches."""
         vertices = self.editor.posed(held.character).vertices
         if not len(vertices):
             return None
-        if not self._others:  # nothing plays during a drag, so that the others stand still
+        if not self._others:  # playback pauses during a drag, so the other characters do not move
             self._others = [
                 (one.id, scipy.spatial.cKDTree(_spread(one.vertices, one.character.mesh.faces)))
                 for one in self.editor.reachable
@@ -126,7 +137,7 @@ class CarryTool(Tool):
         return Hit(name) if gap < near else None
 
     def _tell_apart(self, held: CharacterDrag) -> None:
-        """Say why a drop with Shift merged nothing."""
+        """Reports why a drop with Shift merged nothing."""
         if held.several:
             what, mend = (
                 tr("Several were moved, and none merged"),
@@ -164,7 +175,7 @@ class CarryTool(Tool):
         return Overlay(marks, plain.chain, plain.hovered)
 
     def _named(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
-        """What it would be merged with, in words over what is dragged."""
+        """Returns the overlay that names the merge target above the dragged character."""
         vertices, lens = self.editor.posed(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
         marks = tuple(
@@ -174,5 +185,5 @@ class CarryTool(Tool):
 
 
 def _spread(vertices: Float, faces: Int32) -> Float:
-    """(V + F, 3) vertices and the middles of faces, metres: large faces are near, too."""
+    """Returns (V + F, 3) metres: vertices and face centres, so that large faces also count as near."""
     return np.concatenate([vertices, vertices[faces].mean(1)])

@@ -1,4 +1,4 @@
-"""Choosing characters, a joint of one, or a chain from one joint to another."""
+"""The selection tool: selects characters, a joint, or a chain from one joint to another."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
 
 _SAMPLE = 500
-"""Vertices of a surface that a box is compared with: enough to find every limb."""
+"""Maximum number of surface vertices tested against a selection box: enough to find every limb."""
 
 
 class ChooseTool(Tool):
-    """Click chooses; with Ctrl beside the others; with Shift also, or the chain to the clicked joint.
+    """A click selects.
 
-    A drag with Ctrl draws a box, which chooses all that it touches; with Shift beside what is chosen.
+    Ctrl toggles. Shift adds a character, or extends the selection to the chain up to the clicked joint.
+
+    A drag with Ctrl draws a selection box, which selects every character that it touches. Shift adds them to
+    the selection.
     """
 
     name, label, key, icon = "choose", "Choose", "q", "\uf245"
@@ -58,7 +61,7 @@ class ChooseTool(Tool):
             editor.select(chain=shape.skeleton.path(start, hit.handle))
         else:
             editor.choose(hit.character, hit.handle if joint else None)
-        return joint  # from a surface a drag turns the view
+        return joint  # a drag that starts on a surface orbits the camera
 
     def drag(self, pointer: Pointer) -> None:
         if self._box is not None:
@@ -86,7 +89,7 @@ class ChooseTool(Tool):
         return Overlay(marks, plain.chain, plain.hovered)
 
     def _touched(self, box: tuple[Point, Point]) -> list[str]:
-        """The characters with a handle or a place of their surface in a box of the picture."""
+        """Returns the characters with a handle or a surface point inside a box of the image."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         found = []
         for one in self.editor.reachable:

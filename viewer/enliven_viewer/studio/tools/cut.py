@@ -1,4 +1,4 @@
-"""Cutting: a stroke across a bone makes two shapes of one, and both go on moving."""
+"""The cut tool: a stroke across a bone splits a shape in two, and both parts keep moving."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_viewer.theme import CUT
 
 
 class CutTool(StrokeTool):
-    """A stroke; every bone that it crosses is cut there, at the playhead's time."""
+    """A tool that cuts every bone that a stroke crosses, at the playhead."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
 
@@ -47,11 +47,11 @@ class CutTool(StrokeTool):
         if len(self._stroke) == count:
             return
         found = crossings(editor.handled, editor.lens, np.array(self._stroke))
-        # Where the chosen shape is crossed, what lies behind or before it is not meant.
+        # If the selected shape is crossed, shapes behind or in front of it are not cut.
         self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
 
     def release(self, pointer: Pointer) -> None:
-        """Cuts what the stroke crosses, at the time that is shown."""
+        """Cuts the characters that the stroke crosses, at the current time."""
         stroke, crossed, self._crossed = self.taken(), self._crossed, []
         if not stroke:
             return
@@ -69,7 +69,8 @@ class CutTool(StrokeTool):
                 try:
                     project, made = cut_character(project, name, surface, time, notes=notes)
                     parts.extend(made[1:])
-                except EnlivenError as error:  # a surface that it does not pass through stays whole
+                # a character that the surface does not pass through stays whole
+                except EnlivenError as error:
                     refused = error
             if refused is not None and (crossed or not parts):
                 raise refused
@@ -83,7 +84,7 @@ class CutTool(StrokeTool):
             )
 
     def _others(self, stroke: list[Point]) -> list[str]:
-        """The characters without bones that a stroke may pass through: the chosen one, or all."""
+        """Returns the characters without bones that a stroke may cut: the selected one, or else all."""
         if len(stroke) < 2:
             return []
         boneless = [one.id for one in self.editor.reachable if not one.bones]
@@ -91,7 +92,7 @@ class CutTool(StrokeTool):
         return [chosen] if chosen in boneless else boneless
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
-        """The stroke swept along the view; pixels, y up."""
+        """Returns the surface swept by the stroke along the view direction, in pixels with y up."""
         lens = self.editor.lens
         wide, high = lens.size
         clip = lens.view.clip_from_world

@@ -1,4 +1,4 @@
-"""Dragging a whole character: moved, turned in place, or merged with another."""
+"""Drags of whole characters: move, turn in place, or merge with another."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import Hit
 
 _TURN = 0.01
-"""Radians a pixel."""
+"""Rotation in radians per pixel."""
 _NEAR = 24.0
-"""Pixels around what a character turns about, within which the pointer is dragged aside to turn it."""
+"""Radius in pixels around the pivot. A drag that starts within it turns the character by sideways movement
+instead.
+"""
 _UPRIGHT = np.array([0.0, 1.0, 0.0])
 
 
 class CharacterDrag:
-    """A character that is dragged by a handle or by a place on its surface.
+    """A drag of a character by a handle or by a point on its surface.
 
     Attributes:
-        character: its id.
-        characters: the ids of all that go with it: what is chosen, where it is one of them.
-        rooted: whether its first handle is shown, and goes with the pointer.
-        handles: (H, 3) metres in the world, where its handles were at the start.
+        character: id of the dragged character.
+        characters: ids of all characters that move along: the selection, if it contains the dragged one.
+        rooted: whether its first handle is shown, and follows the pointer.
+        handles: (H, 3) metres in the world, its handle positions at the start.
     """
 
     def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
@@ -39,7 +41,7 @@ class CharacterDrag:
         self.editor, self.character, self._start = editor, hit.character, start
         self.handles = posed.handles
         self.rooted = len(posed.handles) > 0 and not posed.own_tool
-        # The root travels in the plane of the picture, whatever it was grabbed by.
+        # The root moves in a plane parallel to the image, whatever part was grabbed.
         self._at = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
@@ -55,16 +57,16 @@ class CharacterDrag:
 
     @property
     def several(self) -> bool:
-        """Whether more than one character is dragged."""
+        """Returns True if more than one character is dragged."""
         return len(self.characters) > 1
 
     @property
     def told(self) -> str:
-        """What is dragged, for the name of an edit."""
+        """Returns what is dragged, for the name of an edit."""
         return later("{0} shapes", len(self.characters)) if self.several else self.character
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
-        """The project with the character as far as the pointer went."""
+        """Returns the project with the characters moved along with the pointer."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
         if self.editor.snapping.acts(pointer.ctrl):
@@ -72,9 +74,11 @@ class CharacterDrag:
         return self._carried(project, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
-        """The project with it turned by as much as the pointer went around its root, in the picture's plane.
+        """Returns the project with the characters turned in the image plane.
 
-        With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
+        The angle is that of the pointer's movement around the root.
+
+        With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
         turn = from_rotation_vector(self._turn(pointer))
         return self._carried(project, np.zeros(3), turn, self._about)
@@ -82,14 +86,20 @@ class CharacterDrag:
     def _carried(
         self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
     ) -> Project:
-        """The project with them moved at all times, or by keys at the playhead while posing sets keys."""
+        """Returns the project with the characters moved at all times.
+
+        In auto-key mode they get keys at the playhead instead.
+        """
         centre = np.zeros(3) if about is None else about
         if self.editor.keying:
             return key_characters(project, self.characters, self.editor.time, way, turn, centre)
         return move_characters(project, self.characters, way, turn, centre)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
-        """The project with it put onto another; a handle of that, or a place on a bone, carries it."""
+        """Returns the project with the character merged into another.
+
+        A handle of the other, or a point on a bone, carries it.
+        """
         at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
         node = host.handle if host.handle >= 0 else None
         return merge_characters(
@@ -102,7 +112,7 @@ class CharacterDrag:
         return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
 
     def _turned(self, pointer: Pointer) -> tuple[Float, float]:
-        """The (3,) unit axis, and the radians that the pointer went."""
+        """Returns the (3,) unit axis, and the rotation in radians."""
         lens, start = self.editor.lens, self._start
         across = _TURN * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
@@ -115,6 +125,6 @@ class CharacterDrag:
 
 
 def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
-    """(3,) metres: the middle of characters, at the height of their lowest point."""
+    """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
     low, high = bounds_of([one.extent for one in editor.standing if one.id in characters]) or EMPTY_BOX
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

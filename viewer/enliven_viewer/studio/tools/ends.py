@@ -1,4 +1,4 @@
-"""Naming the five ends of a possessed mesh: where on it a performer's head, hands and feet are."""
+"""The tool that marks a performer's head, hands and feet on a possessed mesh."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
 _TOLD = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
-"""The ends within a sentence."""
+"""Names of the ends within a sentence."""
 END_NAMES = (later("Head"), later("Left hand"), later("Right hand"), later("Left foot"), later("Right foot"))
-"""What the ends are of, in their order."""
+"""Labels of the ends, in order."""
 _ENDS_OF_FIGURE = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
 _RADIUS = 8.0
-"""Pixels of the radius of a mark."""
+"""Radius of a mark in pixels."""
 _ASIDE = (14.0, 0.0)
-"""Pixels from a mark to its name."""
+"""Offset in pixels from a mark to its label."""
 
 
 class EndsTool(Tool):
-    """Drags the marks of head, hands and feet over the surface of the chosen possessed mesh."""
+    """A tool that drags the marks of head, hands and feet over the surface of the selected possessed mesh."""
 
     name, label, key, icon = "ends", "Name ends", "e", "\uf007"
 
@@ -55,7 +55,10 @@ class EndsTool(Tool):
 
     @property
     def marks(self) -> Int:
-        """(5,) the vertices at the ends; none while they are looked for, or nothing is chosen."""
+        """Returns (5,) the vertices at the ends.
+
+        Returns an empty array while they are being searched, or if nothing is selected.
+        """
         shape = self.editor.chosen(GraphShape)
         if shape is None:
             return np.empty(0, np.int64)
@@ -68,7 +71,7 @@ class EndsTool(Tool):
         return np.asarray(found)
 
     def hover(self, pointer: Pointer) -> None:
-        """Nothing but the marks is taken."""
+        """Does nothing: only the marks can be grabbed."""
 
     def press(self, pointer: Pointer) -> bool:
         shape, self.editor.playing = self.editor.chosen(GraphShape), False
@@ -126,16 +129,16 @@ class EndsTool(Tool):
         return Overlay(tuple(shown))
 
     def wait(self) -> None:
-        """Until the ends are found: for sessions without a window."""
+        """Waits until the ends are found. For sessions without a window."""
         if self._found is not None:
             self._found.result()
 
     def _pixels(self, character: str, vertices: Int) -> Float:
-        """(5, 2) pixels of vertices as the character stands now."""
+        """Returns (5, 2) pixels of vertices in the character's current pose."""
         return self.editor.lens.project(self.editor.posed(character).vertices[vertices])[0]
 
     def _suggested(self, mesh: Mesh) -> Int:
-        """The vertices at the ends that the mesh itself tells; none while they are looked for."""
+        """Returns the vertices at the ends as detected on the mesh; empty while the search runs."""
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
@@ -151,7 +154,10 @@ class EndsTool(Tool):
 
 
 def suggested_ends(mesh: Mesh) -> Int:
-    """Returns (5,) the vertices at the ends of a mesh's head, hands and feet, of a figure in it otherwise."""
+    """Returns (5,) the vertices at a mesh's head, hands and feet.
+
+    If the mesh is not a person, a standing figure of its size is used.
+    """
     try:
         person = find_person_in_mesh(mesh)
     except EnlivenError:  # a mesh without area

@@ -1,4 +1,4 @@
-"""Mapping: a chain of a take, then one of a shape, by clicking; or one of the matches on offer."""
+"""The retargeting tool: maps chains of a take to chains of a shape, or accepts a suggested match."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class MappedChain:
 
 @dataclass
 class WholeBody:
-    """How a whole body is mapped: settings of a :class:`Plan`."""
+    """The settings of a whole-body retargeting, as in :class:`Plan`."""
 
     floor: bool = True
     steps: bool = True
@@ -53,15 +53,15 @@ class WholeBody:
 
 
 class MapTool(Tool):
-    """Gives a chain of a shape the motion of a chain of a take.
+    """A tool that transfers the motion of a chain of a take to a chain of a shape.
 
     Attributes:
         source: the view of the take.
-        loop: whether what is mapped next begins again at its end.
-        whole: how a whole body is mapped.
-        gentle: whether limbs that would stretch the surface are then moved by less.
-        made: the shape and the take that were mapped whole last, how, and how good it is.
-        offered: matches that can be accepted with one click; the first is lit where nothing else is.
+        loop: whether newly mapped motion loops.
+        whole: settings of whole-body retargeting.
+        gentle: if True, limbs that would stretch the surface move less.
+        made: the last whole-body retargeting: shape, take, plan, and quality.
+        offered: suggested matches that one click accepts. The first is highlighted unless another one is.
     """
 
     name, label, key, icon = "map", "Map motion", "m", "\uf0ec"
@@ -127,7 +127,10 @@ class MapTool(Tool):
         return plain
 
     def rank(self) -> None:
-        """Offer the matches of the take's pose now with the chosen shape, as both are seen."""
+        """Finds matches between the take's current pose and the selected shape.
+
+        Both are compared as they appear in their views.
+        """
         clip, shape = self.source.clip, self.editor.chosen(Shape)
         self.offered = []
         if clip is None or shape is None:
@@ -142,7 +145,7 @@ class MapTool(Tool):
             editor.toasts.complain(error)
 
     def map_whole(self) -> None:
-        """Map every limb of the take onto a limb of the chosen shape that suits it, at once."""
+        """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
             editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
@@ -158,7 +161,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> Retargeted:
-            """The shape with the take in the place of all that moved it."""
+            """Returns the shape with the take in place of all its previous motion."""
             still = stilled(project, shape.id)
             known = still.shape(shape.id)
             if itself:
@@ -195,7 +198,7 @@ class MapTool(Tool):
         editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
     def accept(self, offer: Offer) -> None:
-        """Map every chain of an offer."""
+        """Maps every chain of a suggested match."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
@@ -214,7 +217,7 @@ class MapTool(Tool):
             )
 
     def _bind(self, wish: MappedChain) -> None:
-        """Map one chain onto one, as both are seen now."""
+        """Maps one chain to another, as both appear in their views now."""
         lens, other = self.editor.lens, self.source.lens
 
         def change(project: Project) -> Project:
@@ -243,6 +246,9 @@ class MapTool(Tool):
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:
-    """A project in which a shape no longer plays a clip of its own: what is mapped next would add to it."""
+    """Returns a project in which a shape no longer plays its own clip.
+
+    Otherwise new motion would be added to that of the clip.
+    """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return stilled(project, shape_id) if plays else project

@@ -1,4 +1,4 @@
-"""Nodes: put one into a bone, or take one out; the motion stays as it was."""
+"""The tools that insert a node into a bone and remove a node. The motion stays the same."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven_viewer.theme import CUT, STROKE
 
 
 class InsertTool(Tool):
-    """A click on a bone puts a node there."""
+    """A tool that inserts a node where a bone is clicked."""
 
     name, label, key, icon = "insert", "Add node", "i", "\uf055"
 
@@ -46,7 +46,7 @@ class InsertTool(Tool):
 
 
 class RemoveTool(Tool):
-    """A click on a joint takes it out; what hung on it hangs on the one before."""
+    """A tool that removes a clicked joint. The joint's children are attached to its parent."""
 
     name, label, key, icon = "remove", "Remove node", "x", "\uf056"
 
@@ -74,6 +74,6 @@ class RemoveTool(Tool):
 
 
 def remove_joint(editor: Editor, shape: str, joint: int) -> None:
-    """Take a joint out of a shape."""
+    """Removes a joint from a shape."""
     if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
         editor.select(character=shape, handle=None, chain=())

@@ -1,4 +1,4 @@
-"""Painting stiff and soft spots: a brush over the surface of a mesh that performers hold."""
+"""The brush tool that paints stiffness on a possessed mesh."""
 
 from __future__ import annotations
 
@@ -21,36 +21,38 @@ BRUSHES: dict[Brush, str] = {
     "stiffer": later("Stiffer"),
     "erase": later("As it was"),
 }
-"""What strokes do, by the words on the buttons."""
+"""Brush modes, with the labels of their buttons."""
 SMALLEST = 6.0
-"""Pixels of the brush's radius at least: a few vertices of a detailed mesh."""
+"""Minimum brush radius in pixels: a few vertices of a detailed mesh."""
 LARGEST = 200.0
-"""Pixels of the radius at most: half of a large picture's width is covered then."""
+"""Maximum brush radius in pixels: covers half of a large view's width."""
 STEP = 1.25
-"""By how much a key makes the brush larger or smaller."""
+"""Scale factor of the brush radius for one press of its shortcut."""
 _FIRST = 34.0
-"""Pixels of the radius at the beginning: the width of a limb that fills a third of the picture."""
+"""Initial brush radius in pixels: the width of a limb that fills a third of the view."""
 _DENSE = 0.35
-"""Of the radius: places of a stroke are so near to one another that it is even along its way."""
+"""Spacing of points along a stroke, as a fraction of the radius, so that the stroke is even."""
 _LEAP = 4.0
-"""Of the radius: over a wider gap the stroke went from one part of the mesh to another."""
+"""Maximum gap, as a multiple of the radius, that a stroke fills. A wider gap means that it jumped to another
+part of the mesh.
+"""
 _WASH = 0.62
-"""Opacity over what is not painted: the light on it is seen through, its colours hardly."""
+"""Opacity of the overlay on unpainted areas: the shading stays visible, the mesh's own colours hardly."""
 _FULL = 0.82
-"""Opacity where a spot is strongest."""
+"""Opacity of the overlay at full strength."""
 _RING_EDGE = 0.45
-"""Opacity of the ring's edge, which shows it on meshes of any brightness."""
+"""Opacity of the ring's dark edge, which makes the ring visible on meshes of any brightness."""
 _OTHER_SIDE = 0.75
-"""Opacity of the ring where the other side is painted."""
+"""Opacity of the ring on the mirrored side."""
 
 
 class PaintTool(Tool):
-    """Paints where a mesh bends less and where it gives way, on one side or on both alike.
+    """A tool that paints how stiff or soft a mesh is, on one side or symmetrically.
 
     Attributes:
-        brush: what a stroke does.
-        radius: pixels of the brush.
-        both_sides: whether the mirror image of a stroke is painted too, where the mesh has one.
+        brush: the brush mode.
+        radius: brush radius in pixels.
+        both_sides: whether strokes are mirrored, if the mesh is symmetric.
     """
 
     name, label, key, icon = "paint", "Stiff or soft", "d", "\uf1fc"
@@ -85,22 +87,25 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """The plane between left and right of a mesh, known by its vertices; None where it has none."""
+        """Returns the symmetry plane of a mesh; None if it has none.
+
+        Cached by the identity of the vertex array.
+        """
         if self._planes is None or self._planes[0] is not mesh.vertices:
             self._planes = mesh.vertices, plane_of_symmetry(mesh)
         return self._planes[1]
 
     def resize(self, factor: float) -> None:
-        """Make the brush larger or smaller."""
+        """Multiplies the brush radius by a factor."""
         self.radius = float(np.clip(self.radius * factor, SMALLEST, LARGEST))
 
     def clear(self) -> None:
-        """Take all paint off the chosen mesh."""
+        """Removes all paint from the selected mesh."""
         name = self.editor.selection.character or ""
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Why there is no paint to be cleared, and what to do about it; empty where there is."""
+        """Returns why no paint can be cleared, with advice; empty if some can."""
         one = self.editor.chosen()
         if one is None or one.mesh is None or one.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
@@ -182,7 +187,7 @@ class PaintTool(Tool):
         return ToolPicture(shade=(seen, one.mesh.faces, shades(stiffness)))
 
     def _shown(self, one: RigBase, mesh: Mesh) -> Float32 | None:
-        """The stiffness as it would be after the stroke that is being drawn."""
+        """Returns the stiffness including the stroke that is being drawn."""
         if not self._stroke:
             return mesh.stiffness
         known = self._preview
@@ -195,12 +200,15 @@ class PaintTool(Tool):
         return self.mirror(mesh) if self.both_sides else None
 
     def _brush_of(self, pointer: Pointer) -> Brush:
-        """What a stroke does; with Ctrl the opposite."""
+        """Returns the mode of a stroke; with Ctrl the opposite mode."""
         opposite: dict[Brush, Brush] = {"softer": "stiffer", "stiffer": "softer", "erase": "erase"}
         return opposite[self.brush] if pointer.ctrl else self.brush
 
     def _touched(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
-        """The mesh under the pointer, and the place on it at rest, metres; it measures the brush there."""
+        """Returns the mesh under the pointer, and the touched point at rest in metres.
+
+        If `measure` is set, also updates the brush size in metres.
+        """
         lens = self.editor.lens
         hit = surface_at(self.editor.reachable, lens, pointer.at)
         if hit is None:
@@ -215,21 +223,21 @@ class PaintTool(Tool):
 
 
 def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> Float:
-    """(3,) metres, where a place on a face is at rest."""
+    """Returns (3,) metres: the rest position of a point on a face."""
     own = mesh.faces[face]
     share = barycentric(place[None], posed.vertices[own][None])[0]
     return np.asarray(share @ mesh.vertices[own])
 
 
 def _ring(brush: Brush) -> Colour:
-    """Returns the colour of the ring, by the effect of a stroke."""
+    """Returns the colour of the ring for the effect of a stroke."""
     if brush == "erase":
         return (*MARK[:3], 0.95)
     return (*(part / 255 for part in (AFTER if brush == "softer" else BEFORE)), 0.95)
 
 
 def shades(stiffness: Float32) -> UInt8:
-    """(V, 4) sRGB and opacity: blue where it is stiffer, orange where it is softer, grey where it is 1."""
+    """Returns (V, 4) sRGB and opacity: blue for stiffer, orange for softer, grey for 1."""
     doublings = np.log2(stiffness) / MOST_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))

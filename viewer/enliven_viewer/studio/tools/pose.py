@@ -1,4 +1,7 @@
-"""Posing: a handle is dragged and what it moves follows; the root, or the surface, turns the whole."""
+"""The pose tool.
+
+Dragging a handle poses what it moves. Dragging the root or the surface turns the whole character.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,13 @@ from enliven_viewer.studio.viewport import Disc, Overlay
 from enliven_viewer.theme import ACCENT, GOOD, QUIET
 
 _DOT = 3.5
-"""Pixels, radius of the dot of a node."""
+"""Radius in pixels of a node's dot."""
 _KEYED = 5.0
-"""Pixels, radius of the dot of a node that has keys."""
+"""Radius in pixels of the dot of a node with keys."""
 
 
 class PoseTool(Tool):
-    """Drags one handle; dragged by the root, or by its surface, the character turns where it stands."""
+    """A tool that drags one handle. Dragging the root or the surface turns the character in place."""
 
     name, label, key, icon = "pose", "Pose", "r", "\uf183"
 
@@ -73,7 +76,7 @@ class PoseTool(Tool):
         self._held = self._node = None
 
     def overlay(self) -> Overlay:
-        """The dots of possessed meshes, while posing sets keys; larger where a node has some."""
+        """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
         plain, editor = super().overlay(), self.editor
         dots = list[Disc]()
         for one in editor.reachable if editor.keying else ():
@@ -86,7 +89,7 @@ class PoseTool(Tool):
         return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
-        """The dot of a possessed mesh under the pointer: the character, the node, and where it is."""
+        """Returns the possessed mesh's dot under the pointer: character, node, and position."""
         editor, found = self.editor, list[tuple[float, str, int, Float]]()
         for one in editor.reachable if editor.keying else ():
             nodes = np.asarray(one.nodes, np.float64)

@@ -1,4 +1,4 @@
-"""The puppet tool: control points are put on a mesh by clicking it, and dragged to make key poses."""
+"""The puppet tool: a click on a mesh adds a control point; dragging control points makes key poses."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, pictur
 from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
 _STILL = 4.0
-"""Pixels that a click may move."""
+"""Maximum pointer movement of a click, in pixels."""
 _MANY = 1_000_000
-"""Faces: where there are more, it is not looked which is under a pointer that only passes."""
+"""Number of faces above which the hovered vertex is not searched, since that would be slow."""
 _NUDGES: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
     "up": (0.0, 1.0),
     "down": (0.0, -1.0),
 }
-"""Steps to the right and up of each arrow key, in pixels of the picture."""
+"""Steps to the right and up for each arrow key, in pixels of the view."""
 
 
 class PuppetTool(Tool):
-    """Puts, chooses and drags control points of a puppet."""
+    """Adds, selects and drags control points of a puppet."""
 
     name, label, key, icon = "puppet", "Pose puppet", "k", "\uf25a"
 
@@ -67,12 +67,12 @@ class PuppetTool(Tool):
 
     @property
     def warning(self) -> str:
-        """A line about parts that pass through one another while a key pose is edited; else empty."""
+        """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
         return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
-        """The drag of a control point that goes on; None for none."""
+        """Returns the current drag of a control point; None for none."""
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
@@ -110,7 +110,7 @@ class PuppetTool(Tool):
         if self._drag is not None:
             self._drag.drag(pointer)
         elif self._turning or (self._click is not None and self._far(pointer, self._click)):
-            # What began as a click on the mesh, or beside it, turns the view as on the empty stage.
+            # A drag that begins on or next to the mesh orbits the camera, as in an empty scene.
             self._click, self._turning = None, True
             across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
             self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
@@ -160,9 +160,11 @@ class PuppetTool(Tool):
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Manipulator | None:
-        """The manipulator at the chosen control point; None while the puppet plays, or just after a click.
+        """Returns the gizmo at the selected control point.
 
-        There it would be in the way of the next click on the mesh.
+        Returns None during playback, or right after a point was added.
+
+        Right after a click the gizmo would be in the way of the next click on the mesh.
         """
         standing, point = self.puppets.shown, self.puppets.point
         if point == self._fresh and not self.puppets.posing:
@@ -172,7 +174,7 @@ class PuppetTool(Tool):
         return Manipulator(standing.handles[point], self.editor.lens)
 
     def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
-        """The vertex of the chosen puppet under the pointer; a suggested one that is near."""
+        """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
@@ -187,7 +189,7 @@ class PuppetTool(Tool):
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
-        """Take a click: it adds a control point, chooses another puppet, or clears the choice of point."""
+        """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
         standing = self.puppets.shown
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
@@ -199,12 +201,15 @@ class PuppetTool(Tool):
         elif self.puppets.point is not None:
             self.editor.select(handle=None)
         elif standing is None:
-            hit = self.character_at(pointer)  # a puppet can be made of it
+            hit = self.character_at(pointer)  # a puppet can be made of this character
         if hit is not None:
             self.editor.choose(hit.character)
 
     def _step_back(self) -> bool:
-        """Escape drops one thing: first the drag, then the chosen control point, then the key pose."""
+        """Handles Escape, one step at a time.
+
+        It first cancels the drag, then deselects the control point, then leaves the key pose.
+        """
         puppets = self.puppets
         if self._drag is not None or self._click is not None:
             self._drag = self._click = None

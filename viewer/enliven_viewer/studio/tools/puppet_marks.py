@@ -1,4 +1,4 @@
-"""What the puppet tool draws, and dragging a control point from pressing the button to letting it go."""
+"""The drawing of the puppet tool, and the drag of a control point from press to release."""
 
 from __future__ import annotations
 
@@ -27,32 +27,35 @@ from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
 _SEEN_THROUGH = 0.08
-"""Of the eye's distance: control points are seen clearly through whatever covers them by less."""
+"""Depth bias as a fraction of the camera distance. Control points are visible through geometry that covers
+them by less.
+"""
 _ALWAYS = 0.8
-"""Likewise: the manipulator is covered by nothing."""
+"""The same for the gizmo, which nothing covers."""
 
 Mark = Line | Disc | Fill | Label
 
 
 class PointDrag:
-    """Drags one control point.
+    """A drag of one control point.
 
     Attributes:
-        point: its number.
-        part: of the manipulator that was taken: "x", "xy", "view", ...
-        moved: whether it went anywhere.
+        point: number of the control point.
+        part: grabbed part of the gizmo: "x", "xy", "view", ...
+        moved: whether the point has moved.
     """
 
     def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._from: Float = np.array(standing.handles[point])
-        # As it was when the button went down: the arrows go along with the point, the way is from here.
+        # The gizmo at the start of the drag. The drawn arrows follow the point, but movement is measured from
+        # here.
         self._manipulator = Manipulator(self._from, editor.lens)
         self.moved = False
 
     def drag(self, pointer: Pointer) -> None:
-        """The pointer moved: the surface follows."""
+        """Handles pointer movement: moves the control point and deforms the surface."""
         way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
         if way is None or (not self.moved and not way.any()):
             return
@@ -60,14 +63,14 @@ class PointDrag:
         self.editor.puppets.drag(self.point, self._standing.into(self._from + way))
 
     def drop(self) -> None:
-        """The button went up: the pose is kept."""
+        """Handles the release of the button: keeps the pose."""
         if self.moved:
             puppet = self._standing.character
             self.editor.puppets.drop(later("pose {0}", puppet.points[self.point].name))
 
 
 class Pointing(Protocol):
-    """The state of the puppet tool that its marks show."""
+    """The state of the puppet tool that its marks display."""
 
     puppets: PuppetEditor
     suggested: PointSuggestions
@@ -77,14 +80,14 @@ class Pointing(Protocol):
 
     @property
     def held(self) -> PointDrag | None:
-        """The drag of a control point that goes on; None for none."""
+        """Returns the current drag of a control point; None for none."""
 
     def manipulator(self) -> Manipulator | None:
-        """The arrows of the chosen control point."""
+        """Returns the gizmo of the selected control point."""
 
 
 def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
-    """Suggestions, where a click would put a control point, names, the manipulator's squares."""
+    """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
     found: list[Mark] = []
     if tool.held is None:
         found += _suggestions(tool, standing, lens)
@@ -98,13 +101,16 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
 
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
+    """Returns rings at the ends of limbs.
+
+    They are shown only before any key pose exists; later they would be in the way.
+    """
     if standing.character.poses or tool.puppets.posing:
         return []
     found: list[Mark] = []
     for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
-        # At the far side it is fainter.
+        # Rings on the far side are fainter.
         seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)
@@ -116,7 +122,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
 
 
 def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """A ring where a click would put a control point, and at its mirror image."""
+    """Returns a ring at the place where a click adds a control point, and one at its mirror image."""
     if tool.hovered_vertex is None:
         return []
     wanted = [tool.hovered_vertex]
@@ -131,7 +137,7 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
 
 
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
-    """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
+    """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
     found: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):
@@ -149,7 +155,7 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
 
 
 def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:
-    """Control points, arrows, the outline of another key pose, and faces that cross."""
+    """Returns the control points, gizmo arrows, outline of another key pose, and self-intersecting faces."""
     puppets, mesh = tool.puppets, standing.character.mesh
     warned, ghost = puppets.crossing.faces, puppets.stage.ghost
     near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))

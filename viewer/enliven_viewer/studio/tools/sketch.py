@@ -1,4 +1,4 @@
-"""Sketching: a closed stroke becomes a part with bones and weights."""
+"""The sketch tool: a closed stroke becomes a part with bones and weights."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
 _CLOSED = 22.0
-"""Pixels from its begin within which a stroke shows that it is closed."""
+"""Distance in pixels from its start within which a stroke counts as closed."""
 _FEWEST = 8
-"""Points of a stroke at least: fewer are a slip of the pointer, and outline nothing."""
+"""Minimum number of points of a stroke. Fewer are an accidental click and outline nothing."""
 
 
 class SketchTool(StrokeTool):
-    """A stroke around a part, in the plane of the picture that goes through what the camera looks at."""
+    """A tool that draws a stroke around a part.
+
+    The plane of the stroke goes through the camera's target, parallel to the image.
+    """
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
 
@@ -32,7 +35,7 @@ class SketchTool(StrokeTool):
         return "Draw the outline of a part: a limb, a body, a tentacle. It becomes a shape with bones."
 
     def release(self, pointer: Pointer) -> None:
-        """A closed stroke becomes a part."""
+        """Turns a closed stroke into a part."""
         stroke = self.taken()
         if not stroke:
             return
@@ -70,7 +73,10 @@ class SketchTool(StrokeTool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
-        """The plane parallel to the picture through the camera's target, and the stroke in it, metres."""
+        """Returns the plane through the camera's target parallel to the image, and the stroke in it.
+
+        The stroke is in metres.
+        """
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up

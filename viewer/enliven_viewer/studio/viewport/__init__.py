@@ -1,4 +1,4 @@
-"""Showing and picking in the viewport: lens, hits, overlays, colours, players and the selection."""
+"""Display and picking in the viewport: lens, hits, overlays, colours, playback length and the selection."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Small axes in a corner of a view: x red, y green, z blue, as the manipulator's arrows have them."""
+"""Small world axes in a corner of a view: x red, y green, z blue, like the arrows of the gizmo."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import AXES, Colour
 
 _LENGTH = 24.0
-"""Pixels."""
+"""Length of an axis in pixels."""
 
 
 def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
-    """The world's axes as a view sees them, from a place in its pixels; what points away is drawn first."""
+    """Returns the world axes as seen in a view, at a pixel. Axes that point away are drawn first."""
     seen = lens.view.camera_from_world[:3, :3]
     found: list[Line | Disc | Label] = []
     for axis in sorted(range(3), key=lambda k: seen[2, k]):

@@ -1,4 +1,4 @@
-"""The meshes of characters as the renderer takes them, in colours of their own."""
+"""The render meshes of characters, with default colours."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from enliven_viewer.theme import DEFAULT_COLOURS, Paint, theme_in_use
 
 
 def default_colour(character_id: str) -> Paint:
-    """The sRGB of a mesh without colours of its own, always the same for a name."""
+    """Returns the sRGB colour of a mesh without its own colours; always the same for a name."""
     colour: Paint = DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
     return colour
 
 
 class DrawnMeshes:
-    """The meshes of characters for the renderer, the same object while the surface at rest stays the same.
+    """The render meshes of characters. The same object is returned while the rest surface stays the same.
 
     Args:
-        draw: makes one; by default as the character's rig does.
+        draw: creates a render mesh; by default through the character's rig.
     """
 
     def __init__(self, draw: Callable[[RigBase], Character] | None = None) -> None:
@@ -31,7 +31,10 @@ class DrawnMeshes:
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:
-        """The mesh, in its default colour where it brings none; None where it has no surface."""
+        """Returns the render mesh, with a default colour if it has none of its own.
+
+        Returns None if there is no surface.
+        """
         if character.mesh is None or not len(character.mesh.faces):
             return None
         parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])

@@ -1,4 +1,4 @@
-"""What a tool draws over the viewport: lines, discs and words, in the viewport's pixels."""
+"""The marks that a tool draws over the viewport: lines, discs and labels, in the viewport's pixels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc, or with ``width`` above 0 the ring around it."""
+    """A disc, or a ring if ``width`` is above 0."""
 
     at: Point
     radius: float
@@ -39,7 +39,7 @@ class Fill:
 
 @dataclass(frozen=True)
 class Label:
-    """A line of text with its left middle at a place."""
+    """A line of text. `at` is the middle of its left side."""
 
     at: Point
     text: str
@@ -48,11 +48,11 @@ class Label:
 
 @dataclass(frozen=True)
 class Overlay:
-    """Everything that a tool shows.
+    """All marks of a tool.
 
     Attributes:
-        marks: lines, discs, areas and words, the first undermost.
-        chain: the character and the joints of bones that are lit, or None.
+        marks: lines, discs, areas and labels, bottom first.
+        chain: the character and the joints of highlighted bones, or None.
         hovered: the character and the handle under the pointer, or None.
     """
 

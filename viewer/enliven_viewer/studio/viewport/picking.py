@@ -1,6 +1,6 @@
-"""What is under the pointer: joints, places on bones, surfaces, and bones that a stroke crosses.
+"""Picking: joints, points on bones and surfaces under the pointer, and bones that a stroke crosses.
 
-Pixels are counted from the viewport's top left, x to the right and y down.
+Pixels count from the viewport's top left corner, x to the right and y down.
 """
 
 from __future__ import annotations
@@ -20,20 +20,23 @@ from enliven_viewer.studio.viewport.standing import StandingCharacter
 
 @dataclass(frozen=True)
 class Lens:
-    """A view and the size in pixels (width, height) that it is shown at."""
+    """A view with the size (width, height) in pixels at which it is shown."""
 
     view: CameraView
     size: tuple[float, float]
 
     def project(self, points: Float) -> tuple[Float, Float]:
-        """(N, 2) pixels and (N,) metres before the eye of (N, 3) points; not finite where behind it."""
+        """Returns pixels (N, 2) and depths (N,) in metres of points (N, 3).
+
+        Pixels of points behind the camera are not finite.
+        """
         clip = np.c_[points, np.ones(len(points))] @ self.view.clip_from_world.T
         depth = np.where(clip[:, 3] > NEAREST, clip[:, 3], np.nan)
         ndc = clip[:, :2] / depth[:, None]
         return np.asarray((ndc * [1.0, -1.0] + 1.0) / 2.0 * self.size), clip[:, 3]
 
     def ray(self, at: Point) -> Float:
-        """(3,) unit direction from the eye through a pixel."""
+        """Returns the (3,) unit direction from the camera through a pixel."""
         ndc = np.array([2 * at[0] / self.size[0] - 1, 1 - 2 * at[1] / self.size[1]])
         projection = self.view.clip_from_camera
         seen = np.array([ndc[0] / projection[0, 0], ndc[1] / projection[1, 1], -1.0])
@@ -41,29 +44,29 @@ class Lens:
         return np.asarray(way / np.linalg.norm(way))
 
     def on_plane(self, at: Point, through: Float) -> Float:
-        """(3,) where the ray of a pixel meets the plane through a point, parallel to the picture."""
+        """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
         forward, way = -self.view.camera_from_world[2, :3], self.ray(at)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
     def pixels_of(self, points: Float) -> list[Point]:
-        """The pixels of places (N, 3) that are before the eye."""
+        """Returns the pixels of those points (N, 3) that are in front of the camera."""
         if not len(points):
             return []
         return [(float(x), float(y)) for x, y in self.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
 
     def spans(self, points: Float) -> Float:
-        """(N,) metres that a pixel spans at each of some places (N, 3)."""
+        """Returns (N,) the size of a pixel in metres at each of the points (N, 3)."""
         depth = np.maximum((points - self.view.eye) @ self.forward, 0.05)
         return np.asarray(2 * depth / (self.view.clip_from_camera[1, 1] * self.size[1]), np.float64)
 
     @property
     def forward(self) -> Float:
-        """(3,) unit direction that the camera looks along."""
+        """Returns the (3,) unit viewing direction."""
         return np.asarray(-self.view.camera_from_world[2, :3])
 
     @property
     def up(self) -> Float:
-        """(3,) unit direction up in the picture."""
+        """Returns the (3,) unit vector that points up in the image."""
         return np.asarray(self.view.camera_from_world[1, :3])
 
 
@@ -72,12 +75,12 @@ class Hit:
     """Something under the pointer.
 
     Attributes:
-        character: its id.
-        handle: the joint or control point, or that at the end of a bone; -1 on the surface.
-        along: where on the bone, 0 at its begin and 1 at the handle.
-        pixels: how far the pointer is from it.
-        depth: metres before the eye.
-        face: of the mesh, on the surface; else -1.
+        character: id of the character.
+        handle: the joint or control point, or the joint at the end of a bone; -1 on the surface.
+        along: position on the bone, 0 at its start and 1 at the handle.
+        pixels: distance from the pointer in pixels.
+        depth: depth in front of the camera in metres.
+        face: face of the mesh, if on the surface; else -1.
     """
 
     character: str
@@ -89,7 +92,10 @@ class Hit:
 
 
 def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
-    """The handle nearest to a pixel within ``reach`` pixels; of two as near, the one before the other."""
+    """Returns the handle nearest to a pixel within ``reach`` pixels.
+
+    If two are equally near, the one in front wins.
+    """
     found = []
     for one in stage:
         pixels, depth = lens.project(one.handles)
@@ -100,7 +106,7 @@ def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: f
 
 
 def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
-    """The bone nearest to a pixel within ``reach`` pixels, and the place on it."""
+    """Returns the bone nearest to a pixel within ``reach`` pixels, with the position on it."""
     found = []
     for one in stage:
         pixels, depth = lens.project(one.handles)
@@ -114,7 +120,7 @@ def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: fl
 
 
 def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit | None:
-    """The surface that the ray of a pixel meets first, and the face that it meets."""
+    """Returns the first surface that a pixel's ray hits, and the face."""
     way, eye, found = lens.ray(at), lens.view.eye, list[Hit]()
     for one in stage:
         if one.character.mesh is not None:
@@ -125,7 +131,7 @@ def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit
 
 
 def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> list[Hit]:
-    """The bones that a stroke (P, 2) of pixels crosses, in its order, each once and where."""
+    """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
     found: list[Hit] = []
     for one in stage:
         pixels, depth = lens.project(one.handles)
@@ -141,7 +147,10 @@ def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> 
 
 
 def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:
-    """The share of the way from a to b nearest to p, all (2,), and how far that is; nan stays far."""
+    """Returns the parameter of the point on a-b nearest to p, all (2,), and its distance.
+
+    NaN counts as far away.
+    """
     way = b - a
     length = float(way @ way)
     if not np.isfinite(length):
@@ -151,12 +160,12 @@ def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:
 
 
 def _in_space(share: float, near: float, far: float) -> float:
-    """The share of the way in space that projects to ``share`` of the way in the picture."""
+    """Returns the 3D parameter along a segment for the 2D parameter ``share`` (perspective correction)."""
     return float(share * near / (share * near + (1.0 - share) * far))
 
 
 def _crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
-    """The share of the way from a to b where it crosses the way from c to d, all (2,); None where not."""
+    """Returns the parameter on a-b where it crosses c-d, all (2,); None if they do not cross."""
     first, second = b - a, d - c
     determinant = first[0] * second[1] - first[1] * second[0]
     if not np.isfinite(determinant) or abs(determinant) < 1e-12:

@@ -1,4 +1,4 @@
-"""The length of a project."""
+"""The duration of a project."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from enliven.document import Project, closing_time
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds that the project plays: until each layer and sound was played once, at least ``shortest``.
+    """Returns the duration in seconds: until each layer and sound has played once, at least ``shortest``.
 
-    With looping layers it is a little longer, where all of them then begin again together.
+    With looping layers it is slightly longer, so that all of them restart together.
     """
     layers = [layer for character in project.characters.values() for layer in character.playing]
     sounds = [one.end for one in project.sounds.values()]

@@ -1,6 +1,6 @@
-"""A mesh of a million vertices moved into the world, and picked by a ray, between two pictures.
+"""Fast transformation and ray picking of a mesh with a million vertices, within one frame.
 
-Compiled, in plain loops: a product with a 3x3 matrix by BLAS wakes threads that wait for one another.
+Compiled plain loops: a BLAS product with a 3x3 matrix would wake threads that wait for one another.
 """
 
 from __future__ import annotations
@@ -13,23 +13,26 @@ from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.kernels import njit
 
 NEAREST = 1e-3
-"""Metres before the eye: what is nearer, or behind it, cannot be picked."""
+"""Minimum distance in metres in front of the camera for picking."""
 
 
 def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
-    """The nearest face on a ray and how far it is, metres (Moeller and Trumbore 1997); -1 for none."""
+    """Returns the nearest face hit by a ray and its distance in metres (Moeller and Trumbore 1997).
+
+    Returns -1 for none.
+    """
     face, distance = _first_hit(vertices, faces, np.asarray(eye, np.float64), np.asarray(way, np.float64))
     return int(face), float(distance)
 
 
 def vertex_hit(vertices: Float, face: Int, place: Float) -> int:
-    """The vertex of a face (3,) nearest to a place (3,)."""
+    """Returns the vertex of a face (3,) nearest to a place (3,)."""
     return int(face[np.linalg.norm(vertices[face] - place, axis=1).argmin()])
 
 
 @njit(cache=True, nogil=True)
 def moved(points: Float, turn: Float, root: Float, out: AnyArray) -> None:
-    """``out`` (N, 3) = turn (3, 3) points (N, 3) + root (3,)."""
+    """Computes ``out`` (N, 3) = turn (3, 3) points (N, 3) + root (3,)."""
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
         for i in range(3):

@@ -1,4 +1,4 @@
-"""The selection of an artist: a character of any rig, and parts of it."""
+"""The artist's selection: a character of any rig, and parts of it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from enliven.document import Project
 
 @dataclass(frozen=True)
 class Selection:
-    """What the next command applies to.
+    """The selection, to which the next command applies.
 
     Attributes:
-        character: its id, or None.
-        handle: the number of a joint, control point or node of it, or None.
-        chain: joints of it from one end to the other; empty without a chain.
-        layer: the number of a layer of it, or None.
-        others: ids of the characters that are chosen with it, in the order in which they were.
+        character: id of the active character, or None.
+        handle: number of the selected joint, control point or node, or None.
+        chain: selected joints from one end to the other; empty without a chain.
+        layer: number of the selected layer, or None.
+        others: ids of the other selected characters, in the order of selection.
     """
 
     character: str | None = None
@@ -27,34 +27,37 @@ class Selection:
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """The ids of all chosen characters; the one that was chosen last comes last."""
+        """Returns the ids of all selected characters; the one selected last comes last."""
         return (*self.others, self.character) if self.character is not None else ()
 
     @property
     def several(self) -> bool:
-        """Whether more than one character is chosen."""
+        """Returns True if more than one character is selected."""
         return bool(self.others)
 
     @classmethod
     def of(cls, *characters: str) -> Selection:
-        """These characters, the last one leading."""
+        """Returns a selection of these characters; the last one is the active one."""
         ids = tuple(dict.fromkeys(characters))
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
 
     def led_by(self, character: str) -> Selection:
-        """All that is chosen, another of them leading; that one alone where it was not chosen."""
+        """Returns the selection with another character as the active one.
+
+        If it was not selected, selects it alone.
+        """
         if character == self.character:
             return self
         rest = tuple(one for one in self.characters if one != character)
         return Selection.of(*rest, character) if character in self.others else Selection(character)
 
     def changed(self, **changes: object) -> Selection:
-        """The selection with parts changed; another character forgets those of the one before."""
+        """Returns the selection with parts changed. Another character clears handle, chain and layer."""
         fresh = changes.get("character", self.character) != self.character
         return replace(Selection() if fresh else self, **changes)  # type: ignore[arg-type]
 
     def within(self, project: Project) -> Selection:
-        """The selection without what a project no longer has."""
+        """Returns the selection without objects that a project no longer contains."""
         character = project.characters.get(self.character or "")
         others = tuple(one for one in self.others if one in project.characters)
         if character is None:

@@ -10,17 +10,17 @@ import numpy as np
 from enliven.arrays import Float
 
 _STILL = 1e-9
-"""Metres: an axis along which nothing is moved keeps its place."""
+"""Movement in metres below which a coordinate counts as unmoved and keeps its value."""
 
 
 @dataclass
 class Snapping:
-    """Whether what is dragged snaps, and to what.
+    """The snapping settings of drags.
 
     Attributes:
-        on: the switch; a held key turns it the other way.
-        grid: metres between two places.
-        angle: degrees between two turns.
+        on: whether snapping is on; a held modifier key inverts it.
+        grid: grid spacing in metres.
+        angle: angle step in degrees.
     """
 
     on: bool = False
@@ -28,18 +28,19 @@ class Snapping:
     angle: float = 15.0
 
     def acts(self, held: bool) -> bool:
-        """Whether it snaps now; ``held``: whether its key is down."""
+        """Returns True if snapping is active. ``held`` says if the modifier key is down."""
         return self.on != held
 
     def way(self, start: Float, way: Float) -> Float:
-        """(3,) metres near ``way`` that lead from (3,) ``start`` to a place of the grid.
+        """Returns (3,) metres near ``way`` that lead from ``start`` (3,) to a grid point.
 
-        The floor is a height of the grid: where ``start`` is the lowest point of what is moved, it stands.
+        The floor lies on the grid. So if ``start`` is the lowest point of the object, it can snap to stand on
+        the floor.
         """
         end = np.round((start + way) / self.grid) * self.grid
         return np.where(np.abs(way) > _STILL, end - start, way)
 
     def turn(self, radians: float) -> float:
-        """Radians of the nearest step of the angle."""
+        """Returns the angle in radians, rounded to the nearest step."""
         step = math.radians(self.angle)
         return round(radians / step) * step

@@ -1,4 +1,4 @@
-"""A character on the stage at one moment, of any rig: its transforms, its surface, and its handles."""
+"""A character of any rig on the stage at one time: its transforms, its surface, and its handles."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from enliven.rotation import rotate
 
 @dataclass(frozen=True, eq=False)
 class StandingCharacter:
-    """A character at one moment.
+    """A character at one time.
 
     Attributes:
-        character: as it is shown; an older value while its newest motion is being solved.
-        drawn: its mesh for the renderer, or None where it has no surface.
+        character: the character as shown; an older version while its newest motion is being solved.
+        drawn: its render mesh, or None if it has no surface.
         pose: its transforms.
-        handles: (H, 3) metres in the world, where its handles are: joints or control points.
+        handles: (H, 3) metres in the world, the positions of its joints or control points.
     """
 
     character: RigBase
@@ -30,50 +30,56 @@ class StandingCharacter:
     handles: Float
 
     own_tool = False
-    """Whether a tool of its own shows and takes its handles; then the others do not."""
+    """Whether a special tool shows and edits its handles. Other tools then ignore them."""
 
     @property
     def id(self) -> str:
-        """The character's."""
+        """Returns the id of the character."""
         return self.character.id
 
     @property
     def solved(self) -> Float32 | None:
-        """(V, 3) float32 metres in the world, where a solver put its vertices; None: the transforms do."""
+        """Returns (V, 3) float32 metres in the world if a solver has computed the vertices.
+
+        Returns None if the transforms do.
+        """
         return None
 
     @cached_property
     def vertices(self) -> Float:
-        """(V, 3) metres in the world; none without a surface."""
+        """Returns (V, 3) metres in the world; empty without a surface."""
         return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
 
     @property
     def extent(self) -> Float | Float32:
-        """(N, 3) metres, points that reach about as far as it does, the cheapest to have."""
+        """Returns (N, 3) metres: the cheapest available points with about the character's extent."""
         return (
             self.solved if self.solved is not None else self.handles if len(self.handles) else self.vertices
         )
 
     @cached_property
     def bones(self) -> tuple[tuple[int, int], ...]:
-        """The handles at both ends of each bone, the one that hangs on the other last; none without bones."""
+        """Returns the handles at both ends of each bone, the parent first; empty without bones."""
         found = () if self.own_tool else enumerate(self.character.parents)
         return tuple((int(parent), handle) for handle, parent in found if parent >= 0)
 
     @property
     def nodes(self) -> Float | Float32:
-        """(N, 3) metres in the world of the nodes that can have keys; none where its handles have them."""
+        """Returns (N, 3) metres in the world: the nodes that can have keys.
+
+        Returns an empty array if the handles have the keys.
+        """
         count = 0 if len(self.handles) else self.character.keyable
         return self.pose.positions[:count]
 
     def on_bone(self, handle: int, along: float) -> Float:
-        """(3,) metres, a place on the bone that ends at a handle: 0 at its begin, 1 at the handle."""
+        """Returns (3,) metres, a point on the bone that ends at a handle: 0 at its start, 1 at the handle."""
         start = self.handles[max(int(self.character.parents[handle]), 0)]
         return np.asarray(start + along * (self.handles[handle] - start))
 
 
 def joints_of(skeleton: Skeleton, turns: Float, root: Float) -> Float:
-    """(N, 3) metres of the joints for world turns (N, 4) and the root's place (3,)."""
+    """Returns (N, 3) metres: the joint positions for world rotations (N, 4) and the root position (3,)."""
     joints = np.empty_like(skeleton.positions)
     joints[0] = root
     arms = rotate(turns, skeleton.vectors)

@@ -1,4 +1,4 @@
-"""The workspace: commands, files, input and the project store that the window brings together."""
+"""The workspace: commands, files, input and the project store. The window combines them."""
 
 import lazy_loader
 

@@ -1,4 +1,7 @@
-"""The actions of the studio's own menus; menus, keys, buttons, palette and help are made from them."""
+"""The actions of the studio's own menus.
+
+Menus, shortcuts, buttons, command palette and help are built from them.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +30,19 @@ _ALONE = (
     "paint.clear",
     "view.best",
 )
-"""Actions on one shape; where several are chosen they say so."""
+"""Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
+why.
+"""
 _SHIFT = 0.1
-"""Seconds by which a key shifts motion in time: seen at once, and fine enough for a chain of copies."""
+"""Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
 Ask = Callable[[str], None]
-"""Opens a dialogue of the window by its name, or does at once what needs none."""
+"""Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
 
 
 def studio_actions(
     commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
 ) -> Iterator[Action]:
-    """Every action of the studio's own menus, in their order."""
+    """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
     for action in _every(commands, user_input, ask, preferences):
         yield alone(action, editor) if action.id in _ALONE else action

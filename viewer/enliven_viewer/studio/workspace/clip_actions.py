@@ -9,7 +9,10 @@ from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 
 
 def clip_actions(c: ClipCommands) -> Iterator[Action]:
-    """What is done to the clips under the playhead: of the chosen lane, or of all where none is chosen."""
+    """Yields the actions on the clips under the playhead.
+
+    They apply to the selected lane, or to all lanes if none is selected.
+    """
     deeds = (
         ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
         ("blend", "Blend with the next", ("shift+b",), "The clip goes over into the next one."),

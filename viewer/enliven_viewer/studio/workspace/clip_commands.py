@@ -21,9 +21,11 @@ from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import Lane, TimelineLayout
 
 _BLEND = 0.4
-"""Seconds of a blend that is made by key: about a step."""
+"""Duration, in seconds, of a blend made with the shortcut: about one step."""
 _PAST = 1e-6
-"""Seconds: the marker under the playhead is neither the next nor the one before."""
+"""Tolerance in seconds. A marker this close to the playhead counts neither as the next nor as the previous
+one.
+"""
 
 
 def _split(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
@@ -43,7 +45,7 @@ def _mirror(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 
 def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
-    """The last clip of a lane goes with its layers."""
+    """Removes a clip. Removing the last clip of a lane also removes the lane's layers."""
     if len(clips_of(project, name, numbers[0])) > 1:
         return remove_clip(project, name, numbers, clip)
     for number in sorted(numbers, reverse=True):
@@ -58,21 +60,23 @@ _DEEDS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float
     "mirror": (later("mirror motion"), _mirror),
     "remove": (later("remove clip"), _remove),
 }
-"""What can be done to the clips under the playhead: the edit's name, and the edit of one clip at a time."""
+"""The edits on clips under the playhead, by name: the title in the history, and the function that edits one
+clip.
+"""
 
 
 class ClipCommands:
-    """Commands on the clips under the playhead: of the chosen lane, or of all where none is chosen."""
+    """Commands on the clips under the playhead, in the selected lane or in all lanes if none is selected."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def do(self, deed: str) -> None:
-        """Split, blend, reverse, mirror or remove the clips under the playhead."""
+        """Splits, blends, reverses, mirrors or removes the clips under the playhead."""
         self.editor.edit(_DEEDS[deed][0], self._edit(deed))
 
     def lacks(self, deed: str) -> str:
-        """Why that cannot be done now, and what to do about it; empty where it can."""
+        """Returns why that edit is unavailable, with advice; empty if it is available."""
         if not self._lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:
@@ -82,7 +86,7 @@ class ClipCommands:
         return ""
 
     def _edit(self, deed: str) -> Edit:
-        """The edit of every clip that is meant."""
+        """Returns the edit of all affected clips."""
         time, change = self.editor.time, _DEEDS[deed][1]
         found = [
             (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
@@ -90,7 +94,7 @@ class ClipCommands:
         ]
 
         def every(project: Project) -> Project:
-            # A lane that goes takes its numbers with it: the last first.
+            # Removing a lane shifts the numbers of the lanes after it, so start with the last lane.
             for lane, clip in reversed(found):
                 project = change(project, lane.character.id, lane.layers, clip, time)
             return project
@@ -98,12 +102,12 @@ class ClipCommands:
         return every
 
     def mark(self) -> None:
-        """Put a marker at the playhead."""
+        """Puts a marker at the playhead."""
         time = self.editor.time
         self.editor.edit("add marker", lambda project: add_marker(project, time)[0])
 
     def jump(self, way: int) -> None:
-        """Go to the next marker, or with a way of -1 to the one before."""
+        """Moves the playhead to the next marker, or to the previous one if `way` is -1."""
         times = sorted(
             {0.0, self.editor.length, *(one.seconds for one in self.editor.project.markers.values())}
         )
@@ -112,7 +116,7 @@ class ClipCommands:
             self.editor.scrub(min(ahead) if way > 0 else max(ahead))
 
     def _lanes(self) -> list[Lane]:
-        """The chosen lane, or else all that are heard, where a clip is under the playhead."""
+        """Returns the selected lane, or else all audible lanes, if they have a clip under the playhead."""
         editor, chosen = self.editor, self.editor.selection
         lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
         mine = [one for one in lanes if one.character.id == chosen.character and chosen.layer in one.layers]

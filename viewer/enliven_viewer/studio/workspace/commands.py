@@ -1,4 +1,7 @@
-"""What actions do, a method each, and what each of them lacks."""
+"""The commands behind the studio's actions.
+
+Some methods run actions; others return why a command is unavailable.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
 
 class Commands:
-    """What actions do to an editor's project, its clipboard, and what each of them lacks."""
+    """The commands of the studio's actions on an editor's project, with the clipboard."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -46,27 +49,27 @@ class Commands:
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
     def play(self) -> None:
-        """Start or stop playing."""
+        """Starts or stops playback."""
         self.editor.playing = not self.editor.playing
 
     def unmark(self) -> None:
-        """Take the in and out points away."""
+        """Removes the in and out points."""
         self.editor.marked = None
 
     def lacks_marked(self) -> str:
-        """Why no points can be taken away, and what to do about it."""
+        """Returns why the in and out points cannot be removed, with advice."""
         return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
 
     def step(self, count: int) -> None:
-        """Move the playhead by some frames."""
+        """Moves the playhead by `count` frames."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
-        """Show or hide the bones."""
+        """Shows or hides the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Remove the chosen joint, or else what is chosen."""
+        """Removes the selected joint, or else the selected characters."""
         names, joint = self._names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
@@ -74,7 +77,7 @@ class Commands:
             self._take_away(later("delete {0}"))
 
     def copy(self) -> None:
-        """Remember what is chosen, with its motion."""
+        """Copies the selection, with its motion, to the clipboard."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
@@ -82,54 +85,54 @@ class Commands:
             )
 
     def cut_out(self) -> None:
-        """Remember what is chosen and take it away."""
+        """Copies the selection to the clipboard and deletes it from the project."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), -1
             self._take_away(later("cut out {0}"))
 
     def paste(self) -> None:
-        """Paste a copy of what is remembered beside the others."""
+        """Pastes the clipboard next to the existing characters."""
         if self._copied is not None:
             self._pasted += 1
             self._copy(later("paste {0}"), *self._copied, self._pasted)
 
     def duplicate(self) -> None:
-        """Put a copy of what is chosen beside it; the clipboard stays."""
+        """Duplicates the selection next to itself. The clipboard stays unchanged."""
         if self._names:
             self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
 
     def mirror(self) -> None:
-        """Mirror what is chosen left to right, as it is seen."""
+        """Mirrors the selection left to right, as seen from the camera."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
         self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
 
     def scale(self, factor: float) -> None:
-        """Make what is chosen larger or smaller where it stands."""
+        """Scales the selection in place."""
         self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
 
     def turn(self, degrees: float) -> None:
-        """Turn what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
+        """Rotates the selection in place, in the image plane. Positive degrees turn counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
         self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
-        """Let what is chosen do everything later, or earlier below 0."""
+        """Shifts all motion of the selection in time: later if `seconds` is positive, earlier if negative."""
         self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
 
     def mute(self) -> None:
-        """Let no motion of what is chosen play, or all of it where none does."""
+        """Mutes all motion of the selection, or unmutes it if all of it is muted."""
         on = not self.muted()
         word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
     def muted(self) -> bool:
-        """Whether what is chosen has motion, and none of it plays."""
+        """Returns True if the selection has motion and all of it is muted."""
         layers = [layer for one in self.editor.chosen_all for layer in one.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
-        """Do an edit that adds a character, and choose that."""
+        """Runs an edit that adds a character, and selects that character."""
         made: list[str] = []
 
         def alone(project: Project) -> Project:
@@ -143,7 +146,7 @@ class Commands:
         return True
 
     def spread(self) -> None:
-        """Give the motion of the chosen limb to the limbs that are equal to it."""
+        """Copies the motion of the selected limb to all limbs that are equal to it."""
         limb = self._limb()
         if limb is None:
             return
@@ -158,7 +161,7 @@ class Commands:
             )
 
     def pin(self) -> None:
-        """Keep the chosen foot where it stands while it touches the floor, or let it go."""
+        """Pins the selected foot, so that it does not slide while it touches the floor; or unpins it."""
         shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
@@ -169,7 +172,7 @@ class Commands:
             self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
 
     def best_view(self) -> None:
-        """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
+        """Turns the camera to the direction that shows most of the selected shape's bones."""
         shape = self.editor.chosen(Shape)
         if shape is None:
             return
@@ -177,13 +180,13 @@ class Commands:
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         way = best_view(bones, matching_view(self.editor.lens)).direction
-        # From behind as much is seen, and never from below the floor.
+        # The view from behind shows the same amount. Never look from below the floor.
         way = -way if way[1] > 0 else way
         azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
         self.editor.camera.face(float(azimuth), float(elevation))
 
     def clear_motion(self) -> None:
-        """Take all motion off the chosen chain, or off the whole chosen shape."""
+        """Removes all motion from the selected chain, or from the whole selected shape."""
         shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
         if shape is None:
             return
@@ -199,7 +202,7 @@ class Commands:
         self.editor.edit("clear motion", change)
 
     def _change(self, word: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
-        """One edit of all that is chosen."""
+        """Applies one edit to the whole selection."""
         names = self._names
         if names:
             self.editor.edit(later(word, self._told()), lambda project: change(project, names))
@@ -213,7 +216,7 @@ class Commands:
         self._change(word, change)
 
     def _copy(self, word: str, source: Project, names: tuple[str, ...], times: int) -> None:
-        """One edit that puts copies beside what they are copies of, and chooses them."""
+        """Pastes copies next to their originals as one edit, and selects the copies."""
         offset, made = self._aside(source, names) * times, list[str]()
         told = self._told(names)
 
@@ -226,37 +229,37 @@ class Commands:
             self.editor.choose_all(*made)
 
     def lacks_character(self) -> str:
-        """What a command on a character lacks."""
+        """Returns why a command on a character is unavailable; empty if it is available."""
         return "" if self._names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
-        """What a command on the motion of what is chosen lacks."""
+        """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
         moves = any(one.playing for one in self.editor.chosen_all)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
-        """What a command on a shape with bones lacks."""
+        """Returns why a command on a shape with bones is unavailable; empty if it is available."""
         return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
-        """What pasting a character lacks."""
+        """Returns why pasting a character is unavailable; empty if it is available."""
         return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
 
     def lacks_limb(self) -> str:
-        """What a command on a limb lacks."""
+        """Returns why a command on a limb is unavailable; empty if it is available."""
         return "" if self._limb() else "No limb is chosen. Click a node of the limb that moves."
 
     def lacks_foot(self) -> str:
-        """What pinning a foot lacks."""
+        """Returns why pinning a foot is unavailable; empty if it is available."""
         chosen = self.editor.chosen(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
-        """What undo lacks."""
+        """Returns why undo is unavailable; empty if it is available."""
         return "" if self.editor.history.undo_name else "Nothing is left to be undone."
 
     def lacks_redo(self) -> str:
-        """What redo lacks."""
+        """Returns why redo is unavailable; empty if it is available."""
         return "" if self.editor.history.redo_name else "Nothing is left to be done again."
 
     @property
@@ -264,12 +267,12 @@ class Commands:
         return tuple(one.id for one in self.editor.chosen_all)
 
     def _told(self, names: tuple[str, ...] | None = None) -> str:
-        """The name of what is chosen, or how many shapes it is."""
+        """Returns the name of the only selected shape, or the number of shapes."""
         names = self._names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
-        """The chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""
+        """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
         chosen, shape = self.editor.selection, self.editor.chosen(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
@@ -278,5 +281,5 @@ class Commands:
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
     def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
-        """(3,) metres, an offset to the right of the view by about the width of some characters."""
+        """Returns (3,) metres: an offset to the right of the view, by about the characters' width."""
         return aside(self.editor, [source.characters[name] for name in names])

@@ -1,4 +1,4 @@
-"""Depth that is opened in the studio: ``enliven track`` finds the people in it, beside the window."""
+"""Person tracking for depth recordings opened in the studio, with ``enliven track`` in the background."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 _LINES = 20
-"""Lines of what the tracker said that are kept: the last says what went wrong."""
+"""Number of the tracker's last output lines that are kept. After a failure the last line contains the
+reason.
+"""
 
 
 def lacks_tracking(path: Path) -> bool:
-    """Whether a file is a recording of depth without the bodies of the people in it.
+    """Returns True if a file is a depth recording without tracked bodies.
 
     Raises:
-        InputError: where it cannot be read as a recording.
+        InputError: if the file cannot be read as a recording.
     """
     if path.suffix.lower() != ".mcap":
         return False
@@ -34,11 +36,11 @@ def lacks_tracking(path: Path) -> bool:
 
 
 class DepthTracking:
-    """A run of the tracker in a process of its own; what it finds becomes takes of the project.
+    """A run of the tracker in a separate process. Its results become takes of the project.
 
     Attributes:
-        name: of the file, or empty while nothing is tracked.
-        share: of the file that is done, from 0 to 1.
+        name: name of the file, or empty while nothing is being tracked.
+        share: finished fraction of the file, from 0 to 1.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -51,14 +53,14 @@ class DepthTracking:
 
     @property
     def busy(self) -> bool:
-        """Whether something is tracked."""
+        """Returns True if the tracker is running."""
         return self._child is not None
 
     def begin(self, path: Path) -> None:
-        """Track a recording; the window goes on meanwhile.
+        """Starts tracking a recording in the background.
 
         Raises:
-            InputError: while another one is tracked.
+            InputError: if another recording is still being tracked.
         """
         if self.busy:
             mend = tr("Wait until it is done, or stop it.")
@@ -75,13 +77,13 @@ class DepthTracking:
         self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
 
     def poll(self) -> None:
-        """Take what was found, or tell what went wrong; to be called once a picture."""
+        """Adds the tracked people once the tracker has ended, or shows its error. Call once per frame."""
         if self._child is None or self._child.poll() is None:
             return
         self.finish()
 
     def finish(self) -> None:
-        """Wait for it, and take what was found."""
+        """Waits until the tracker ends, and adds the tracked people to the project."""
         child, folder, name = self._child, self._folder, self.name
         if child is None or folder is None or self._reader is None:
             return
@@ -103,7 +105,7 @@ class DepthTracking:
                 self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
 
     def cancel(self) -> None:
-        """Stop it; nothing is added."""
+        """Stops the tracker; nothing is added to the project."""
         child, folder = self._child, self._folder
         if child is None or folder is None:
             return
@@ -114,7 +116,7 @@ class DepthTracking:
         folder.cleanup()
 
     def _read(self, child: subprocess.Popen[str]) -> None:
-        """Follow what the tracker says, in a thread of its own."""
+        """Reads the tracker's output in a separate thread."""
         assert child.stdout is not None
         for line in child.stdout:
             done, slash, total = line.strip().partition(" of ")

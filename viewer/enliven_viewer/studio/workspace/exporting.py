@@ -1,4 +1,4 @@
-"""What an export or a film holds: characters, seconds, frame rate, size, look, and options of its format."""
+"""Settings of an export or film: characters, time range, frame rate, size, look, and format options."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.workspace.files import exportable
 
 RATES = (12, 15, 24, 25, 30, 48, 50, 60)
-"""Frames a second that are offered."""
+"""Frame rates, in frames per second, that the dialogue offers."""
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
-"""Sizes of films that are offered: screens, a square and an upright telephone."""
+"""Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
 _SAMPLED = 0.3
-"""Share of the work of a film that is done once its characters are sampled."""
+"""Fraction of a film's progress that is reached once its characters have been sampled."""
 
 
 @dataclass
 class ExportOptions:
-    """What an artist chose for an export or a film.
+    """The options that an artist has chosen for an export or a film.
 
     Attributes:
-        left_out: characters that are not written.
-        first, last: seconds of the project; a last of 0 is its end.
-        rate: frames a second.
-        size: of a film.
-        look: of a film; empty for the stage's own.
-        morphs: whether puppets become morph targets of a .glb, and not bones.
-        unit: of a .bvh, "m" or "cm".
+        left_out: ids of the characters that are not exported.
+        first, last: time range in seconds of the project. 0 for `last` means the end of the motion.
+        rate: frames per second.
+        size: image size of a film.
+        look: look of a film; empty for the look of the stage.
+        morphs: if True, puppets are written to a .glb as morph targets instead of bones.
+        unit: unit of length in a .bvh, "m" or "cm".
     """
 
     left_out: set[str] = field(default_factory=set)
@@ -48,7 +48,7 @@ class ExportOptions:
     unit: str = "m"
 
     def chosen(self, characters: Sequence[RigBase]) -> list[RigBase]:
-        """Returns the characters that are written.
+        """Returns the characters that are exported.
 
         Raises:
             InputError: if all are left out.
@@ -59,10 +59,10 @@ class ExportOptions:
         return found
 
     def checked_range(self, length: float) -> tuple[float, float | None]:
-        """Returns the first and the last second, or None for the end of what moves.
+        """Returns the first and the last second. None as the last second means the end of the motion.
 
         Raises:
-            InputError: if nothing lies between them.
+            InputError: if the range contains no frame.
         """
         if self.first <= 0.0 and (self.last <= 0.0 or self.last >= length):
             return 0.0, None
@@ -81,15 +81,15 @@ def write_export(
     length: float,
     progress: WorkProgress,
 ) -> str:
-    """Writes characters into a file, which replaces an older one only when it is complete.
+    """Writes characters to a file. An existing file is replaced only after the new one is complete.
 
     Returns:
-        What was written, with how far baked puppets are from what is seen, as a sentence.
+        A sentence that says what was written, including the error of baked puppets.
 
     Raises:
-        Cancelled: if the artist has cancelled it; an older file is unchanged.
-        InputError: for options that make no sense.
-        ResourceError: where the file cannot be written.
+        Cancelled: if the artist has cancelled; an existing file is unchanged.
+        InputError: if the options are invalid.
+        ResourceError: if the file cannot be written.
     """
     chosen, (first, last) = options.chosen(characters), options.checked_range(length)
     more = format_options(path, options, chosen)
@@ -114,21 +114,21 @@ def write_export(
 
 
 def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None) -> str:
-    """Writes all that characters play, in the usual way; by default of all that are exportable.
+    """Exports the motion of characters with default options; by default of all exportable characters.
 
     Returns:
-        What was written, as a sentence.
+        A sentence that says what was written.
 
     Raises:
-        InputError: where there is none.
-        ResourceError: where the file cannot be written.
+        InputError: if there is no exportable character.
+        ResourceError: if the file cannot be written.
     """
     characters = chosen or exportable(project)
     return write_export(project, path, characters, ExportOptions(), 0.0, WorkProgress())
 
 
 def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]) -> dict[str, Any]:
-    """Returns what the exporter of a file takes, of the options that were chosen."""
+    """Returns the selected options as arguments of the exporter for this file type."""
     ending = path.suffix.lower()
     if ending == ".mp4":
         return {"size": options.size, "rate": float(options.rate), "look": options.look}
@@ -139,5 +139,5 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
 
 
 def _later(progress: WorkProgress, done: float) -> Callable[[float], None]:
-    """Returns a callback that maps progress 0..1 to the rest of the work after ``done``."""
+    """Returns a callback that maps progress 0..1 to the range from ``done`` to 1."""
     return lambda share: progress.report(done + (1.0 - done) * share)

@@ -1,4 +1,4 @@
-"""A file browser without a window: a folder, what of it can be chosen, and a name."""
+"""The model of a file browser, independent of the window: a folder, its selectable entries, and a name."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from enliven.errors import InputError, ResourceError
 from enliven_viewer.language import later, tr
 
 Order = Literal["name", "newest", "largest"]
-"""How the files of a folder are sorted."""
+"""Sort orders of the files in a folder."""
 ORDERS: dict[Order, str] = {
     "name": later("by name"),
     "newest": later("newest first"),
     "largest": later("largest first"),
 }
-"""Every order, with its words in the dialogue."""
+"""Every sort order, with its label in the dialogue."""
 _FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
-"""Folders in the user's own that desktops make; those that are there are offered."""
+"""Folders that desktops create in the home folder. Those that exist are offered."""
 _MEDIA = ("/media", "/run/media", "/Volumes", "/mnt")
-"""Where systems show sticks and cards."""
+"""Folders in which operating systems mount USB sticks and memory cards."""
 _MOST_PLACES = 14
-"""Most places that are offered: more do not fit next to the list."""
+"""Maximum number of offered places: more do not fit next to the file list."""
 
 
 def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
-    """Returns the folders that a dialogue offers, each with its name; recent folders come last.
+    """Returns the folders that a dialogue offers as shortcuts, each with its name. Recent folders come last.
 
     Args:
-        recent: paths of files that were opened or saved last, the newest first.
+        recent: paths of the files opened or saved most recently, newest first.
         working: the folder in which the program was started.
     """
     home = Path.home()
@@ -50,7 +50,7 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
 
 
 def _sticks() -> list[tuple[str, Path]]:
-    """Returns what is plugged in, by its name."""
+    """Returns the mounted removable drives, with their names."""
     found = []
     for root in map(Path, _MEDIA):
         for folder in _entries(root):
@@ -79,16 +79,16 @@ class FileBrowser:
     """The state of an open or save dialogue.
 
     Attributes:
-        folder: that is listed.
-        endings: of files that can be chosen, with the dot; the first is added to a name without one.
-        name: what is typed or clicked.
-        saving: a name that is not there is allowed.
-        own: a file that may be replaced without asking: the project's own.
+        folder: the listed folder.
+        endings: selectable file extensions, with the dot. The first is appended to a name without extension.
+        name: the typed or clicked file name.
+        saving: if True, the file need not exist.
+        own: the project's own file, which may be replaced without a confirmation.
         problem: why the folder cannot be listed, or empty.
-        said: what is wrong with what was chosen, or empty.
-        again: a name is to be typed, or Enter to be pressed, once more.
-        order: how files are sorted.
-        new: the name of a folder that is to be made, while it is typed; None otherwise.
+        said: why the chosen name is refused, or empty.
+        again: True if the dialogue waits for another name, or for Enter as a confirmation.
+        order: sort order of the files.
+        new: name of the new folder while it is being typed; None otherwise.
     """
 
     folder: Path
@@ -104,22 +104,22 @@ class FileBrowser:
     _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:
-        """Folders in the folder, without hidden ones."""
+        """Returns the folders in the current folder, without hidden ones."""
         return [path for path in self._listed() if path.is_dir()]
 
     def files(self) -> list[Path]:
-        """Files that can be chosen, in the order that was chosen."""
+        """Returns the selectable files, in the chosen sort order."""
         found = [path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings]
         if self.order == "newest":
             return sorted(found, key=lambda path: -_status(path)[1])
         return sorted(found, key=lambda path: -_status(path)[0]) if self.order == "largest" else found
 
     def make_folder(self) -> None:
-        """Make the folder that was named, and list it.
+        """Creates the named folder, and lists it.
 
         Raises:
-            InputError: for a name that no folder can have, or that is there already.
-            ResourceError: where it cannot be made.
+            InputError: if the name is not valid for a folder, or already exists.
+            ResourceError: if the folder cannot be created.
         """
         name = (self.new or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
@@ -140,21 +140,23 @@ class FileBrowser:
         self.enter(made)
 
     def enter(self, folder: Path) -> None:
-        """List another folder."""
+        """Changes to another folder."""
         self.folder, self.name = folder.resolve(), "" if not self.saving else self.name
 
     def chosen(self) -> Path:
-        """The path that is chosen.
+        """Returns the chosen path.
 
         Raises:
-            InputError: where nothing is, or it is not there; once, where a file would be replaced.
+            InputError: if no name is given or the file does not exist; also the first time that an existing
+                file would be replaced.
         """
         name = self.name.strip()
         if not name:
             raise InputError(tr("no file is chosen"), where="file", mend=tr("Click one, or type a name."))
         try:
             return self._path_of(name)
-        except (OSError, RuntimeError, ValueError):  # too long, or of a user who is not known
+        # the name is too long, or begins with the home folder of an unknown user
+        except (OSError, RuntimeError, ValueError):
             raise InputError(
                 tr("no file can have that name"), where="file", mend=tr("Give a shorter name.")
             ) from None
@@ -178,7 +180,7 @@ class FileBrowser:
         return path
 
     def _listed(self) -> list[Path]:
-        """The entries of the folder, by name; none where it cannot be read."""
+        """Returns the entries of the folder, sorted by name; none if the folder cannot be read."""
         self.problem = ""
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
@@ -189,7 +191,7 @@ class FileBrowser:
 
 
 def _status(path: Path) -> tuple[int, float]:
-    """Returns bytes and the time of the last change; zeros for a file that has been removed."""
+    """Returns the size in bytes and the time of the last change; zeros for a file that has been removed."""
     try:
         status = os.stat(path)
     except OSError:

@@ -34,28 +34,30 @@ SESSIONS = (".toml",)
 FILM = ".mp4"
 EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
 SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
-"""What ships with enliven, by the names of its samples."""
+"""Samples that ship with enliven, by id, with their labels."""
 _LONGEST = 130
-"""Letters of a file's note that are shown."""
+"""Maximum number of characters shown of a file's note."""
 _BESIDE = 0.3
-"""Metres between a model that is opened and what is there."""
+"""Distance in metres between an opened model and the existing characters."""
 
 
 def add_file(editor: Editor, path: Path) -> None:
-    """Add a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
+    """Adds a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
 
     Raises:
-        InputError: where the file cannot be read, or is of no known kind.
+        InputError: if the file cannot be read, or its type is not supported.
     """
     add, value = read_to_add(path)
     add(editor, path, value)
 
 
 def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
-    """Returns what adds a file to the project, and what was read of it; reading may be done in a thread.
+    """Reads a file.
+
+    Returns the function that adds it to the project, and the content. Reading may run in a thread.
 
     Raises:
-        InputError: where the file cannot be read, or is of no known kind.
+        InputError: if the file cannot be read, or its type is not supported.
     """
     ending = path.suffix.lower()
     for endings, read, add in _KINDS:
@@ -67,14 +69,14 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
 
 
 def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
-    """A sound that is performed along; it begins at the playhead, and takes the place of another one."""
+    """Adds a sound to perform along with. It begins at the playhead and replaces an existing sound."""
     sound = replace(read, begin=editor.time)
     if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
         editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
 
 
 def add_sample(editor: Editor, name: str) -> None:
-    """Add a sample that ships with enliven: one that plays, one to step into, one to act by examples."""
+    """Adds a sample of enliven: one that plays, one to possess, or one to animate by examples."""
     if name == "cactus":
         _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
@@ -85,10 +87,10 @@ def add_sample(editor: Editor, name: str) -> None:
 
 
 def exportable(project: Project) -> list[RigBase]:
-    """The characters that have a surface and lack nothing to move.
+    """Returns the characters that have a surface and everything that they need to move.
 
     Raises:
-        InputError: where there is none, with what the first one lacks.
+        InputError: if there is none; the message contains what the first character lacks.
     """
     solid = [one for one in project.characters.values() if one.mesh is not None]
     lacking = [rig_of(one).lacking(project, one) for one in solid]
@@ -100,18 +102,18 @@ def exportable(project: Project) -> list[RigBase]:
 
 
 def save_session(project: Project, puppet_id: str, path: Path) -> None:
-    """Write a puppet with its examples as a session, with a project file beside it for mesh and takes.
+    """Writes a puppet with its examples as a session, and a project file with its mesh and takes next to it.
 
     Raises:
-        InputError: where there is no such puppet.
-        ResourceError: where the file cannot be written.
+        InputError: if the puppet does not exist.
+        ResourceError: if the file cannot be written.
     """
     write_session(path, project, puppet_id)
 
 
 def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
-        # A puppet has no bones, so that the note on the one that it was given would only confuse.
+        # A puppet has no bones, so a note about the placeholder bone would only confuse.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
     size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
@@ -136,7 +138,10 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
 
 def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
-    """A project with a model's clips, and the name of each there; one that is there already is not added."""
+    """Returns the project with a model's clips, and the name of each clip there.
+
+    Identical existing clips are not added again.
+    """
     names = dict[str, str]()
     for clip in clips:
         known = project.takes.get(clip.id)
@@ -149,7 +154,7 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
 
 
 def _told_clips(project: Project, shape_id: str) -> str:
-    """What a model that was opened plays, and where its other clips are."""
+    """Returns a sentence about the clip that an opened model plays, and where its other clips are."""
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
     if played is None:
@@ -164,7 +169,10 @@ def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> N
 
 
 def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) -> None:
-    """A mesh that has no rig, standing on the floor; of no likely size it becomes as tall as a person."""
+    """Adds a mesh without a rig as a puppet, standing on the floor.
+
+    An implausible size is changed to the height of a person.
+    """
     size = opened_size(mesh.vertices)
     box, made = editor.box(), []
     fitted = fit_height(mesh, size.height)
@@ -192,7 +200,7 @@ def _add_session(editor: Editor, path: Path, session: Session) -> None:
 
 
 def _add_played(editor: Editor, said: str, source: Project, character: str, notes: tuple[str, ...]) -> None:
-    """A character of another project, with what it plays."""
+    """Adds a character of another project, with the motion that it plays."""
     made: list[str] = []
     box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
 
@@ -247,20 +255,22 @@ def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
-    """The project with the possessed meshes of a recorded take, and its performers as takes to map.
+    """Returns the project with a recorded take added.
+
+    Its possessed meshes become characters, and its performers become takes to retarget.
 
     Returns:
-        The project, and the ids of all that was added.
+        The project, and the ids of everything that was added.
 
     Raises:
-        InputError: where the file is no recording, or nothing in it moves.
+        InputError: if the file is not a recording, or nothing in it moves.
     """
     return _with_performed(project, path, _read_performance(path))
 
 
 @dataclass(frozen=True)
 class _Performed:
-    """What was read of a recorded take: its possessed meshes, if there are any, and its performers."""
+    """The content of a recorded take: its possessed meshes, if any, and its performers."""
 
     meshes: Project | None
     clips: tuple[Clip, ...]
@@ -295,7 +305,7 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
-    """Tell in one message what was opened and what was odd about it."""
+    """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
@@ -311,4 +321,6 @@ _KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Pa
     (PERFORMANCES, _read_performance, _add_performance),
     (SOUNDS, read_sound, _add_sound),
 )
-"""The endings of each kind of file, what reads it, and what adds it to the project."""
+"""The supported file types: extensions, the function that reads the file, and the function that adds it to
+the project.
+"""

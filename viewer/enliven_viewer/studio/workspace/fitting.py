@@ -1,4 +1,4 @@
-"""Things of unlike sizes beside one another: said where one is opened, and fitted by one action."""
+"""Size mismatches between characters: a hint when a file is opened, and an action that matches the sizes."""
 
 from __future__ import annotations
 
@@ -14,30 +14,33 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
 _UNLIKE = 2.0
-"""Times as tall as the others, or as small, from which a thing looks lost or in the way."""
+"""Height ratio to the other characters, in either direction, above which a mismatch is reported."""
 _ALIKE = 0.01
-"""Share of the height within which there is nothing to fit."""
+"""Relative height difference below which heights count as equal."""
 
 
 class Fitting:
-    """The height of the chosen character beside that of the others."""
+    """A comparison of the selected character's height with the others', and the command that matches it."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def heights(self) -> tuple[float, float] | None:
-        """Metres: the chosen character's height, and the middle one of the others; None without either."""
+        """Returns the selected character's height and the median height of the others, in metres.
+
+        Returns None if either is missing.
+        """
         return self._heights({one.id: one.vertices for one in self.editor.standing})
 
     def _heights(self, seen: Mapping[str, Float]) -> tuple[float, float] | None:
-        """The same, for the vertices (V, 3) of every character."""
+        """Returns the same heights for given vertices (V, 3) of every character."""
         found = {name: float(np.ptp(one[:, 1])) for name, one in seen.items() if len(one)}
         own = found.pop(self.editor.selection.character or "", 0.0)
         others = [height for height in found.values() if height > 0.0]
         return (own, float(np.median(others))) if own > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Why nothing can be fitted, and what to do about it."""
+        """Returns why the selected character cannot be fitted, with advice."""
         heights = self.heights()
         if heights is None:
             return "Nothing is there to fit it to. Choose one thing that stands beside others."
@@ -45,9 +48,10 @@ class Fitting:
         return "It is as tall as the others. Choose one that is not." if same else ""
 
     def fit(self) -> None:
-        """Make the chosen character as tall as the others; it stands where it stood."""
+        """Scales the selected character to the median height of the others, in place."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
-        # What is shown of a puppet may be of a moment ago: it is solved beside the window.
+        # The surface shown for a puppet may be outdated, because puppets are solved in the background. So
+        # compute it here.
         seen = {one: vertices_of(project, one, time) for one, each in project.characters.items() if each.mesh}
         heights = self._heights(seen)
         if name is None or heights is None:
@@ -61,7 +65,7 @@ class Fitting:
         self.editor.edit("fit its size", change)
 
     def tell(self) -> None:
-        """Say that what was just opened is of another size than the others, and how it is fitted."""
+        """Shows a hint if the character that was just opened differs much in height from the others."""
         heights = self.heights()
         if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
             return
@@ -70,7 +74,7 @@ class Fitting:
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:
-    """Fit the chosen character to the others."""
+    """Yields the action that fits the selected character to the others."""
     about = "As tall as what stands beside it."
     yield Action(
         "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about

@@ -1,4 +1,4 @@
-"""Buttons, wheel and keys over the viewport, passed to the active tool, the camera or an action."""
+"""Routes mouse buttons, wheel and keys over the viewport to the active tool, the camera or an action."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
 
 LEFT = 0
-"""The left button, as ImGui counts; it works with the tool."""
+"""ImGui's number of the left button, which uses the active tool."""
 RIGHT = 1
-"""The right button, which turns the camera."""
+"""The right button, which orbits the camera."""
 MIDDLE = 2
-"""The middle button, which moves the camera."""
+"""The middle button, which pans the camera."""
 
 
 class Handles(Protocol):
-    """What lies over the picture and is dragged, whatever the tool is."""
+    """Draggable handles over the viewport that take precedence over the active tool."""
 
     def press(self, at: Point) -> bool:
-        """The left button went down; returns whether it takes a handle."""
+        """Handles a press of the left button. Returns whether a handle was grabbed."""
 
     def drag(self, at: Point) -> None:
-        """The pointer moved while a handle is held."""
+        """Handles pointer movement while a handle is held."""
 
     def release(self) -> None:
-        """The button went up."""
+        """Handles the release of the button."""
 
 
 class ViewportInput:
-    """Passes the input over the viewport to the active tool, the camera or an action.
+    """The input over the viewport, passed to the active tool, the camera or an action.
 
     Args:
-        editor: what is edited.
-        actions: what keys do where the tool has no use for them.
+        editor: the editor that the input changes.
+        actions: the actions of keys that the active tool does not use.
 
     Attributes:
-        first: asked about every key before the tool is; True where it took it.
-        over: handles that are asked about the left button before the tool is, or None.
+        first: called with every key before the tool. Returns True if it has handled the key.
+        over: handles that get the left button before the tool, or None.
     """
 
     def __init__(self, editor: Editor, actions: ActionTable) -> None:
@@ -55,12 +55,12 @@ class ViewportInput:
         self.over: Handles | None = None
 
     def take(self, name: str) -> None:
-        """Make another tool the active one."""
+        """Makes another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
 
     def press(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
-        """A button went down over the viewport."""
+        """Handles a mouse button press over the viewport."""
         if self._held is not None:
             return
         self._held, self.at = button, at
@@ -69,7 +69,7 @@ class ViewportInput:
         self._with_tool = not self._over and button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
 
     def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
-        """The pointer moved."""
+        """Handles pointer movement."""
         across, down = at[0] - self.at[0], at[1] - self.at[1]
         self.at = at
         if self._held is None:
@@ -85,7 +85,7 @@ class ViewportInput:
             self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
 
     def release(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
-        """A button went up."""
+        """Handles the release of a mouse button."""
         if self._held != button:
             return
         if self._over and self.over is not None:
@@ -95,25 +95,28 @@ class ViewportInput:
         self._let_go()
 
     def wheel(self, up: float) -> None:
-        """The wheel turned over the viewport."""
+        """Zooms with the mouse wheel."""
         self.editor.camera.zoom(0.88**up)
 
     @property
     def busy(self) -> bool:
-        """Whether a button is held."""
+        """Returns True if a button is held."""
         return self._held is not None
 
     def key(self, key: str) -> bool:
-        """Take a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
+        """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v".
+
+        Returns whether it had an effect.
+        """
         return self.first(key) or self.tool.type(key) or self.actions.press(key)
 
     def drop(self) -> None:
-        """Drop what was begun with a tool."""
+        """Cancels the tool's current operation."""
         self.tool.cancel()
         self._let_go()
 
     def _let_go(self) -> None:
-        """Forget the button; what played before a stroke of a tool goes on."""
+        """Releases the button. Playback that a stroke of a tool interrupted continues."""
         if self._with_tool and self._plays_on:
             self.editor.playing = True
         self._held, self._with_tool, self._over, self._plays_on = None, False, False, False

@@ -1,4 +1,4 @@
-"""The commands of keys over motion: of a bone, of a node, or of the whole."""
+"""Commands for motion keys of a bone, a node or a whole character."""
 
 from __future__ import annotations
 
@@ -8,38 +8,41 @@ from enliven_viewer.studio.editor import Editor
 
 
 class KeyCommands:
-    """Commands on the keys of what is chosen at the playhead: a bone, a node, or else the whole."""
+    """Commands for the selection's keys at the playhead: of a bone, a node, or else the whole character."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def toggle(self) -> None:
-        """Let posing and moving set keys, or change all moments again."""
+        """Switches auto-key mode: posing and moving either set keys, or change all times at once."""
         self.editor.keying = not self.editor.keying
 
     def set(self) -> None:
-        """Set a key with what the thing is turned and moved by there."""
+        """Sets a key with the current rotation and offset of the selection."""
         (name, handle), time = self._thing(), self.editor.time
         if name:
             self.editor.edit("set key", lambda project: set_key(project, name, handle, time))
 
     def remove(self) -> None:
-        """Remove the key at the playhead."""
+        """Removes the key at the playhead."""
         (name, handle), number = self._thing(), self._here()
         if number is not None:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
     def lacks(self) -> str:
-        """What a key lacks."""
+        """Returns why no key can be set; empty if one can."""
         return "" if self._thing()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
-        """Why there is no key to remove."""
+        """Returns why no key can be removed; empty if one can."""
         found = self.lacks()
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 
     def _thing(self) -> tuple[str, int | None]:
-        """The chosen character, and the bone or node; a puppet's control points have key poses instead."""
+        """Returns the selected character and the bone or node.
+
+        Control points of puppets are left out: they have key poses instead.
+        """
         chosen, handle = self.editor.chosen(), self.editor.selection.handle
         if chosen is None:
             return "", None
@@ -47,6 +50,6 @@ class KeyCommands:
 
     def _here(self) -> int | None:
         name, handle = self._thing()
-        near = 0.501 * KEY_STEP  # a key lies on the nearest frame
+        near = 0.501 * KEY_STEP  # keys lie on whole frames, so this finds the key of the nearest frame
         keys = keys_of(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

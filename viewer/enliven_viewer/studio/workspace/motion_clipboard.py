@@ -1,4 +1,4 @@
-"""Motion that is copied to another character: of a chain of bones, or what performers did with a mesh."""
+"""Copies motion to another character: the motion of a chain of bones, or how performers moved a mesh."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.puppet_commands import aside
 
 Chain = tuple[str, tuple[int, ...]]
-"""The id of a shape and joints of it, from the root to the end."""
+"""The id of a shape and a chain of its joints, from the root to the end."""
 _Solved = tuple[Project, str, list[str]]
-"""A project with a mesh that was solved, the mesh's id, and what is to be said of its holds."""
+"""A project with a solved mesh, the mesh's id, and notes about its attachments."""
 
 
 class MotionClipboard:
-    """What was copied, and what it is pasted onto; meshes are solved beside the window."""
+    """The motion clipboard and its commands. Meshes are solved in the background."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -29,7 +29,7 @@ class MotionClipboard:
         self._performed: str | None = None
 
     def copy(self) -> None:
-        """Remember the motion of the chosen chain, or how the chosen mesh was performed."""
+        """Copies the motion of the selected chain, or the performance of the selected mesh."""
         chain, mesh = chosen_chain(self.editor), self._chosen_performed()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
@@ -41,7 +41,10 @@ class MotionClipboard:
             self.editor.toasts.say(said, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
-        """Add the remembered motion to the chosen chain, or let the performers step into the chosen mesh."""
+        """Pastes the copied motion onto the selected chain.
+
+        If a performance was copied, its performers possess the selected mesh instead.
+        """
         if self._performed is not None and self.editor.chosen() is not None:
             self._give(self._performed)
         target, lens = chosen_chain(self.editor), self.editor.lens
@@ -51,7 +54,7 @@ class MotionClipboard:
             self.editor.edit("paste motion", lambda p: change(p, source, chain, *target))
 
     def solve_again(self) -> None:
-        """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
+        """Solves the possession again with the selected mesh in its current form, for example after a cut."""
         shape, project = self.editor.chosen(GraphShape), self.editor.project
         if shape is None:
             return
@@ -63,7 +66,7 @@ class MotionClipboard:
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
     def lacks_copy(self) -> str:
-        """What copying motion lacks."""
+        """Returns why copying motion is unavailable; empty if it is available."""
         if self._chosen_performed() is not None or chosen_chain(self.editor):
             return ""
         return (
@@ -72,7 +75,7 @@ class MotionClipboard:
         )
 
     def lacks_paste(self) -> str:
-        """What pasting motion lacks."""
+        """Returns why pasting motion is unavailable; empty if it is available."""
         if self._performed is not None:
             return "" if self.editor.chosen() else "No character is chosen. Click the one that is to perform."
         if self._copied is None:
@@ -81,17 +84,20 @@ class MotionClipboard:
         return "" if chosen_chain(self.editor) else said
 
     def lacks_possessed(self) -> str:
-        """What solving a possession again lacks."""
+        """Returns why solving a possession again is unavailable; empty if it is available."""
         chosen = self.editor.chosen(GraphShape)
         return "" if chosen else "No possessed mesh is chosen. Click one first."
 
     def _chosen_performed(self) -> GraphShape | None:
-        """The chosen mesh, where performers moved it."""
+        """Returns the selected mesh if performers have moved it."""
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
     def _give(self, source: str) -> None:
-        """Let the performers of a mesh step into the chosen character's, as it stands now."""
+        """Transfers the performance of a mesh to the selected character.
+
+        It starts from that character's current pose.
+        """
         target, project, time = self.editor.chosen(), self.editor.project, self.editor.time
         performed = project.graphs.get(source)
         if target is None:
@@ -118,11 +124,14 @@ class MotionClipboard:
         )
 
     def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
-        """Begin to solve a mesh; it comes into the project as one edit unless ``guarded`` was changed."""
+        """Starts solving a mesh in the background.
+
+        The result becomes one edit unless ``guarded`` has changed by then.
+        """
         self.editor.beside.begin(said, work, partial(self._put, word, guarded))
 
     def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
-        """Put a mesh that was solved into the project."""
+        """Puts a solved mesh into the project."""
         made, name, notes = solved
         shape = made.graph(name)
 
@@ -144,11 +153,11 @@ class MotionClipboard:
 
 
 def chosen_chain(editor: Editor) -> Chain | None:
-    """Returns the chosen shape and its chosen chain."""
+    """Returns the selected shape and its selected chain."""
     shape, chain = editor.chosen(Shape), editor.selection.chain
     return (shape.id, outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
 
 
 def outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the chain in the order from the root to the end."""
+    """Returns the chain ordered from the root to the end."""
     return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain

@@ -1,4 +1,4 @@
-"""The size at which a model opens: that of the file if people can step into it, else a likelier one."""
+"""Chooses the size of an opened model: the file's own if it is plausible for the stage, else a likely one."""
 
 from __future__ import annotations
 
@@ -11,33 +11,35 @@ from enliven.arrays import AnyArray
 from enliven_viewer.language import later, tr
 
 _LEAST = 0.25
-"""Metres: a model that is smaller in every direction is taken for another unit."""
+"""In metres. A model that is smaller in every direction is assumed to be in another unit."""
 _TALLEST = 3.0
-"""Metres: a taller model is taken for another unit; the stage is made for people."""
+"""In metres. A taller model is assumed to be in another unit, since the stage is made for people."""
 _LONGEST = 4.5
-"""Metres: a longer or wider model is taken for another unit: twice a horse."""
+"""In metres. A longer or wider model, twice the length of a horse, is assumed to be in another unit."""
 _UNITS = (
     ("centimetres", 0.01),
     ("millimetres", 0.001),
     ("kilometres", 1000.0),
     (later("hundreds of metres"), 100.0),
 )
-"""Units that programs write in place of metres, and metres of each."""
+"""Units that programs write instead of metres, with their length in metres."""
 _LIKELY = (0.5, 3.0)
-"""Metres: the longest side of a model in a unit that fits: a small dog, a horse with its tail."""
+"""Plausible range of a model's longest side in metres, from a small dog to a horse with its tail. It decides
+whether a unit fits.
+"""
 _PERSON = 1.7
-"""Metres: height of a model of no likely size, that of a person."""
+"""Height in metres of a model without a plausible size: that of a person."""
 _WIDEST = 3.5
-"""Metres: longest side of such a model."""
+"""Maximum longest side, in metres, of a model without a plausible size."""
 
 
 @dataclass(frozen=True)
 class OpenedSize:
-    """How a model is scaled when it is opened.
+    """The height to which an opened model is scaled.
 
     Attributes:
-        height: metres that it becomes tall.
-        note: what was done, for the user; empty if the file's own size is kept.
+        height: target height in metres.
+        note: explanation for the user; empty if the file's own size is kept.
     """
 
     height: float
@@ -47,8 +49,8 @@ class OpenedSize:
 def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> OpenedSize:
     """Returns the size for a model with (N, 3) points in the file's metres, +Y up.
 
-    A file that is likely in another unit is read in that unit. Anything else that no person could step into
-    becomes as tall as a person.
+    If another unit gives a plausible size, the file is read in that unit. Otherwise a model of an implausible
+    size gets the height of a person.
     """
     extent = np.ptp(np.asarray(points, float), axis=0)
     tall, longest = float(extent[1]), float(extent.max())

@@ -1,4 +1,4 @@
-"""The actions of the brush that paints stiff and soft spots."""
+"""The actions of the brush that paints stiffness weights."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven_viewer.studio.tools import BRUSHES, STEP, PaintTool
 from enliven_viewer.studio.workspace.input import ViewportInput
 
 _MENU = "Brush"
-"""The menu within the menu of shapes."""
+"""The submenu of the brush in the Shape menu."""
 _KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
 _ABOUT = {
     "softer": "Strokes let the mesh give way, and swing past what the performer does.",
@@ -19,7 +19,7 @@ _ABOUT = {
 
 
 def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
-    """Every action of the brush; those that choose what it does take it up."""
+    """Yields the brush actions. Actions that choose a brush mode also activate the brush."""
     tool = user_input.tools[PaintTool.name]
     assert isinstance(tool, PaintTool)
 

@@ -1,4 +1,4 @@
-"""Compares the project of this window with the one that another window saved to the same file."""
+"""Compares the open project with a version that another window saved to the same file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _WORDS = {
     "views": later("view"),
     "sounds": later("sound"),
 }
-"""The artist's word for an item of each part of a project."""
+"""The word shown to the artist for an item of each part of a project."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One item that two versions of a project do not share.
+    """One item that differs between two versions of a project.
 
     Attributes:
         item: the kind and name of the item, such as "take walk".
@@ -53,6 +53,9 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
 
 
 def with_saved_items(here: Project, saved: Project) -> Project:
-    """Returns the window's project with the items that only the saved one has; shared items stay."""
+    """Returns the window's project plus the items that only the saved version has.
+
+    Items in both stay as in the window.
+    """
     parts = (part.name for part in fields(Project))
     return replace(here, **{name: {**getattr(saved, name), **getattr(here, name)} for name in parts})

@@ -31,9 +31,11 @@ from enliven_viewer.studio.perform import StageRecording
 PROJECT = ".enliven"
 _UNNAMED = "Untitled"
 _FRESH = 60.0
-"""Seconds."""
+"""On Windows, age in seconds below which a recovery file is assumed to belong to a running studio."""
 _WRITING_SHARE = 0.1
-"""Highest share of the time that is spent on recovery files: a long recording takes seconds to write."""
+"""Maximum fraction of the time spent on writing recovery files. A project with a long recording takes seconds
+to write.
+"""
 log = logging.getLogger(__name__)
 
 
@@ -42,16 +44,16 @@ class FileChangedError(InputError):
 
 
 class ProjectStore:
-    """The file of an editor's project.
+    """The file of an editor's project, and its recovery file.
 
-    A recovery file is written every few seconds while something is not saved, and removed when it is. A
-    studio that crashes leaves it behind, and the next one offers it.
+    While there are unsaved changes, a recovery file is written every few seconds. Saving removes it. If the
+    studio crashes, the file remains, and the next studio offers it.
 
     Args:
-        folder: where recovery files are; None takes the user's own place.
+        folder: folder of the recovery files. None means the user's own data folder.
 
     Attributes:
-        recording: the recording from the stage, which is work as well while it runs.
+        recording: the recording from the stage, which counts as unsaved work while it runs.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -63,83 +65,85 @@ class ProjectStore:
         self._autosaved: Project = self._saved
         self._since = time.monotonic()
         self._pause = 0.0
-        self._content = ""  # the checksum of the file as this window read or wrote it last
+        self._content = ""  # checksum of the file's content when this window last read or wrote it
         self._writer: ThreadPoolExecutor | None = None
         self._writing: tuple[Future[None], Project] | None = None
 
     @property
     def name(self) -> str:
-        """The name of the project: of its file, or "Untitled"."""
+        """Returns the project's name: the name of its file, or "Untitled"."""
         return self.path.stem if self.path else _UNNAMED
 
     @property
     def named(self) -> bool:
-        """Whether the project has a file."""
+        """Returns True if the project has a file."""
         return self.path is not None
 
     @property
     def dirty(self) -> bool:
-        """Whether something is not saved: edits, or a recording that runs."""
+        """Returns True if there is unsaved work: edits or a running recording."""
         return self.editor.history.project is not self._saved or self.records
 
     @property
     def records(self) -> bool:
-        """Whether a recording runs."""
+        """Returns True if a recording is running."""
         return self.recording is not None and self.recording.phase == "recording"
 
     @property
     def title(self) -> str:
-        """The title of the window: the file, with a star while something is not saved."""
+        """Returns the window title: the project's name, with a star while there is unsaved work."""
         return f"{'*' * self.dirty}{self.name} - enliven"
 
     def forget(self) -> None:
-        """Give up the unsaved changes, and a recording that runs."""
+        """Discards the unsaved changes, and a running recording."""
         if self.recording is not None:
             self.recording.drop()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
-        """Begin another project; the one before is forgotten."""
+        """Starts another project and drops the current one."""
         self.path, self._content = None, ""
         self._begin(project or Project())
 
     def open(self, path: Path) -> None:
-        """Go on with a project.
+        """Opens a project file.
 
         Raises:
-            InputError: where the file cannot be read; what is open stays.
+            InputError: if the file cannot be read; the open project stays.
         """
         self.take(path, self.read(path))
 
     @staticmethod
     def read(path: Path) -> tuple[Project, str]:
-        """Returns the project of a file and the checksum of its content; may be called in a thread.
+        """Reads a project file.
+
+        Returns the project and the checksum of the content. May be called in a thread.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         data = read_file(path)
         return solve_lost(project_of(data, str(path))), _checksum(data)
 
     def take(self, path: Path, read: tuple[Project, str]) -> None:
-        """Go on with what :meth:`read` returned for a file."""
+        """Opens the project that :meth:`read` returned for a file."""
         project, content = read
         self.path, self._content = path, content
         self._begin(project)
         self.editor.toasts.say(tr("Opened {0}", path.name))
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
-        """Write the project to its file, or to another that is its file from then on.
+        """Writes the project to its file. If another path is given, that becomes the project's file.
 
-        What a running recording has so far is written as well; the recording goes on.
+        The existing part of a running recording is saved too; the recording continues.
 
         Args:
-            over: also where another window or program has saved the file since.
+            over: if True, overwrite the file even if another window or program has saved it since.
 
         Raises:
-            FileChangedError: where another window or program has; nothing is written.
-            LaterVersionError: if the file is a project of a later version; nothing is written.
-            ResourceError: where it cannot be written; the file from before stays.
+            FileChangedError: if another window or program has saved the file since; nothing is written.
+            LaterVersionError: if the file was written by a later version of enliven; nothing is written.
+            ResourceError: if the file cannot be written; the previous file stays.
         """
         target = path or self.path
         assert target is not None, "a project without a file is saved with a path"
@@ -151,34 +155,35 @@ class ProjectStore:
         if not over:
             self._refuse_changed(target, data)
         write_file(target, data, tr("Save it elsewhere."))
-        self.settle()  # before its file goes
-        # The file holds part of a recording, so the window counts as unsaved until the next save.
+        self.settle()  # finish writing the recovery file before it is removed
+        # The saved file contains only the part of a recording up to now, so the window counts as unsaved
+        # until the next save.
         self._saved = self._autosaved = written
         self.path, self._content = target, _checksum(data)
         self._own().unlink(missing_ok=True)
         self.editor.toasts.say(tr("Saved {0}", target.name))
 
     def saved_now(self) -> Project:
-        """Return the project that the file holds now, which another window may have saved.
+        """Returns the project that the file contains now. Another window may have saved it.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         assert self.path is not None, "only a project with a file has one that is saved"
         return solve_lost(read_project(self.path))
 
     def _so_far(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the recording so far; None without a recording."""
+        """Returns the edit that stores the unfinished recording; None without a recording."""
         return None if self.recording is None else self.recording.so_far()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
         """Raises FileChangedError if the file differs from the last save here and from the new content."""
         if self.path is None or not _is_same_file(target, self.path):
-            return  # the dialogue asked before another file is replaced
+            return  # the file dialogue has already asked before it replaced another file
         try:
             now = _checksum(read_file(target))
         except InputError:
-            return  # it is gone, or writing says what is wrong with it
+            return  # the file is missing, or writing will report the problem
         if now not in (self._content, _checksum(data)):
             raise FileChangedError(
                 tr("{0} was saved by another window or program since it was opened here", target.name),
@@ -187,7 +192,7 @@ class ProjectStore:
             )
 
     def autosave(self, now: float | None = None) -> None:
-        """Begin to write the recovery file, beside the window, where it is time and something has changed."""
+        """Starts writing the recovery file in the background, if it is due and something has changed."""
         now = time.monotonic() if now is None else now
         if self._writing is not None:
             if self._writing[0].done():
@@ -197,7 +202,7 @@ class ProjectStore:
             self._begin_writing()
 
     def autosave_now(self) -> None:
-        """Write the recovery file where something has changed since the last, and wait for it."""
+        """Writes the recovery file now if something has changed since the last one, and waits for it."""
         self.settle()
         self._begin_writing()
         self.settle()
@@ -207,7 +212,7 @@ class ProjectStore:
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        # A project is immutable and the change has its own copy, so the window can go on.
+        # A project is immutable, and the recording edit has its own copy, so the window can continue.
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
@@ -217,7 +222,7 @@ class ProjectStore:
         self._pause = (time.monotonic() - began) / _WRITING_SHARE
 
     def settle(self) -> None:
-        """Wait for the recovery file that is being written, and say where it cannot be."""
+        """Waits for the recovery file being written, and reports if writing fails."""
         if self._writing is None:
             return
         (written, project), self._writing = self._writing, None
@@ -231,9 +236,9 @@ class ProjectStore:
             )
 
     def recoverable(self) -> list[Path]:
-        """Recovery files of studios that are no longer running, the newest first.
+        """Returns the recovery files of studios that are no longer running, newest first.
 
-        What a studio had half written when it was killed is removed; the file before it is whole.
+        Partly written files of a killed studio are removed; the previous recovery file is complete.
         """
         if not self.folder.is_dir():
             return []
@@ -244,28 +249,28 @@ class ProjectStore:
         return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
 
     def recover(self, path: Path) -> None:
-        """Go on with a recovery file's project, not saved yet.
+        """Opens the project of a recovery file as unsaved work.
 
         Raises:
-            InputError: where the file cannot be read; what is open stays.
+            InputError: if the file cannot be read; the open project stays.
         """
         project = solve_lost(read_project(path))
         self.new()
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
         self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
-        # It is now this studio's to keep.
+        # From now on this studio owns the recovery file.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._own())
 
     def discard(self, paths: list[Path]) -> None:
-        """Remove recovery files."""
+        """Removes recovery files."""
         for path in paths:
             with contextlib.suppress(OSError):
                 path.unlink()
 
     def close(self) -> None:
-        """Remove the recovery file, since the studio ends without fault."""
+        """Removes the recovery file at a regular exit."""
         self.settle()
         self._own().unlink(missing_ok=True)
 
@@ -280,12 +285,12 @@ class ProjectStore:
 
 
 def _with(project: Project, change: Callable[[Project], Project]) -> Project:
-    """Returns a project with the recording so far, or without it if it cannot be stored yet."""
+    """Returns a project with the unfinished recording, or without it if it cannot be stored yet."""
     try:
         return change(project)
-    except EnlivenError:  # nothing has moved yet
+    except EnlivenError:  # no motion has been recorded yet
         return replace(project)
-    except Exception as error:  # the rest of the work must not be lost by it
+    except Exception as error:  # a fault in the recording must not prevent saving the rest
         log.error("what is being recorded cannot be saved yet", exc_info=error)
         return replace(project)
 
@@ -302,13 +307,13 @@ def _is_same_file(one: Path, other: Path) -> bool:
 
 
 def _running(path: Path) -> bool:
-    """Whether the studio that wrote a recovery file still runs."""
+    """Returns True if the studio that wrote a recovery file is still running."""
     number = path.stem.removeprefix("recovery-")
     if not number.isdigit():
         return False
     if int(number) == os.getpid():
         return True
-    if sys.platform == "win32":  # where asking for a process by a signal ends it
+    if sys.platform == "win32":  # On Windows, os.kill would end the process, so use the file's age.
         return time.time() - path.stat().st_mtime < _FRESH
     try:
         os.kill(int(number), 0)

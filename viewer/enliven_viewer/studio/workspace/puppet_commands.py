@@ -1,4 +1,4 @@
-"""Commands on the chosen puppet, and making a puppet of a shape."""
+"""Commands on the selected puppet, and the command that makes a puppet from a shape."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
 _ASIDE = 0.3
-"""Metres between a character and a copy that is put beside it: both are seen apart."""
+"""Gap in metres between a character and the copy placed next to it, so that both can be told apart."""
 
 
 class PuppetCommands:
-    """Commands that only puppets have.
+    """Commands that apply only to puppets.
 
     Args:
-        add: does an edit that adds a character, and chooses that.
+        add: runs an edit that adds a character, and selects that character.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class PuppetCommands:
         self.editor, self._add = editor, add
 
     def make(self) -> bool:
-        """Make a puppet of the chosen shape's mesh, as it stands now; the shape stays."""
+        """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
         found = self._chosen_mesh()
         if found is None:
             return False
@@ -53,7 +53,7 @@ class PuppetCommands:
         return True
 
     def outline(self) -> None:
-        """Outline the key pose before while one is edited, or not."""
+        """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
         self.editor.toasts.say(
@@ -63,7 +63,7 @@ class PuppetCommands:
         )
 
     def warn(self) -> None:
-        """Show faces that pass through one another while a key pose is edited, or not."""
+        """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
         self.editor.toasts.say(
@@ -73,7 +73,7 @@ class PuppetCommands:
         )
 
     def bake(self) -> bool:
-        """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
+        """Bakes the puppet into a possessed mesh with the same motion, which can be merged with others."""
         puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
             return False
@@ -84,7 +84,10 @@ class PuppetCommands:
         return True
 
     def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
-        """What puts a baked puppet into the project, unless it was changed meanwhile."""
+        """Returns the function that puts a baked puppet into the project.
+
+        It refuses a puppet that has changed meanwhile.
+        """
 
         def put(baked: tuple[Project, str, object]) -> None:
             made, name, error = baked
@@ -106,28 +109,28 @@ class PuppetCommands:
         return put
 
     def lacks_mesh(self) -> str:
-        """What making a puppet lacks."""
+        """Returns why making a puppet is unavailable; empty if it is available."""
         return "" if self._solid() else "No shape with a surface is chosen. Click one first."
 
     def lacks_puppet(self) -> str:
-        """What a command on a puppet lacks."""
+        """Returns why a command on a puppet is unavailable; empty if it is available."""
         return "" if self.editor.puppets.puppet else "No puppet is chosen. Click one first."
 
     def lacks_examples(self) -> str:
-        """What baking a puppet lacks."""
+        """Returns why baking a puppet is unavailable; empty if it is available."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return self.lacks_puppet()
         return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
 
     def _solid(self) -> RigBase | None:
-        """The chosen character, where it has a surface and is no puppet."""
+        """Returns the selected character if it has a surface and is not a puppet."""
         chosen = self.editor.chosen()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
         return chosen if solid and chosen is not self.editor.puppets.puppet else None
 
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
-        """The chosen character's name and its mesh as it stands now."""
+        """Returns the selected character's id and its mesh in the current pose."""
         editor, chosen = self.editor, self._solid()
         if chosen is None or chosen.mesh is None:
             return None
@@ -136,7 +139,7 @@ class PuppetCommands:
 
 
 def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
-    """(3,) metres, an offset to the right of the view by about the width of some characters."""
+    """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
     right = editor.lens.view.camera_from_world[0, :3]
     wide = max(float(np.ptp(rig_of(one).rest(one) @ right)) for one in characters)
     apart = float(np.ptp([rig_of(one).centre(one) @ right for one in characters]))
@@ -146,10 +149,10 @@ def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
 
 
 def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
-    """The mesh over the origin, standing on the floor, and (3,) metres where it was.
+    """Returns the mesh moved to the origin and standing on the floor, and (3,) metres, its previous position.
 
     Raises:
-        InputError: where it has no faces.
+        InputError: if the mesh has no faces.
     """
     if not len(mesh.faces):
         raise InputError(

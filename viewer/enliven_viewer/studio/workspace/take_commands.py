@@ -1,4 +1,4 @@
-"""What is done with the takes that are alternatives of one another: heard, kept alone, dropped."""
+"""Commands for alternative takes of a lane: play one, keep only one, or delete one."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ _NONE = later("Nothing was taken again there. Record beside what was recorded la
 
 
 class TakeCommands:
-    """The takes of the chosen lane, or of the only one that has several."""
+    """Commands for the alternative takes of the selected lane, or of the only lane that has several."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     @property
     def alternatives(self) -> str:
-        """The name of the takes that are meant; empty where nothing was taken again."""
+        """Returns the name of the group of alternative takes that the commands apply to.
+
+        Returns an empty string without such a group.
+        """
         project, chosen = self.editor.project, self.editor.selection
         one = project.characters.get(chosen.character or "")
         if one is not None and chosen.layer is not None and chosen.layer < len(one.playing):
@@ -36,22 +39,22 @@ class TakeCommands:
 
     @property
     def heard(self) -> str:
-        """The take that is heard of those; empty where none is."""
+        """Returns the audible take of that group; empty if there is none."""
         known = takes_beside(self.editor.project, self.alternatives)
         return next((name for name, heard in known.items() if heard), "")
 
     def lacks(self) -> str:
-        """Why none can be chosen, and what to do about it."""
+        """Returns why no alternative take can be chosen, with advice."""
         return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
 
     def step(self, way: int) -> None:
-        """Let the next one be heard, or with a way of -1 the one before."""
+        """Switches to the next alternative take, or to the previous one if `way` is -1."""
         names = list(takes_beside(self.editor.project, self.alternatives))
         place = names.index(self.heard) if self.heard in names else -way
         self.choose(names[(place + way) % len(names)])
 
     def choose(self, recorded: str) -> None:
-        """Let one of them be heard."""
+        """Makes one of the alternative takes audible."""
         meant = self.alternatives
         if self.editor.edit(
             later("hear {0}", recorded), lambda project: choose_take(project, meant, recorded)
@@ -59,20 +62,20 @@ class TakeCommands:
             self._follow(meant, recorded)
 
     def keep(self) -> None:
-        """Keep the one that is heard, and drop the others."""
+        """Keeps only the audible take, and deletes its alternatives."""
         meant, heard = self.alternatives, self.heard
         if self.editor.edit(later("keep {0}", heard), lambda project: keep_take(project, meant, heard)):
             self._follow(meant, heard)
 
     def drop(self, recorded: str = "") -> None:
-        """Drop one of them, or the one that is heard."""
+        """Deletes one of the alternative takes; by default the audible one."""
         meant, gone = self.alternatives, recorded or self.heard
         if self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
             self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
             self._follow(meant, self.heard)
 
     def delete_row(self, name: str) -> None:
-        """Delete the take of a row of the list: an alternative of a lane, or one that nothing plays."""
+        """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""
         project = self.editor.project
         played = [layer for one in project.characters.values() for layer in one.playing]
         mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
@@ -84,13 +87,13 @@ class TakeCommands:
             self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
 
     def unused(self) -> list[str]:
-        """The takes that nothing plays."""
+        """Returns the takes that nothing plays."""
         project = self.editor.project
         used = set[str]().union(*(one.needed()["takes"] for one in project.characters.values()))
         return [name for name in project.takes if name not in used]
 
     def delete(self, *names: str) -> None:
-        """Delete takes that nothing plays."""
+        """Deletes takes that nothing plays."""
 
         def change(project: Project) -> Project:
             for name in names:
@@ -102,7 +105,7 @@ class TakeCommands:
             self.editor.toasts.say(tr("Deleted {0}", told), tr("Ctrl+Z brings it back."))
 
     def _follow(self, alternatives: str, recorded: str) -> None:
-        """Choose the lane of a take, where a lane of its alternatives was chosen."""
+        """Selects the lane of a take if a lane of its alternatives was selected."""
         editor = self.editor
         one = editor.project.characters.get(editor.selection.character or "")
         if one is None or editor.selection.layer is None:
@@ -116,7 +119,7 @@ class TakeCommands:
 
 
 def take_actions(takes: TakeCommands) -> Iterator[Action]:
-    """Choose among the takes of a lane, and delete takes."""
+    """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
         return "" if takes.unused() else "Every take is played. Remove its clips first."

@@ -1,4 +1,4 @@
-"""The actions of the menu View: what plays, what is drawn, how it reads, and where it is seen from."""
+"""The actions of the View menu: playback, display options, text size and theme, and the camera."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_viewer.theme import is_light
 
 
 def playing_actions(c: Commands) -> Iterator[Action]:
-    """Playing, and what is drawn."""
+    """Yields the actions of playback and of display options."""
     editor = c.editor
     yield Action("view.play", "View", "Play or stop", ("space",), c.play, on=lambda: editor.playing)
     yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
@@ -66,7 +66,7 @@ def playing_actions(c: Commands) -> Iterator[Action]:
 
 
 def reading_actions(preferences: Preferences) -> Iterator[Action]:
-    """How large the window's text is, and how much moves in it."""
+    """Yields the actions of text size, theme and animation."""
 
     def at_end(size: float, said: str) -> str:
         return tr("The text is as {0} as it gets.", said) if preferences.text_size == size else ""
@@ -120,7 +120,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
 
 
 def camera_actions(c: Commands) -> Iterator[Action]:
-    """Where the picture is seen from."""
+    """Yields the actions of the camera."""
     editor, right = c.editor, np.pi / 2
     yield Action(
         "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
@@ -182,7 +182,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
 
 
 def ghost_action(ghosts: Ghosts) -> Action:
-    """The switch of ghosts and trails."""
+    """Returns the action that toggles ghosts and motion trails."""
     return Action(
         "view.ghosts",
         "View",
@@ -196,7 +196,7 @@ def ghost_action(ghosts: Ghosts) -> Action:
 
 
 def curve_action(curves: CurveInput) -> Action:
-    """The switch of the curves."""
+    """Returns the action that toggles the curves."""
     return Action(
         "view.curves",
         "View",

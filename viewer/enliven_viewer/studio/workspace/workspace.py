@@ -55,38 +55,42 @@ from enliven_viewer.studio.workspace.project_store import PROJECT, FileChangedEr
 from enliven_viewer.studio.workspace.view_table import curve_action, ghost_action
 
 Rectangle = tuple[float, float, float, float]
-"""Left, top, right, bottom in the window's pixels."""
+"""Left, top, right and bottom, in pixels of the window."""
 _LARGE_BYTES = 6_000_000
-"""Bytes of a file that is read in the background: smaller ones open within half a second."""
+"""File size in bytes above which a file is read in the background. Smaller files open within half a
+second.
+"""
 _ROOM = 1.35
-"""How much air is left around a puppet that is brought into the picture."""
+"""Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
 
 
 class Workspace:
-    """Everything that panels draw and change; it works without a window as well.
+    """The complete state that panels draw and change. It also works without a window.
 
     Attributes:
-        preferences: what the artist chose once and for all.
-        actions: everything that can be done, for menus, keys, buttons and the palette.
-        commands: what the studio's own actions do.
-        ghosts: where characters were and will be; curves: what is chosen, over time.
-        outliner: the tree of all things.
-        figures: where what is chosen stands and how large it is; typing: what is typed into its fields.
-        depth: the tracker of depth that was opened.
-        sound: plays what is performed along.
-        widgets: where each widget was drawn last, by name, so that a session can click on it.
-        drawn: the same, with the picture in which each was drawn, for the tour.
-        asking: the dialogue that is open, or empty.
-        browser: what a dialogue about files shows.
-        exporting: what the next export or film holds.
-        finding: what the palette finds; wanted_key: the key that the preferences change.
-        history_shown: whether the list of steps is open; history_seen: its length and step when it was drawn.
-        shown_layer: the character and the layer that the panel at the right showed last.
-        starting: whether the start page is shown while nothing is there; tour: the tour while it is taken.
-        caption: what a session says of what it does; empty without a session.
-        pressed: the key that a session presses just now.
-        compared: what the project and its file do not share, once it was asked for.
-        ended: whether the studio is to end.
+        preferences: the artist's lasting preferences.
+        actions: every action, for menus, shortcuts, buttons and the command palette.
+        commands: the functions behind the studio's own actions.
+        ghosts: ghosts and trails of past and future poses. curves: the curves of the selection over time.
+        outliner: the tree of all objects.
+        figures: position and size of the selection. typing: unfinished text in their fields.
+        depth: the tracker for opened depth recordings.
+        sound: plays the sound to perform along with.
+        widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
+        drawn: the same rectangles, with the frame in which each was drawn, for the tour.
+        asking: the open dialogue, or empty.
+        browser: the state of a file dialogue.
+        exporting: the options of the next export or film.
+        finding: the results in the command palette. wanted_key: the shortcut being changed in the
+            preferences.
+        history_shown: whether the history list is open. history_seen: its length and step when it was last
+            drawn.
+        shown_layer: the character and layer last shown in the panel at the right.
+        starting: whether the start page is shown while the project is empty. tour: the running tour.
+        caption: the caption of a scripted session; empty without one.
+        pressed: the key that a scripted session is pressing.
+        compared: the differences between the project and its file, once they were requested.
+        ended: whether the studio should close.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -138,13 +142,13 @@ class Workspace:
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
-        """A workspace with an empty project and the library of motions."""
+        """Returns a workspace with an empty project and the library of motions."""
         workspace = cls(editor, folder)
         workspace.store.new(Project().with_takes(*library()))
         return workspace
 
     def ask(self, dialogue: str) -> None:
-        """Open a dialogue, or do at once what needs none."""
+        """Opens a dialogue, or runs the command directly if it needs no dialogue."""
         if dialogue in ("new", "quit") and self.store.dirty:
             self._after, self.asking = dialogue, "unsaved"
         elif dialogue == "new":
@@ -170,7 +174,10 @@ class Workspace:
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:
-        """Add a sample; a mesh to step into goes onto the stage, or onto the next one that is connected."""
+        """Adds a sample.
+
+        A mesh to be possessed also goes onto the stage, now or once a stage is connected.
+        """
         add_sample(self.editor, name)
         one = self.editor.chosen()
         if one is not None and one.kind == "graph":
@@ -178,10 +185,10 @@ class Workspace:
             self.perform.put_soon(one.id)
 
     def open(self, path: Path) -> None:
-        """Add a model or take, or open a project; asks first where work would be lost.
+        """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
 
         Raises:
-            InputError: where the file cannot be read.
+            InputError: if the file cannot be read.
         """
         if path.suffix.lower() == PROJECT and self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
@@ -201,7 +208,7 @@ class Workspace:
         self.preferences.opened(path)
 
     def _open_beside(self, path: Path) -> None:
-        """Read a large file in the background: the window goes on, and it can be cancelled."""
+        """Reads a large file in the background. The window stays usable, and reading can be cancelled."""
         progress = WorkProgress()
 
         def add(read: Any) -> None:
@@ -220,16 +227,16 @@ class Workspace:
         self.editor.beside.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
-        """Open files that were dropped onto the window, up to one that asks something."""
+        """Opens files that were dropped onto the window, until one of them opens a dialogue."""
         for path in paths:
             if not self.asking:
                 self.attempt(lambda path=path: self.open(path))
 
     def chosen(self, path: Path) -> None:
-        """A file was chosen in the dialogue.
+        """Handles the file that was chosen in the dialogue.
 
         Raises:
-            EnlivenError: where it cannot be read or written.
+            EnlivenError: if the file cannot be read or written.
         """
         dialogue, self.asking = self.asking, ""
         if dialogue == "open":
@@ -247,27 +254,32 @@ class Workspace:
             self.save(path)
 
     def go_on(self, *, discard: bool) -> None:
-        """Go on with the command that waited for unsaved work, with or without saving."""
+        """Continues the command that waited for a decision about unsaved work.
+
+        The work is saved or discarded before.
+        """
         self.asking = ""
         if discard:
             self.store.forget()
             self._go_on()
             return
-        self.perform.recording.stop()  # it becomes a part of what is saved
+        self.perform.recording.stop()  # the recording becomes part of the saved project
         if self.store.path is not None:
             self.attempt(self.save)
         else:
             self._browse("save as")
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
-        """Save the project, and go on with what waited for that; ask if another window saved its file.
+        """Saves the project, then continues the command that waited for it.
+
+        Asks if another window has saved the file.
 
         Args:
-            path: the file that is the project's from then on; None: the one that it has.
-            over: also where another window has saved the file since.
+            path: the project's new file. None keeps the current one.
+            over: if True, overwrite the file even if another window has saved it since.
 
         Raises:
-            EnlivenError: where it cannot be written; what waited does not go on later.
+            EnlivenError: if the file cannot be written; the waiting command is dropped.
         """
         self.asking = ""
         try:
@@ -283,15 +295,18 @@ class Workspace:
             self._go_on()
 
     def ask_for_name(self) -> None:
-        """Open the dialogue that saves the project under another name; what waits goes on after it."""
+        """Opens the dialogue that saves the project under another name.
+
+        A waiting command continues afterwards.
+        """
         self._browse("save as")
 
     def compare(self) -> None:
-        """Compare the project with the one that another window saved to its file."""
+        """Compares the project with the version that another window saved to its file."""
         self.attempt(lambda: setattr(self, "compared", self._differences()))
 
     def add_saved_items(self) -> None:
-        """Add the items to the project that only its file has, as one edit, and compare the two again."""
+        """Adds the items that only the file has to the project, as one edit, and updates the comparison."""
 
         def add() -> None:
             saved = self.store.saved_now()
@@ -304,16 +319,16 @@ class Workspace:
         return compare_projects(self.editor.history.project, self.store.saved_now())
 
     def _begin_tour(self) -> None:
-        """Begin the tour, or resume it where it was left; begin it again while it is taken."""
+        """Starts the tour, or resumes it where it was left. If it is already running, restarts it."""
         number = 0 if self.tour is not None else self.preferences.tour_step
         self.starting, self.tour = False, Tour(self, self.drawn, number)
 
     def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Let the tour check its step; to be called once a picture.
+        """Lets the tour check the current step. Call once per frame.
 
         Args:
-            seconds: since the last picture.
-            origin: the top left of the picture, in the window's pixels.
+            seconds: time since the last frame.
+            origin: the top left corner of the image, in the window's pixels.
         """
         if self.tour is None:
             return
@@ -324,18 +339,21 @@ class Workspace:
             self.preferences.save()
 
     def end_tour(self) -> None:
-        """Put the tour away; it resumes where it was."""
+        """Closes the tour; it can be resumed later."""
         if self.tour is not None:
             self.tour.leave()
         self.tour, self.preferences.toured = None, True
         self.preferences.save()
 
     def cancel(self) -> None:
-        """Close the dialogue; nothing goes on."""
+        """Closes the dialogue and drops the waiting command."""
         self.asking, self._after, self._wanted = "", "", None
 
     def edit_pose(self, number: int) -> None:
-        """Edit a key pose at its moment: playhead, tool and second view go there together."""
+        """Edits a key pose.
+
+        Moves the playhead to its time, and activates the puppet tool and the second view.
+        """
         puppet = self.puppets.puppet
         if puppet is not None and 0 <= number < len(puppet.poses):
             self._go_to(puppet, puppet.poses[number].take, puppet.poses[number].time)
@@ -343,7 +361,7 @@ class Workspace:
             self._bring_into_view()
 
     def begin_pose(self, take: str, seconds: float) -> None:
-        """Make a key pose for a second of a take, and edit it."""
+        """Adds a key pose at a time of a take, and edits it."""
         clip, puppet = self.editor.project.takes[take], self.puppets.puppet
         frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
         if puppet is not None:
@@ -352,7 +370,10 @@ class Workspace:
             self._bring_into_view()
 
     def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
-        """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
+        """Moves the playhead to a time of a take where the puppet plays it.
+
+        The second view shows that take.
+        """
         if self.input.tool.name != "puppet":
             self.input.take("puppet")
         self.puppets.accept()
@@ -364,7 +385,7 @@ class Workspace:
         self.performer.show(take)
 
     def _bring_into_view(self) -> None:
-        """Move the camera to the puppet where it is not wholly in the picture: it may have walked away."""
+        """Moves the camera to the puppet if the puppet is not completely visible: it may have walked away."""
         editor, standing = self.editor, self.puppets.shown
         if standing is None:
             return
@@ -374,7 +395,7 @@ class Workspace:
             editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
     def attempt(self, command: Callable[[], object]) -> bool:
-        """Call a function; show its EnlivenError as a message and return False where it raises one."""
+        """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
         try:
             command()
         except EnlivenError as error:
@@ -383,10 +404,10 @@ class Workspace:
         return True
 
     def widget(self, name: str) -> Rectangle:
-        """The rectangle where a widget was drawn last.
+        """Returns the rectangle in which a widget was last drawn.
 
         Raises:
-            InputError: where it has not been drawn.
+            InputError: if the widget has not been drawn.
         """
         if name not in self.widgets:
             known = ", ".join(sorted(self.widgets))
@@ -395,7 +416,7 @@ class Workspace:
         return self.widgets[name]
 
     def remember(self, name: str) -> None:
-        """Note where the last widget is."""
+        """Records the rectangle of the last widget."""
         from imgui_bundle import imgui
 
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
@@ -405,10 +426,10 @@ class Workspace:
             clip = imgui.get_window_draw_list()
             top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
             if low.y < top or high.y > bottom:
-                imgui.set_scroll_here_y(0.5)  # what the tour or a script means is scrolled into sight
+                imgui.set_scroll_here_y(0.5)  # scroll to the widget that the tour or a script points at
 
     def _export(self, path: Path) -> None:
-        """Write the file beside the window, since surfaces may have to be solved for it."""
+        """Writes the file in the background, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
@@ -444,7 +465,7 @@ class Workspace:
         self.asking = dialogue
 
     def _go_on(self) -> None:
-        """Run the command that waited until the work was saved or given up."""
+        """Runs the command that waited until the work was saved or discarded."""
         after, self._after = self._after, ""
         wanted, self._wanted = self._wanted, None
         if after == "open" and wanted is not None:
@@ -454,7 +475,7 @@ class Workspace:
 
 
 def _is_large(path: Path) -> bool:
-    """Returns whether reading a file may take so long that the window must not wait for it."""
+    """Returns True if a file is too large to be read without blocking the window."""
     try:
         return path.stat().st_size > _LARGE_BYTES
     except OSError:

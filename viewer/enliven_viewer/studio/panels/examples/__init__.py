@@ -1,4 +1,4 @@
-"""The panels of example poses: control points, the strip of key poses, motion and settings."""
+"""The panels of example-based puppets: control points, the strip of key poses, motion and settings."""
 
 import lazy_loader
 

@@ -21,7 +21,7 @@ _REMOVE = "\uf00d"
 
 
 def draw_held(workspace: Workspace, puppet: Puppet) -> None:
-    """List the hard constraints of the layer's take."""
+    """Lists the hard constraints of the layer's take."""
     number = layer_of(puppet, workspace.editor.selection.layer)
     found = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not found:
@@ -32,7 +32,7 @@ def draw_held(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the buttons that add hard constraints of the chosen control point at the playhead."""
+    """Draws the buttons that add a hard constraint of the selected control point at the playhead."""
     editor, chosen = workspace.editor, workspace.editor.puppets.point
     number = layer_of(puppet, editor.selection.layer)
     if chosen is None or number is None:
@@ -69,7 +69,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
-    """Draw one constraint: a click goes to its frame, the cross removes it."""
+    """Draws one constraint. A click goes to its frame; the cross removes it."""
     editor = workspace.editor
     take = editor.project.takes[puppet.layers[number].take]
     wide = imgui.get_content_region_avail().x
@@ -85,7 +85,7 @@ def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held:
 
 
 def constraint_text(held: HardConstraint, step: float) -> str:
-    """A hard constraint in a few words."""
+    """Returns a short description of a hard constraint."""
     at = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):
         return tr("{0} goes through a place at {1}", held.point, at)

@@ -1,4 +1,4 @@
-"""The example panel: what the chosen puppet lacks, its control points, what it plays, and its settings."""
+"""The examples panel: what the selected puppet lacks, its control points, what it plays, and its settings."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK = "\uf060"
 _PAD = 10.0
-"""Pixels between the edge of the status box and its text."""
+"""Distance in pixels between the border of the status box and its text."""
 _NEXT = 30.0
-"""Pixels of height of the button of what comes next: hit without aiming."""
+"""Height in pixels of the next-step button: easy to hit."""
 _STATUS = 66.0
-"""Pixels of height of the status box, whatever it says: a title and two lines; more are scrolled."""
+"""Fixed height in pixels of the status box: a title and two lines; more text scrolls."""
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
-    """Draw the panel of the chosen puppet at the right."""
+    """Draws the panel of the selected puppet at the right."""
     puppet = workspace.editor.puppets.puppet
     with panel("side", area):
         if puppet is None:
@@ -52,7 +52,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
 
 
 def _head(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the button back to the side panel, and the puppet's name."""
+    """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
         workspace.editor.choose(None)
@@ -63,7 +63,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _next_step(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the button of what comes next, always in the same place and marked."""
+    """Draws the highlighted button of the next step, always in the same place."""
     label, about, act = _step_of(workspace, puppet)
     with filled(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
@@ -73,7 +73,7 @@ def _next_step(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
-    """Return what comes next for a puppet: the label, what it does, and the command."""
+    """Returns the next step for a puppet: label, description and command."""
     editor, take = workspace.editor, workspace.performer.take
     if editor.puppets.number is not None:
         return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
@@ -93,7 +93,7 @@ def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
-    """Show what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
+    """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
@@ -107,7 +107,10 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
-    """The sentences, those about pairing in one: five of them would push the points off the panel."""
+    """Returns the sentences, with those about pairing merged.
+
+    Five of them would push the points off the panel.
+    """
     pairs = [line for line in lacking if line.startswith("Pair ")]
     if len(pairs) < 3:
         return lacking
@@ -117,7 +120,7 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
-    """A raised box with a coloured edge; its height does not depend on what it says."""
+    """Draws a raised box with a coloured border and a fixed height."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     corner = ImVec2(origin.x + wide, origin.y + _STATUS)

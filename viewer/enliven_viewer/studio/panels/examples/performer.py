@@ -1,4 +1,4 @@
-"""The second view: the performer beside the puppet; a click on a joint pairs it with the chosen point."""
+"""The second view: the performer next to the puppet. A click on a joint pairs it with the selected point."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _NARROW = 110.0
-"""Pixels of the choice of take below which it has no arrow: the name needs the room."""
+"""Width in pixels of the take field below which it has no arrow, since the name needs the space."""
 _LINKED = "\uf0c1"
 
 
 def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
-    """Draw the performer, the choice of take, and the name of the joint under the pointer."""
+    """Draws the performer, the take field, and the name of the hovered joint."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("performer", area, flags):
@@ -36,7 +36,7 @@ def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> Non
 
 
 def _bar(workspace: Workspace, area: Area) -> None:
-    """Draw the choice of take, and the switches for playing it and for turning both views together."""
+    """Draws the take field, and the buttons that play it and link both views."""
     view, puppet = workspace.performer, workspace.editor.puppets.puppet
     takes = workspace.editor.project.takes
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
@@ -97,7 +97,7 @@ def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | No
 
 
 def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
-    """Write the moment at the lower left and the joint beside it, or what to do where there is none."""
+    """Draws the time and the hovered joint, or instructions if no take is shown."""
     view, moment = workspace.performer, workspace.performer.moment
     draw = imgui.get_window_draw_list()
     if moment is not None:

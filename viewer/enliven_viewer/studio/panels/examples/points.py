@@ -1,4 +1,4 @@
-"""The list of control points: to choose, name, pair, weigh and remove them, and to set the symmetry."""
+"""The list of control points: select, rename, pair, weight and remove them, and set the symmetry."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, point_colour
 
 _ROW = 24.0
-"""Pixels from one control point of the list to the next: a line of text with room to click."""
+"""Height in pixels of a row in the list: a line of text with a margin for clicking."""
 _FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
-"""Icons of Font Awesome 4: a foot, a point that is held hard, a soft one."""
+"""Icons of Font Awesome 4: a foot, a hard point, a soft point."""
 _SUGGESTED = 6
-"""Control points that are suggested at once; mirror images come on top."""
+"""Number of control points that are suggested at once, not counting mirror images."""
 _AXES = (later("left to right"), later("above to below"), later("front to back"))
 
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the heading, a row per point, the fields of the chosen one, and the buttons."""
+    """Draws the heading, a row per point, the fields of the selected one, and the buttons."""
     heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
         _standing(workspace, puppet)
@@ -41,7 +41,7 @@ def draw_points(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _standing(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the buttons that turn a mesh that lies on its back or looks aside."""
+    """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
         (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
@@ -62,7 +62,7 @@ def _stand(workspace: Workspace, puppet: str, axis: str) -> None:
 
 
 def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
-    """Draw one point: its mark as in 3-D, its name, and its joint."""
+    """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
@@ -88,7 +88,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
 
 
 def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
-    """Draw the fields of the chosen point."""
+    """Draws the fields of the selected point."""
     editor, name = workspace.editor, point.name
 
     def change(what: str, **changes: object) -> bool:
@@ -115,7 +115,7 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
 
 
 def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
-    """Draw the list of joints that the point may follow, the likeliest first."""
+    """Draws the list of joints that the point may follow, most likely first."""
     editor, take = workspace.editor, workspace.performer.take
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##joint", point.joint or tr("click a joint of the performer, or choose")):
@@ -153,7 +153,7 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def suggest(workspace: Workspace, puppet: Puppet) -> bool:
-    """Put control points at the ends of the mesh's limbs, as one edit."""
+    """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
         return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTED))
@@ -162,7 +162,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
 
 
 def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the switches of symmetry: mirrored examples, the plane, and editing both sides at once."""
+    """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
     editor = workspace.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     workspace.remember("symmetric")
@@ -186,13 +186,16 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
-    """Set or clear the plane of symmetry of the examples, and editing of both sides while there are few."""
+    """Sets or clears the symmetry plane of the examples.
+
+    Before the first key pose, also switches symmetric editing.
+    """
     editor = workspace.editor
     plane = plane_for(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
-            editor.puppets.set_symmetric(True)  # tells that there is no plane
+            editor.puppets.set_symmetric(True)  # reports that the mesh has no plane
         return
     word = later("symmetric") if plane else later("not symmetric")
     editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))

@@ -1,4 +1,4 @@
-"""Sliders for the settings of the three solvers, each with its meaning."""
+"""Sliders for the settings of the three solvers, each with its description."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ NUMBERS = (
     ("examples", "nearest", later("nearest"), 1, 12, later("mix %d examples")),
     ("locomotion", "plant", later("plant"), 0.0, 1.0, later("plant feet %.2f")),
 )
-"""Group, field, label, lowest, highest, and how the number is written."""
+"""Group, field, label, minimum, maximum, and number format."""
 
 
 def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the sliders, folded away at first."""
+    """Draws the sliders, initially collapsed."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header(labelled(tr("Settings"), "Settings"))
@@ -48,18 +48,18 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _changing(puppet: str, group: str, name: str) -> Change:
-    """The edit that gives a setting a value."""
+    """Returns the edit that sets a setting."""
     return lambda project, value: with_setting(project, puppet, group, name, value)
 
 
 def sentence_of(settings: object, name: str) -> str:
-    """Returns the sentence that says what a setting does, in English."""
+    """Returns the English description of a setting."""
     field = next(f for f in dataclasses.fields(settings) if f.name == name)  # type: ignore[arg-type]
     return str(field.metadata.get("doc", ""))
 
 
 def _doc(settings: object, name: str) -> str:
-    """The sentence of a setting, broken into lines."""
+    """Returns the description of a setting, broken into lines."""
     words, lines = tr(sentence_of(settings, name)).split(), [""]
     for word in words:
         if len(lines[-1]) + len(word) > 56:

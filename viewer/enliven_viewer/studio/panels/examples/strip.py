@@ -1,4 +1,4 @@
-"""The strip of key poses: thumbnails of the puppet, each beside the performer at that moment."""
+"""The strip of key poses: thumbnails of the puppet, each with the performer at that time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLUS = "\uf067"
 
 
 def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
-    """Draw all key poses by time, the suggested ones after them, and buttons for the edited one."""
+    """Draws all key poses in order of time, then the suggested ones, and buttons for the edited one."""
     puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
@@ -49,13 +49,13 @@ def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None
 
 
 def _wheel() -> None:
-    """Scroll the strip sideways by the wheel."""
+    """Scrolls the strip sideways with the wheel."""
     if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
 def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draw the number of key poses, the number still needed, and buttons for the edited one."""
+    """Draws the number of key poses, the number still needed, and buttons for the edited one."""
     puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
@@ -91,7 +91,7 @@ def _said(coverage: TakeCoverage, count: int) -> str:
 
 
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
-    """Draw the buttons for the edited key pose."""
+    """Draws the buttons for the edited key pose."""
     meant = {
         "Done": tr("Keep it, and let the puppet play (Enter)"),
         "Cancel": tr("Put it back as it was"),
@@ -112,7 +112,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
 
 
 def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: str) -> None:
-    """Run the command of a button or a line of the menu on a key pose."""
+    """Runs the command of a button or menu entry on a key pose."""
     editor, key, name = workspace.editor, puppet.poses[number], puppet.id
     if label == "Done":
         editor.puppets.accept()
@@ -134,11 +134,11 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
 
 
 _STEPS = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
-"""The step of the history of a command that makes another key pose."""
+"""The history name of each command that adds another key pose."""
 
 
 def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
-    """Seconds of the take without a key pose, half a second after or before this one."""
+    """Returns a time in the take without a key pose: half a second after or before this one if possible."""
     key = puppet.poses[number]
     clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
@@ -149,7 +149,7 @@ def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
 
 
 def _plus(workspace: Workspace, puppet: Puppet) -> None:
-    """Draw the button for a key pose of the moment that the performer shows."""
+    """Draws the button that adds a key pose at the time that the performer shows."""
     moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
@@ -174,7 +174,7 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
-    """Draw one key pose; a click edits it."""
+    """Draws one key pose; a click edits it."""
     pose, chosen = puppet.poses[number], workspace.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
@@ -212,14 +212,14 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
 
 
 def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
-    """Draw the menu of the right button."""
+    """Draws the context menu of a key pose."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(f"{tr(label)}###{label}"):
             run_pose_command(workspace, puppet, number, label)
 
 
 def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Draw the performer at the suggested moments; a click begins a key pose."""
+    """Draws the performer at the suggested times; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]

@@ -1,4 +1,4 @@
-"""Small line drawings: a stick figure of the performer, a dashed frame."""
+"""Small line drawings: a stick figure of the performer, and a dashed frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven_viewer.studio.places import Area
 
 
 def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: int) -> None:
-    """Draw a stick figure from its front right, scaled so that its rest pose fits the room."""
+    """Draws a stick figure from its front right, scaled so that its rest pose fits the area."""
     joints, parents, tall = figure.joints, figure.skeleton.parents, figure.height
     across = joints[:, 0] * math.cos(SIDE) - joints[:, 2] * math.sin(SIDE)
     scale = room.height / (1.12 * tall)
@@ -26,7 +26,7 @@ def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: i
 
 
 def dashed(draw: imgui.ImDrawList, low: ImVec2, high: ImVec2, colour: int) -> None:
-    """A rectangle of dashes."""
+    """Draws a dashed rectangle."""
     step = 7.0
     for y in (low.y, high.y):
         for k in range(int((high.x - low.x) / step / 2) + 1):

@@ -1,4 +1,4 @@
-"""The panels about files: what an export holds, and work that is under way."""
+"""The panels about files: export options, and work in progress."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What an export or a film holds, above the list of files: characters, seconds, rate, size, look, format."""
+"""The options of an export or film, above the file list: characters, range, rate, size, look, format."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import FILM_SIZES, RATES, Workspace
 
 _LABEL = 96.0
-"""Pixels of the words before a field."""
+"""Width in pixels of the label before a field."""
 _FIELD = 110.0
-"""Pixels of a field."""
+"""Width of a field in pixels."""
 _CHARACTERS = 74.0
-"""Pixels of the list of characters: three lines."""
+"""Height in pixels of the list of characters: three lines."""
 
 
 def draw_export_options(workspace: Workspace, *, film: bool) -> None:
-    """Draw the options of an export, or of a film."""
+    """Draws the options of an export, or of a film."""
     options, editor = workspace.exporting, workspace.editor
     solid = [one for one in editor.project.characters.values() if one.mesh is not None]
     if len(solid) > 1:
@@ -44,7 +44,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
 
 
 def _range(workspace: Workspace) -> None:
-    """The first and the last second; buttons take all, or what lies between the in and the out point."""
+    """Draws the time range, with buttons for everything and for the range between the in and out points."""
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Seconds"))
@@ -74,7 +74,7 @@ def _range(workspace: Workspace) -> None:
 
 
 def _film(workspace: Workspace) -> None:
-    """The size and the look of a film."""
+    """Draws the size and the look of a film."""
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Pixels"))
@@ -95,7 +95,7 @@ def _film(workspace: Workspace) -> None:
 
 
 def _format(workspace: Workspace) -> None:
-    """The options of the kinds of files."""
+    """Draws the options of the file formats."""
     options = workspace.exporting
     if any(isinstance(one, Puppet) for one in workspace.editor.project.characters.values()):
         options.morphs = imgui.checkbox(

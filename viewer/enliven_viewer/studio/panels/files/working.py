@@ -1,4 +1,4 @@
-"""Draws long work over the picture: its name, its progress, and a button that cancels it."""
+"""Draws long-running work over the view: its name, its progress, and a cancel button."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 
 _WIDE = 300.0
-"""Pixels of the box: the name of a file, and the button."""
+"""Width of the box in pixels: the name of a file, and the button."""
 _EDGE = 14.0
-"""Pixels between the box and the edge of the picture."""
+"""Distance in pixels between the box and the border of the view."""
 _BELOW_HINT = 76.0
-"""Pixels between the box and the top of the picture, where the tool's hint has up to two lines."""
+"""Distance in pixels from the top of the view, so that the tool's hint of up to two lines fits above."""
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -25,7 +25,7 @@ _FLAGS = (
 
 
 def draw_working(workspace: Workspace, area: Area) -> None:
-    """Draw the work that can be cancelled, at the upper right of the picture."""
+    """Draws cancellable work at the upper right of the view."""
     beside = workspace.editor.beside
     progress = beside.progress
     if progress is None:

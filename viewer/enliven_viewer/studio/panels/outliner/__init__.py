@@ -1,4 +1,4 @@
-"""The outliner and the numbers of what is chosen: rows with eyes and locks, fields with units."""
+"""The outliner and the numbers of the selection: rows with visibility and lock, fields with units."""
 
 import lazy_loader
 

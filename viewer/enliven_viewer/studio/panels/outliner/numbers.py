@@ -1,4 +1,4 @@
-"""Draws the numbers of what is chosen: its place, its size, turns, and when its motion begins."""
+"""Draws the numbers of the selection: position, size, rotation, and the start of its motion."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from enliven_viewer.theme import QUIET
 
 _AXES = ("x", "y", "z")
 _LABEL = 46.0
-"""Pixels of the words at the left of the fields."""
+"""Width in pixels of the labels at the left of the fields."""
 _FIELD = 67.0
-"""Pixels of a field: "-12.345 m", three of them side by side."""
+"""Width of a field in pixels: "-12.345 m", three of them side by side."""
 
 
 def draw_numbers(workspace: Workspace) -> None:
-    """Draw the fields of what is chosen."""
+    """Draws the fields of the selection."""
     figures = workspace.figures
     place, height = figures.place, figures.height
     if place is None or height is None:
@@ -44,7 +44,7 @@ def draw_numbers(workspace: Workspace) -> None:
 
 
 def _begins(workspace: Workspace) -> None:
-    """When the chosen layer begins."""
+    """Draws the start time of the selected layer."""
     editor = workspace.editor
     character, number = editor.chosen(), editor.selection.layer
     if character is None or number is None or editor.selection.several:
@@ -75,10 +75,12 @@ def number_field(
     change: Callable[[float], object],
     **more: float,
 ) -> None:
-    """A number that is typed, with units and sums; ``change`` gets it on Enter, Tab, or a click elsewhere.
+    """Draws a numeric field with units and arithmetic.
+
+    ``change`` gets the value on Enter, Tab, or a click elsewhere.
 
     Args:
-        more: further units that it may be typed in.
+        more: further units that may be typed.
     """
     shown, typing = quantity.write(value), workspace.typing
     imgui.set_next_item_width(_FIELD)

@@ -1,4 +1,4 @@
-"""Draws the outliner: a filter, and a row for everything."""
+"""Draws the outliner: a filter, and a row for every object."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
 _LEAST = 0.12
-"""Of the height of the side that the tree keeps: its filter, and a row where the window is high."""
+"""Minimum fraction of the side panel's height for the tree: its filter, and a row if the window is tall."""
 _MOST = 0.85
-"""Of the height of the side that the tree takes at most: the name of what is chosen stays in view."""
+"""Maximum fraction of the side panel's height for the tree, so that the selection's name stays visible."""
 _GRIP = 7.0
-"""Pixels of the line between the tree and what is chosen, by which it is dragged."""
+"""Height in pixels of the draggable line between the tree and the selection."""
 _INDENT = 14.0
-"""Pixels by which a row stands further right than the one that it belongs to."""
+"""Indentation in pixels per level."""
 _FOLD = 16.0
-"""Pixels of the arrow that folds a row."""
+"""Width in pixels of the arrow that folds a row."""
 _SWITCH = 20.0
-"""Pixels of an eye or a lock."""
+"""Width in pixels of a visibility or lock icon."""
 _HIGH = 20.0
-"""Pixels of a row: a line of text with a little air."""
+"""Height of a row in pixels: a line of text with a margin."""
 _OPENED, _CLOSED = "\uf0d7", "\uf0da"
 _LOCKED, _UNLOCKED = "\uf023", "\uf09c"
 _BONE, _POINT, _FILM, _PERSON, _TRASH = "\uf069", "\uf111", "\uf008", "\uf007", "\uf014"
 _DRAGGED = "character"
-"""What a row that is dragged carries."""
+"""Payload type of a dragged row."""
 
 
 def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
-    """Split the right side: the tree above with its share of the height, what is chosen below."""
+    """Splits the right side: the tree above with its share of the height, the selection below."""
     high = round(share * side.height)
     return (
         Area(side.x, side.y, side.width, high),
@@ -45,7 +45,7 @@ def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
 
 
 def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
-    """Draw the tree; the line below it is dragged to give it more of the side, or less."""
+    """Draws the tree. The line below it can be dragged to change the tree's height."""
     outliner = workspace.outliner
     leading = workspace.editor.selection.character
     outliner.followed, follow = leading, leading != outliner.followed
@@ -70,7 +70,7 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
 
 
 def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
-    """The line between the tree and what is chosen."""
+    """Draws the line between the tree and the selection."""
     imgui.set_cursor_pos(ImVec2(0, area.height - _GRIP))
     imgui.invisible_button("##grip", ImVec2(area.width, _GRIP))
     workspace.remember("grip")
@@ -95,7 +95,7 @@ def _filter(workspace: Workspace, outliner: Outliner) -> None:
 
 
 def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
-    """One row: its arrow, its sign, its name, what it is, and its eye and lock."""
+    """Draws one row: arrow, icon, name, note, visibility and lock."""
     imgui.push_id(row.key)
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     at = imgui.get_cursor_screen_pos()
@@ -134,7 +134,7 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
 
 
 def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
-    """The arrow, the sign, the name, and what is said beside it, cut off where the row ends."""
+    """Draws the arrow, icon, name and note, clipped at the end of the row."""
     draw, x = imgui.get_window_draw_list(), at.x + _INDENT * row.depth
     label, note = tr(row.label) if row.kind == GROUP else row.label, tr(row.note)
     middle = at.y + (_HIGH - imgui.get_font_size()) / 2
@@ -159,14 +159,14 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     x += imgui.calc_text_size(label).x + 8
     size = imgui.get_font_size() * 0.82
     wide = imgui.calc_text_size(note).x * 0.82
-    # What it is stands at the right, where the eye compares it; beside the name where there is no room.
+    # The note is aligned at the right for comparison; if space is short, it follows the name.
     aside = ImVec2(max(x, at.x + width - wide - 6), middle + 2)
     draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), note)
     draw.pop_clip_rect()
 
 
 def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
-    """Fold a row, show a take beside the shapes, or choose what it stands for."""
+    """Folds a row, shows a take next to the shapes, or selects the row's object."""
     io = imgui.get_io()
     if fold and row.folds:
         outliner.fold(row)
@@ -183,7 +183,7 @@ def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) 
 
 
 def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
-    """The field of a name that is typed in place: Enter keeps it, and so does a click elsewhere."""
+    """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-_SWITCH * 2 if row.kind == CHARACTER else -1)
@@ -199,7 +199,10 @@ def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
 
 
 def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
-    """The eye and the lock of a character; of all that are chosen, where it is one of them."""
+    """Draws the visibility and lock icons of a character.
+
+    A click applies to the whole selection if that contains it.
+    """
     now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)
     imgui.same_line(right - 2 * _SWITCH)
@@ -213,7 +216,7 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
 
 
 def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
-    """One small button without a frame: bright while it is set."""
+    """Draws one small frameless button, bright while it is on."""
     with tinted(CLEAR, imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
         pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
@@ -223,7 +226,7 @@ def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
 
 
 def _drag(outliner: Outliner, row: Row) -> None:
-    """Let a row be dragged onto another, and take its place."""
+    """Lets a row be dragged onto another one to take its place."""
     if imgui.begin_drag_drop_source():
         imgui.set_drag_drop_payload_py_id(_DRAGGED, outliner.place_of(row.id))
         imgui.text_unformatted(row.id)

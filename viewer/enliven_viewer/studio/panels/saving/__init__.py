@@ -1,4 +1,4 @@
-"""The dialogues that keep work from being lost: unsaved work, and a file that another window saved."""
+"""The dialogues that prevent data loss: unsaved work, and a file that another window has saved."""
 
 import lazy_loader
 

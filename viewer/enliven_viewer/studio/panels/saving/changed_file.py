@@ -1,4 +1,4 @@
-"""Asks what to do if another window saved the project's file: save elsewhere, compare, or save over it."""
+"""Asks what to do if another window has saved the project's file: save elsewhere, compare, or overwrite."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import Difference, Workspace
 
 _LIST_HEIGHT = 150.0
-"""Pixels of the list of differences: seven rows; more are scrolled."""
+"""Height in pixels of the list of differences: seven rows; more scroll."""
 _SIDES = {
     "only here": "Only in this window",
     "only in the file": "Only in the file",
@@ -20,7 +20,7 @@ _SIDES = {
 
 
 def draw_changed_file(workspace: Workspace) -> None:
-    """Draw the dialogue."""
+    """Draws the dialogue."""
     if workspace.store.path is None:
         workspace.cancel()
         return

@@ -1,4 +1,4 @@
-"""Asks before work is thrown away: edits that are not saved, and a recording that runs."""
+"""Asks before unsaved edits or a running recording are lost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_viewer.theme import BAD
 
 
 def draw_unsaved(workspace: Workspace) -> None:
-    """Ask before work is thrown away."""
+    """Draws the dialogue that asks before work is lost."""
     with modal("Save your work?", 430) as shown:
         if not shown:
             return
@@ -32,7 +32,7 @@ def draw_unsaved(workspace: Workspace) -> None:
 
 
 def _draw_recording(workspace: Workspace) -> None:
-    """Say that a recording runs, how long it is, and what each button does with it."""
+    """Draws that a recording is running, its length, and the effect of each button."""
     seconds = time_text(workspace.perform.recording.seconds)
     with tinted(BAD, imgui.Col_.text):
         imgui.text_unformatted(tr("A recording is running: {0}", seconds))

@@ -1,4 +1,4 @@
-"""The panels of the stage: workspaces, the Perform panel, words over the picture, and the growing clip."""
+"""The panels of the stage: workspaces, the Perform panel, text over the view, and the growing clip."""
 
 import lazy_loader
 

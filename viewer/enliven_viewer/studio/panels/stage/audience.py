@@ -1,4 +1,4 @@
-"""Draws text for an audience: who is in which character, and a notice while the edge sends nothing."""
+"""Draws text for an audience: performers with their characters, or a notice while the edge is silent."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import GLASS, INK
 
 _TEXT = 26.0
-"""Pixels of the sentence about a stage that is away: read from the back of a room."""
+"""Text size in pixels of the notice: readable from the back of a room."""
 _ABOVE = 72.0
-"""Pixels between the sentence and the bottom of the picture."""
+"""Distance in pixels between the notice and the bottom of the view."""
 
 
 def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
-    """Draw over the whole picture; ``words`` say that the stage is away, and are empty while it is not."""
+    """Draws over the whole view; ``words`` is a notice while the stage is away, else empty."""
     live = workspace.perform.live
     draw = imgui.get_background_draw_list()
     if not workspace.asking:
@@ -35,7 +35,7 @@ def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
 
 
 def _sentence(draw: imgui.ImDrawList, area: Area, text: str) -> None:
-    """Draw one sentence in the middle of the lower border."""
+    """Draws one sentence centred at the bottom."""
     wide = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))
     left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _ABOVE

@@ -1,4 +1,4 @@
-"""The cameras of this machine in the Perform panel: each starts with a click, or says what it lacks."""
+"""The cameras of this machine in the Perform panel: each starts with a click, or shows why it cannot."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from enliven_viewer.theme import WAIT
 _LOOK = "\uf06e"
 """Icon of Font Awesome 4: an eye."""
 _BESIDE = 42.0
-"""Pixels at the right of a camera's button, for the one that looks through it."""
+"""Width in pixels of the test image button at the right of a camera's button."""
 
 
 class _Shown:
-    """The texture of the last look through a camera."""
+    """The texture of the last test image."""
 
     texture: moderngl.Texture | None = None
     number = 0
 
 
 def draw_cameras(workspace: Workspace) -> None:
-    """Draw the list of cameras; the first time it is shown, they are looked for."""
+    """Draws the list of cameras. The first call starts the search."""
     search = workspace.perform.cameras
     if search.cameras is None and not search.searching:
         search.begin()
@@ -52,14 +52,14 @@ def draw_cameras(workspace: Workspace) -> None:
 
 
 def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: int) -> None:
-    """A button that starts a camera, one that looks through it, and what it lacks."""
+    """Draws a camera: the start button, the test image button, and its problem."""
     imgui.begin_disabled(not camera.can_start)
     room = imgui.get_content_region_avail().x
     beside = _BESIDE if camera.depth and camera.can_start else 0.0
     if imgui.button(
         f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
-        search.close()  # a look would keep the camera from the edge
+        search.close()  # a running test would block the camera for the edge
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
@@ -87,7 +87,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
 
 
 def _look(search: CameraSearch) -> None:
-    """Draw the picture of the last look, or what went wrong."""
+    """Draws the last test image, or the error."""
     assert search.looked is not None
     picture = search.picture
     if picture is not None:
@@ -103,7 +103,7 @@ def _look(search: CameraSearch) -> None:
 
 
 def fitting(text: str, room: float) -> str:
-    """Returns a text without its end, as far as there is room."""
+    """Returns a text shortened at its end to fit the width."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while len(text) > 1 and imgui.calc_text_size(f"{text}\u2026").x > room:

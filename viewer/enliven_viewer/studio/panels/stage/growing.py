@@ -1,4 +1,4 @@
-"""The clip that grows on the timeline while something is recorded."""
+"""The growing clip on the timeline during a recording."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 
 def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
-    """Draw it below the last lane, or at the bottom where that is out of sight, ``tall`` pixels down.
+    """Draws it below the last lane, or at the bottom of the ``tall`` pixels if that is out of view.
 
     Returns:
-        Whether something is recorded.
+        Whether a recording is running.
     """
     clip = workspace.perform.recording.clip
     if clip is None:

@@ -1,4 +1,4 @@
-"""Draws the performers as their cameras see them, in a corner of the picture, a view for each edge."""
+"""Draws the performers as seen by their cameras, in a corner of the view, one image per edge."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, performer_colour
 
 _LIMB = 0.075
-"""Metres, thickness of a limb: seen in an inset of a hundred pixels."""
+"""Thickness of a limb in metres, visible in an inset of a hundred pixels."""
 _HEAD = 0.11
-"""Metres, radius of a head."""
+"""Radius of a head in metres."""
 _SURE = 0.3
-"""Opacity of what is guessed; what is seen well has 1."""
+"""Opacity of guessed parts; clearly seen ones have 1."""
 _TEXT = 13.0
-"""Pixels of the words in the inset."""
+"""Text size in pixels in the inset."""
 
 
 def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures: GlancePictures) -> None:
-    """Draw the inset over the viewport, where it is wanted and performers can be seen."""
+    """Draws the inset over the viewport, if it is enabled and performers are visible."""
     perform = workspace.perform
     views = views_of(perform) if workspace.preferences.performer else []
     workspace.widgets.pop("performer inset", None)
@@ -63,9 +63,9 @@ def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures
 
 @dataclass(frozen=True)
 class CameraViewOf:
-    """What is seen by the camera of an edge, or was in a take: the name, who is there, and the camera.
+    """The image of an edge's camera, live or in a take: the name, the performers, and the camera.
 
-    ``limbs`` are the colours of a match, sRGB by performer and outer joint of a bone.
+    ``limbs`` are the colours of a match, sRGB by performer and by the outer joint of a bone.
     """
 
     name: str
@@ -75,7 +75,7 @@ class CameraViewOf:
 
 
 def views_of(perform: PerformSession) -> list[CameraViewOf]:
-    """What each edge sees, or what was seen in the take; none without a link."""
+    """Returns the camera views of all edges, or that of the take; empty without a link."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
@@ -91,7 +91,7 @@ def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> Camera
 
 
 def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
-    """Where what is live, and what is in the project, is seen."""
+    """Returns the rectangles covered by live characters and by those of the project."""
     editor, found = workspace.editor, []
     lens, own = editor.lens, bounds_of([one.extent for one in editor.seen])
     for box in (editor.beside_box, own):
@@ -102,7 +102,7 @@ def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
 
 
 def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | None) -> None:
-    """One camera's view."""
+    """Draws one camera's image."""
     name, bodies = one.name, seen(one.bodies, one.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
@@ -127,7 +127,10 @@ def _figure(
     width: float,
     limbs: Mapping[int, tuple[float, float, float]],
 ) -> None:
-    """A performer in a view of a width over its height: limbs, the farther first and darker, and a head."""
+    """Draws a performer: limbs with the farther ones first and darker, and a head.
+
+    `width` is the aspect ratio.
+    """
     at = body.places * area.height + [area.x, area.y]
     at[:, 0] += (area.width - width * area.height) / 2
     if not np.isfinite(at).all():
@@ -148,7 +151,7 @@ def _figure(
 
 
 def _explain(workspace: Workspace, area: Area) -> None:
-    """Say what it is, and which key hides it, once the pointer is over it."""
+    """Shows a tooltip with the shortcut that hides the inset while the pointer is over it."""
     io = imgui.get_io()
     if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
         imgui.set_tooltip(workspace.actions.tip(workspace.actions["view.performer"]))

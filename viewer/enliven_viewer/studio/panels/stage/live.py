@@ -1,4 +1,4 @@
-"""Draws over the picture what is live: who holds what in large words, matches, count-in and recording."""
+"""Draws live information over the view: which performer controls what, matches, count-in and recording."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, performer_colour
 
 _LARGE = 26.0
-"""Pixels of the words about who holds what: read from three metres away."""
+"""Text size in pixels of the lines about performers: readable from three metres."""
 _SIZE = 64.0
-"""Pixels of the words about the size of a character: read by who scales it, across the room."""
+"""Text size in pixels of a character's size, for the performer that scales it across the room."""
 _HOW = 20.0
-"""Pixels of the words about what hands do: read once, from two metres away."""
+"""Text size in pixels of the gesture hint: read once, from two metres."""
 _LEFT = 18.0
-"""Pixels from the left and the top of the picture to these words."""
+"""Distance in pixels of this text from the left and the top of the view."""
 _COUNT = 150.0
-"""Pixels of a beat of the count-in: seen by a performer across the room."""
+"""Text size in pixels of the count-in: visible across the room."""
 _BELOW = 64.0
-"""Pixels above the bottom of the picture where the words begin in Play: above the live timeline."""
+"""Distance in pixels from the bottom at which the lines begin in Play: above the live timeline."""
 _LOW = 14.0
-"""Pixels above the bottom where they begin elsewhere."""
+"""The same distance elsewhere."""
 _HEARD = 96.0
-"""Pixels from the top to the lower edge of the words that were heard: below the time of a recording."""
+"""Distance in pixels from the top to the lower end of the recognised words: below the recording time."""
 _AROUND = 14.0
-"""Pixels of glass above and below a line of large words, together."""
+"""Total height in pixels of the margins above and below a line of large text."""
 _GAP = 8.0
-"""Pixels between the advice of a scan and the words that were heard."""
+"""Gap in pixels between the instruction of a scan and the recognised words."""
 _LEAST = 240.0
-"""Pixels beside the performers in the corner that the words need; with less they lie over them."""
+"""Minimum width in pixels of the lines next to the inset. With less space they cover it."""
 
 
 def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
-    """Draw over the viewport; ``pace`` is the pictures a second."""
+    """Draws over the viewport; ``pace`` is the frames per second."""
     perform = workspace.perform
     live = perform.live
     if live is None:
@@ -88,7 +88,7 @@ def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
 
 
 def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
-    """Let the pointer drag the playhead along the live timeline."""
+    """Lets the pointer scrub the playhead along the live timeline."""
     io = imgui.get_io()
     x, y = io.mouse_pos.x - area.x, io.mouse_pos.y - area.y
     near = timeline_fraction(x, y, size, 1.0)
@@ -101,7 +101,7 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
 
 
 def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
-    """The part of the picture that the performers in a corner at the bottom leave free at its side."""
+    """Returns the part of the view next to an inset at the bottom."""
     if inset is None or inset[3] < area.y + area.height / 2:
         return area
     left, _, right, _ = inset
@@ -113,7 +113,7 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
 
 
 def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw what a press of Possess waits for, and who holds what, a line each."""
+    """Draws what a press of Possess waits for, and which performers control what, one line each."""
     bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     if perform.stepping_in.words:
         _line(draw, area, bottom, perform.stepping_in.words, WAIT)
@@ -127,19 +127,22 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
 
 
 def heard_below(*, is_scanned: bool) -> float:
-    """Returns how many pixels below the top the words that were heard end, below the advice of a scan."""
+    """Returns the lower end of the recognised words in pixels from the top.
+
+    It lies below the instruction of a scan.
+    """
     return ADVICE + _GAP + _LARGE + _AROUND if is_scanned else _HEARD
 
 
 def draw_heard(perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _HEARD) -> None:
-    """Draw what the microphone heard in large words below the top; nothing else moves for them."""
+    """Draws the recognised words in large text at the top, without moving other text."""
     words = perform.voice.words
     if words:
         _line(draw, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
 
 
 def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Colour) -> None:
-    """One line of large words above ``bottom``, in the middle."""
+    """Draws one centred line of large text above ``bottom``."""
     room = area.width - 90.0
     size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
     wide = _wide(text, size)
@@ -151,7 +154,7 @@ def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Co
 
 
 def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
+    """Draws the count-in in the middle, or the recorded time at the top."""
     if perform.recording.counted:
         text = str(perform.recording.counted)
         x = area.x + (area.width - _wide(text, _COUNT)) / 2
@@ -170,7 +173,7 @@ def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> N
 
 
 def draw_size(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draw at the left how large hands make a character, and what they do, beside the character."""
+    """Draws the size of a character that hands are scaling, and the gesture hint, at the left."""
     if perform.sizes.words is None:
         return
     left, top = area.x + _LEFT, area.y + _LEFT

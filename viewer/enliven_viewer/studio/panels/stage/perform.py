@@ -1,4 +1,4 @@
-"""The panel of the Perform workspace: the stage, who is there, the characters on it, and recording."""
+"""The panel of the Perform workspace: the stage, its performers and characters, and recording."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
 _WHOLE = ImVec2(-1, 0)
 _PRIMARY = 40.0
-"""Pixels of height of the two buttons that a performance needs: hit without aiming."""
+"""Height in pixels of the two main buttons: easy to hit."""
 _STATE = 66.0
-"""Pixels of height of the box with the state of the stage: three lines; more are scrolled."""
+"""Height in pixels of the stage's status box: three lines; more scroll."""
 _STATE_ROOMY = 90.0
-"""The same where the panel has room for a whole message with what to do about it."""
+"""Its height if the panel has space for a whole message with advice."""
 _ROOMY = 520.0
-"""Least height in pixels of a panel with that room."""
+"""Minimum panel height in pixels for that."""
 _STILL = 2.0
-"""Seconds of holding still that end a recording, if nothing else is set: longer than a pause for effect."""
+"""Default seconds of stillness that end a recording: longer than a dramatic pause."""
 _LOCAL = "127.0.0.1"
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
-    """Draw the panel at the right: the two buttons that count stay at its top, the rest scrolls."""
+    """Draws the panel at the right. The two main buttons stay at its top; the rest scrolls."""
     perform = workspace.perform
     with panel("perform", area):
         live = perform.live
@@ -43,7 +43,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _primary(workspace, perform)
         imgui.begin_child("##rest")
         _connected(workspace, perform, live, area)
-        _performers(workspace, perform, live)  # also in the picture in which the stage is left
+        _performers(workspace, perform, live)  # also in the frame in which the stage is left
         _characters(workspace, perform)
         if perform.client is not None:
             draw_physics(workspace, perform)
@@ -60,7 +60,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 
 
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
-    """The two buttons that a performance needs, always in the same place."""
+    """Draws the two main buttons of a performance, always in the same place."""
     size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
     waits = perform.stepping_in.waits
     with filled(WAIT if waits else ACCENT):
@@ -76,7 +76,10 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
-    """Begins a recording, or ends it; a press means what the button said when it went down."""
+    """Draws the button that starts or ends a recording.
+
+    A press means what the label said when the button was pressed.
+    """
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", time_text(recording.recorder.seconds)), filled(BAD)
     elif recording.phase == "counting":
@@ -94,7 +97,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
-    """The state of the link in plain words, and its colour."""
+    """Returns the state of the link as text, and its colour."""
     live = perform.live
     if live is None:
         return tr("No stage is connected"), QUIET
@@ -150,7 +153,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     workspace.remember("address")
     wanted = imgui.button(labelled(tr("Connect"), "Connect"), _WHOLE) or entered
     if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
-        perform.address = ""  # the field is another camera's from now on
+        perform.address = ""  # clear the field for the address of another camera
     workspace.remember("connect")
     for address in perform.known:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
@@ -175,7 +178,10 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
-    """Draws the state and problems of the stage in a box of fixed height, so that nothing below it moves."""
+    """Draws the state and the problems of the stage.
+
+    The box has a fixed height, so that nothing below it moves.
+    """
     top = imgui.get_cursor_pos_y()
     heading("Stage")
     below = imgui.get_cursor_pos()
@@ -213,7 +219,7 @@ def _wrapped(text: str) -> None:
 
 
 def _guests(workspace: Workspace, perform: PerformSession) -> None:
-    """The other edges, and a field for one more, below what is used more often."""
+    """Draws the secondary edges, and a field to add one, below the more common options."""
     heading("Other cameras")
     for number, guest in enumerate(list(perform.guests)):
         state = tr("connected") if guest.connected else tr("silent")
@@ -236,7 +242,7 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:
-    """How a recording begins and ends; the button itself is at the top."""
+    """Draws the recording options; the record button is at the top."""
     heading("Record")
     last = recording.recorded
     imgui.begin_disabled(recording.phase != "idle" or not last)
@@ -258,7 +264,7 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
 
 
 def _ends(workspace: Workspace, recording: StageRecording) -> None:
-    """What ends a recording by itself: stillness, or the end of the marked span."""
+    """Draws the conditions that end a recording: stillness, or the end of the marked span."""
     held, still = recording.hold_still, bool(recording.hold_still)
     changed, still = imgui.checkbox(
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
@@ -325,7 +331,7 @@ def _character(workspace: Workspace, perform: PerformSession, name: str) -> None
 
 
 def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
-    """Who steps in with which parts of the body, and the other ways to hold a character."""
+    """Draws which performer steps in with which body parts, and the other ways to control a character."""
     heading("Who steps in, with what")
     present, choice = perform.performers, live.possession
     numbers = {live.numbers.number_of(body): body for body in present}

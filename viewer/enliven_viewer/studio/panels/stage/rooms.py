@@ -1,4 +1,4 @@
-"""The strip of workspaces in the menu bar: what is in reach, never what is loaded."""
+"""The workspace tabs in the menu bar. A workspace changes the visible panels, never the loaded data."""
 
 from __future__ import annotations
 
@@ -18,20 +18,23 @@ _MEANT = {
     "Play": "Only the picture",
 }
 _WIDE = 84.0
-"""Pixels of a tab: the longest name with room."""
+"""Width of a tab in pixels: the longest name with margins."""
 _NARROW = 64.0
-"""Pixels of a tab in a narrow window: the longest name, and the dot of a recording."""
+"""Width in pixels of a tab in a narrow window: the longest name, and the dot of a recording."""
 _LEAST_GAP = 12.0
-"""Pixels between the menus and the first tab."""
+"""Minimum gap in pixels between the menus and the first tab."""
 
 
 def rooms_width(*, narrow: bool = False) -> float:
-    """Returns the pixels that the tabs need, with the gap before them."""
+    """Returns the width in pixels of all tabs, including the gap before them."""
     return _LEAST_GAP + (_NARROW if narrow else _WIDE) * len(ROOMS)
 
 
 def draw_rooms(workspace: Workspace) -> None:
-    """Draw a tab a workspace in the middle of the menu bar; that of Perform has a dot while it records."""
+    """Draws one tab per workspace in the middle of the menu bar.
+
+    The Perform tab has a dot during a recording.
+    """
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform

@@ -1,4 +1,4 @@
-"""The panel of a scan, and what is said over the picture to the person who carries the camera."""
+"""The panel of a scan, and the instructions over the view for the person that carries the camera."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _WHOLE = ImVec2(-1, 0)
 _HALF = ImVec2(126, 0)
 _TALL = ImVec2(-1, 38)
 _LARGE = 34.0
-"""Pixels of the words over the picture: read from three metres away, with a camera in the hands."""
+"""Text size in pixels of the instructions: readable from three metres, with a camera in the hands."""
 ADVICE = 72.0
-"""Pixels from the top of the picture to the lower edge of these words."""
+"""Distance in pixels from the top of the view to the lower end of the instructions."""
 _SIZES: dict[Size, str] = {
     "small": later("Something small: a cup, a shoe"),
     "thing": later("A chair, a lamp"),
@@ -58,7 +58,7 @@ _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
 
 def draw_scan(workspace: Workspace, area: Area) -> None:
-    """Draw the panel at the right."""
+    """Draws the panel at the right."""
     scan = workspace.scan
     with panel("scan", area):
         if scan.active:
@@ -72,7 +72,7 @@ def draw_scan(workspace: Workspace, area: Area) -> None:
 
 
 def _before(workspace: Workspace, scan: ScanSession) -> None:
-    """What is chosen before a scan."""
+    """Draws the options before a scan."""
     heading("Scan")
     quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
     lacking = tr(scan.lacks_stage())
@@ -116,7 +116,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def _under_way(workspace: Workspace, scan: ScanSession) -> None:
-    """What is seen and done while it is scanned."""
+    """Draws the progress and the commands of a running scan."""
     said = scan.said
     heading("Scan")
     imgui.push_text_wrap_pos(0.0)
@@ -168,7 +168,7 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:
-    """What of it is kept."""
+    """Draws the options for the content of the character."""
     heading("What is kept")
     for kept, words in _KEPT.items():
         if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.keeps == kept):
@@ -182,7 +182,7 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def draw_scan_over(workspace: Workspace, area: Area) -> None:
-    """Draw the camera, the arrow and the words over the picture."""
+    """Draws the camera, the arrow and the instructions over the view."""
     scan = workspace.scan
     if not scan.active:
         return
@@ -198,7 +198,7 @@ def draw_scan_over(workspace: Workspace, area: Area) -> None:
 
 
 def _words(draw: imgui.ImDrawList, area: Area, text: str, tint: Colour) -> None:
-    """One line of large words at the top, in the middle."""
+    """Draws one line of large text, centred at the top."""
     grown = imgui.calc_text_size(text).x / imgui.get_font_size()
     size = min(_LARGE, (area.width - 120.0) / max(grown, 1e-3))
     wide = grown * size

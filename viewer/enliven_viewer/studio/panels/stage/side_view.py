@@ -1,4 +1,4 @@
-"""Draws the limb that is about to be held as it is seen from the side, in a corner of the picture."""
+"""Draws a side view of the limb that is about to be attached, in a corner of the view."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 
 _SHARE = 0.3
-"""Share of the picture's height."""
+"""Fraction of the view's height."""
 _LEAST = 104.0
-"""Pixels of its height at least: a limb is told from others."""
+"""Minimum height in pixels, so that the limb is recognisable."""
 _MOST = 400.0
-"""Pixels of its height at most: more shows no more."""
+"""Maximum height in pixels: a larger image shows no more detail."""
 _WIDE = 1.2
-"""Width over height, as of the performers in the other corner."""
+"""Aspect ratio, like that of the inset in the other corner."""
 _MARGIN = 14.0
-"""Pixels to the border of the picture."""
+"""Distance in pixels from the border of the view."""
 _TEXT = 13.0
-"""Pixels of its name."""
+"""Text size of its title in pixels."""
 
 
 def place_of_side_view(workspace: Workspace, area: Area) -> Area:
-    """Where it is in the window: at the top right, or below the performers where they are there."""
+    """Returns its area in the window: at the top right, or below the inset if that is there."""
     tall = min(max(_SHARE * area.height, _LEAST), _MOST, max(area.height / 2 - _MARGIN, 1.0))
     wide, top = _WIDE * tall, area.y + _MARGIN
     left = area.x + area.width - wide - _MARGIN
@@ -36,7 +36,7 @@ def place_of_side_view(workspace: Workspace, area: Area) -> Area:
 
 
 def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
-    """Draw the picture that the window made of it."""
+    """Draws the side view that the window has rendered."""
     draw, place = imgui.get_background_draw_list(), place_of_side_view(workspace, area)
     low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
     white = packed(UNTINTED)

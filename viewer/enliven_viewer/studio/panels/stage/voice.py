@@ -1,4 +1,4 @@
-"""The microphone in the Perform panel, in space of its own: switch, state, and the words it heard."""
+"""The microphone in the Perform panel, in a fixed space: switch, state, and recognised words."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 _MICROPHONE, _MUTED = "\uf130", "\uf131"
 """Icons of Font Awesome 4."""
 _ROW = 40.0
-"""Pixels of height of the row: two lines of small text, whatever they say."""
+"""Fixed height of the row in pixels: two lines of small text."""
 _SWITCH = 36.0
-"""Pixels of the side of the switch, hit without aiming."""
+"""Side of the switch in pixels: easy to hit."""
 _HELP = 24.0
-"""Pixels of the button that lists the phrases."""
+"""Side in pixels of the button that lists the phrases."""
 _REASON = 50.0
-"""Pixels of height for the state of the physics: three lines of small text."""
+"""Height in pixels of the physics state: three lines of small text."""
 _MEANT = Texts(
     {
         "possess": "steps in",
@@ -40,15 +40,15 @@ _MEANT = Texts(
         "again": "records again",
     }
 )
-"""The edge's commands in words for artists."""
+"""The artist's words for the edge's commands."""
 _COMMANDS = 210.0
-"""Pixels from the left of the list of phrases to what each does."""
+"""Horizontal position in pixels of the descriptions in the list of phrases."""
 _PHRASES = "phrases"
 """The name of the popup with the phrases."""
 
 
 def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the switch of the microphone, what it heard, and the list of phrases."""
+    """Draws the microphone switch, the recognised words, and the list of phrases."""
     voice = perform.voice
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.begin_child("##voice row", ImVec2(0, _ROW), 0, flags)
@@ -90,14 +90,14 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def command_words(action: str) -> str:
-    """Returns what a command of the edge does, such as "possess left arm", in words for artists."""
+    """Returns the artist's words for a command of the edge such as "possess left arm"."""
     word, _, parts = action.partition(" ")
     words = _MEANT.get(word, word)
     return f"{words}: {parts}" if parts else words
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
-    """Draw the choice of loose objects and their requirements, in space that never grows."""
+    """Draws the selection of loose objects and their requirements, in a fixed space."""
     physics = perform.physics
     heading("Physics")
     imgui.begin_disabled(physics.state is None)

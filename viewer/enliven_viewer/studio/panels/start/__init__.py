@@ -1,4 +1,4 @@
-"""The start page, the words on an empty stage, and the tour's card, outline and hand."""
+"""The start page, the text on an empty stage, and the tour's card, outline and hand."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Draws the start page, and the words on an empty stage, over the picture."""
+"""Draws the start page, and the text on an empty stage, over the view."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from enliven_viewer.studio.workspace import SAMPLES, Workspace
 from enliven_viewer.theme import INK, QUIET
 
 _PAGE = 560.0
-"""Pixels, width of the start page: two columns of buttons."""
+"""Width of the start page in pixels: two columns of buttons."""
 _COLUMN = 250.0
-"""Pixels of a column and of its buttons, where there is room."""
+"""Width in pixels of a column and of its buttons, if there is enough space."""
 _LEAST_COLUMN = 200.0
-"""Pixels that the longest button needs: in a narrower page the columns are below each other."""
+"""Minimum width in pixels of a column, given by the longest button. On a narrower page the columns are
+stacked.
+"""
 _BETWEEN = 24.0
-"""Pixels between the two columns."""
+"""Gap in pixels between the two columns."""
 _EDGE = 14.0
-"""Pixels between a card and the edge of the picture."""
+"""Distance in pixels between a card and the border of the view."""
 _MOST_RECENT = 5
-"""Recent files on the start page; the menu has all."""
+"""Maximum number of recent files on the start page; the menu has all."""
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -33,11 +35,11 @@ _FLAGS = (
     | imgui.WindowFlags_.no_focus_on_appearing
 )
 _FIRST = ("perform.stand", "tool.sketch", "file.open", "help.tour")
-"""What one begins with; an action that is not in the table is left out."""
+"""Actions to begin with; those missing from the table are left out."""
 
 
 def draw_start(workspace: Workspace, area: Area) -> None:
-    """Draw the start page where it is open or the tour points at it, and else the words on an empty stage."""
+    """Draws the start page if it is open or the tour points at it, else the text on an empty stage."""
     tour = workspace.tour
     if tour is not None and tour.wants_samples:
         _page(workspace, area)
@@ -54,7 +56,7 @@ def _page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
     wide, high = min(_PAGE, area.width - 2 * _EDGE), area.height - 2 * _EDGE
-    # As high as its contents; in a small window it scrolls.
+    # As tall as its contents; in a small window it scrolls.
     imgui.set_next_window_size_constraints(ImVec2(wide, 0), ImVec2(wide, max(high, 1.0)))
     imgui.set_next_window_size(ImVec2(wide, 0))
     imgui.begin(labelled(tr("Start"), "Start"), None, _FLAGS)
@@ -90,7 +92,7 @@ def _page(workspace: Workspace, area: Area) -> None:
 
 
 def _fitting(workspace: Workspace, column: float) -> float:
-    """Returns the size of letters over the usual one with which all buttons fit into a column, 1 at most."""
+    """Returns the text scale, at most 1, at which all buttons fit a column."""
     names = [*_FIRST, *(f"sample.{name}" for name in SAMPLES)]
     labels = [tr(workspace.actions[name].label) for name in names if name in workspace.actions]
     room = column - 2 * imgui.get_style().frame_padding.x
@@ -110,7 +112,7 @@ def _recent(workspace: Workspace, column: float) -> None:
 
 
 def _empty(area: Area) -> None:
-    """What to do where nothing is there yet, in the middle of the picture."""
+    """Draws instructions in the middle of an empty view."""
     draw = imgui.get_background_draw_list()
     said = (
         tr("Nothing is here yet"),

@@ -1,17 +1,17 @@
-"""Where the tour's card is placed: near what it means, and over nothing that is needed."""
+"""The placement of the tour's card: near its target, without covering anything important."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 Rectangle = tuple[float, float, float, float]
-"""Left, top, right, bottom in pixels."""
+"""Left, top, right and bottom in pixels."""
 _GAP = 26.0
-"""Pixels between the card and its target: room for the arrow."""
+"""Gap in pixels between the card and its target: space for the arrow."""
 _EDGE = 10.0
-"""Pixels between the card and the edge of the window."""
+"""Distance in pixels between the card and the border of the window."""
 _MEANT = 1e6
-"""Cost of covering what is meant, over that of covering something else."""
+"""Cost of covering the target, relative to covering other areas."""
 
 
 def place_card(
@@ -22,14 +22,14 @@ def place_card(
     picture: Rectangle | None = None,
     before: tuple[float, float] | None = None,
 ) -> tuple[float, float]:
-    """Returns the top left of the card: next to its target, or in the corner where it covers least.
+    """Returns the top left corner of the card: next to its target, or in the corner where it covers least.
 
     Args:
         size: width and height of the card.
-        window: where the card may be.
-        others: what it should not cover either.
-        picture: the corners of the picture come first.
-        before: where the card was; it stays there unless it covers what is meant.
+        window: area in which the card may be.
+        others: further areas that it should not cover.
+        picture: area of the view; its corners are preferred.
+        before: previous position. The card stays there unless it covers the target.
     """
     if before is not None and not _cost(before, size, meant, ()):
         return before
@@ -51,12 +51,12 @@ def place_card(
     clamped = [
         (min(max(x, left + _EDGE), furthest[0]), min(max(y, top + _EDGE), furthest[1])) for x, y in beside
     ]
-    # Of places that are as good the first is taken: the nearest ones.
+    # Of equally good places, the first one is taken: the nearest ones come first.
     return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
 
 
 def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
-    """The top left of a card in each corner of an area, those at the right first."""
+    """Returns the top left corner of a card in each corner of an area, those at the right first."""
     left, top, right, bottom = area
     across = max(right - size[0] - _EDGE, left + _EDGE), left + _EDGE
     down = max(bottom - size[1] - _EDGE, top + _EDGE), top + _EDGE
@@ -69,7 +69,7 @@ def _cost(
     meant: Rectangle | None,
     others: Sequence[Rectangle],
 ) -> float:
-    """Pixels squared that a card would cover; those of its target cost by far the most."""
+    """Returns the covered area in square pixels; the target's area has by far the highest cost."""
     card = at[0], at[1], at[0] + size[0], at[1] + size[1]
     cost = sum(_common(card, one) for one in others)
     return round(cost + (_MEANT * _common(card, meant) if meant is not None else 0.0))

@@ -1,4 +1,4 @@
-"""Draws the tour: a card with one sentence, an outline around what it means, an arrow, and its hand."""
+"""Draws the tour: a card with one sentence, an outline around its target, an arrow, and the animated hand."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
 _CARD = 330.0
-"""Pixels, width of the card: a sentence in two lines, and four buttons."""
+"""Width of the card in pixels: a sentence in two lines, and four buttons."""
 _SENTENCE = 19.0
-"""Pixels of the sentence: read by a child, and by one who stands."""
+"""Text size of the sentence in pixels: readable for a child, and for a person that stands."""
 _ICON = 26.0
-"""Pixels of the icon of a step: as on the button that it means, and larger."""
+"""Size in pixels of a step's icon: the same as on the target's button, but larger."""
 _BUTTON = 30.0
-"""Pixels of the height of the buttons: hit without aiming."""
+"""Height of the buttons in pixels: easy to hit."""
 _DOT = 4.0
-"""Pixels, radius of the dot of a step."""
+"""Radius in pixels of a step's dot."""
 _AIR = 5.0
-"""Pixels between what is meant and its outline."""
+"""Gap in pixels between the target and its outline."""
 _LINE = 3.0
-"""Pixels, width of the outline."""
+"""Width of the outline in pixels."""
 _PULSE_S = 1.4
-"""Seconds of one pulse of the outline: calm, and seen from the corner of the eye."""
+"""Period in seconds of the pulsing outline: calm, but visible from the corner of the eye."""
 _HEAD = 11.0
-"""Pixels of the head of an arrow."""
+"""Size in pixels of an arrow's head."""
 _DASH = 9.0
-"""Pixels of a dash of the way to drag, and of the gap after it."""
+"""Length in pixels of a dash of the drag path, and of the gap after it."""
 _HAND = 30.0
-"""Pixels of the hand that shows a step."""
+"""Size of the hand in pixels."""
 _POINTS_AT = 56.0
-"""Longest arrow, pixels: a longer one would cross the neighbours of its target."""
+"""Maximum length of an arrow in pixels. A longer one would cross the target's neighbours."""
 _TIP = (380.0, 58.0)
-"""Pixels to both sides of a widget, and below its middle, where its tooltip appears under the pointer."""
+"""Extent in pixels of a widget's tooltip, to both sides and below its middle."""
 _FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
@@ -62,7 +62,7 @@ _SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
 
 
 def draw_tour(workspace: Workspace, places: Places) -> None:
-    """Draw the tour over everything."""
+    """Draws the tour on top of everything."""
     area = places.viewport
     tour = workspace.tour
     workspace.drawn.picture += 1
@@ -73,7 +73,7 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
     meant = tour.outline((area.x, area.y))
     dialogue = bool(workspace.asking)
     if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
-        meant = None  # it lies below the dialogue
+        meant = None  # the target is covered by the dialogue
     shape = _grown(meant) if meant is not None else None
     if dialogue:
         card = _bubble(tour, shape)
@@ -91,7 +91,7 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
 
 
 def _grown(meant: Rectangle) -> Rectangle:
-    """The outline around a rectangle, within the window."""
+    """Returns the outline around a rectangle, clipped to the window."""
     size = imgui.get_io().display_size
     left, top, right, bottom = meant
     return (
@@ -103,7 +103,7 @@ def _grown(meant: Rectangle) -> Rectangle:
 
 
 def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
-    """Draw the card, next to its target."""
+    """Draws the card next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
     wide = min(_CARD, size.x - 20)
@@ -121,7 +121,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
-    # The card may move when its sentence changes; else its buttons stay under the pointer.
+    # The card may move only when its sentence changes; otherwise its buttons stay under the pointer.
     key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
     meant = _with_way(tour, area, shape)
@@ -143,7 +143,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
 
 
 def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
-    """The outline together with the way to drag."""
+    """Returns the outline together with the drag path."""
     if shape is None or not tour.target.path:
         return shape
     across = [area.x + x for x, _ in tour.target.path]
@@ -158,7 +158,10 @@ def _sentence(tour: Tour) -> str:
 
 
 def _height(tour: Tour, wide: float) -> float:
-    """Pixels of the height of the card; ImGui's own way knows it one picture late, and cuts it."""
+    """Returns the height of the card in pixels.
+
+    ImGui's auto-size knows it one frame late, and would clip the card.
+    """
     style = imgui.get_style()
     room = wide - 2 * style.window_padding.x
     grown = _SENTENCE / imgui.get_font_size()
@@ -185,7 +188,7 @@ def _words(tour: Tour) -> None:
 
 
 def _dots(tour: Tour) -> None:
-    """A dot for each step; those that were done are filled."""
+    """Draws a dot for each step; those of finished steps are filled."""
     draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     for number in range(len(TOUR)):
         middle = ImVec2(at.x + _DOT + number * 4 * _DOT, at.y + _DOT + 2)
@@ -199,7 +202,7 @@ def _dots(tour: Tour) -> None:
 
 
 def _buttons(workspace: Workspace, tour: Tour) -> None:
-    """Show me, back, skip or next, and later."""
+    """Draws the buttons: show me, back, skip or next, and later."""
     spacing = imgui.get_style().item_spacing.x
     each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
     size = ImVec2(each, _BUTTON)
@@ -234,7 +237,10 @@ def _buttons(workspace: Workspace, tour: Tour) -> None:
 
 
 def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
-    """Draw the sentence alone, next to its target in a dialogue: windows below cannot be clicked."""
+    """Draws only the sentence, next to its target in a dialogue.
+
+    Windows below a dialogue cannot be clicked.
+    """
     if shape is None:
         return None
     draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
@@ -252,7 +258,7 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
 
 
 def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
-    """Draw an outline that pulses, with a soft glow."""
+    """Draws a pulsing outline with a soft glow."""
     swell = 0.0 if calm else 0.5 + 0.5 * math.sin(2 * math.pi * imgui.get_time() / _PULSE_S)
     left, top, right, bottom = shape
     for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
@@ -262,12 +268,12 @@ def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
 
 
 def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
-    """Draw an arrow from the card to the outline."""
+    """Draws an arrow from the card to the outline."""
     start, end = _nearest(card, shape)
     length = math.dist(start, end)
     if length < _HEAD:
         return
-    # A long arrow begins near its end: it says where to look, and crosses nothing.
+    # A long arrow is shortened to its end: it shows the direction, and crosses nothing.
     share = max(1.0 - _POINTS_AT / length, 0.0)
     begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
     draw.add_line(ImVec2(*begin), ImVec2(*end), packed(ACCENT), _LINE)
@@ -275,7 +281,7 @@ def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
 
 
 def _nearest(card: Rectangle, shape: Rectangle) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The nearest places of two rectangles to each other."""
+    """Returns the nearest points of two rectangles."""
     start, end = [0.0, 0.0], [0.0, 0.0]
     for axis in (0, 1):
         low, high = max(card[axis], shape[axis]), min(card[axis + 2], shape[axis + 2])
@@ -298,7 +304,7 @@ def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[f
 
 
 def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
-    """Draw the way to drag: dashes, with a dot where it begins and an arrow where it ends."""
+    """Draws the drag path: dashes, with a dot at the start and an arrow at the end."""
     for start, end in itertools.pairwise(points):
         length = math.dist((start.x, start.y), (end.x, end.y))
         if length < 1.0:
@@ -318,7 +324,7 @@ def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
 
 
 def _hand(workspace: Workspace, tour: Tour) -> None:
-    """Draw the hand that shows a step, and pass on the letters that it types."""
+    """Draws the hand of a demonstration, and passes on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
         return
