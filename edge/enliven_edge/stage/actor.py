@@ -1,4 +1,4 @@
-"""Base class of actors whose performers choose a part before they drive it."""
+"""Base class of actors that let performers choose a part before they drive it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from enliven.possession import Actor
 
 
 class ChosenActor(Actor):
-    """An actor of which performers choose a part by posing, before they drive that part."""
+    """An actor that lets performers choose a part by posing, before they drive that part."""
 
     view: ScreenView
-    """The direction from which the viewer sees the character: poses are matched as they look on the
-    screen."""
+    """The viewer's direction of view: poses are matched as they look on the screen."""
 
     def browse(self, step: int) -> None:
         """Shows another match. Step 0 makes the shown match follow the pose again."""

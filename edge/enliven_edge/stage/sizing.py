@@ -26,7 +26,7 @@ _EASE = 0.12
 _STILL = 1.5
 """Seconds of still hands, after they changed the size, until the gesture ends. A pause is shorter."""
 _TOLD = 0.005
-"""Relative change of size from which windows are notified during a gesture."""
+"""Smallest relative change of size that is sent to windows during a gesture."""
 
 
 @dataclass

@@ -29,7 +29,8 @@ _LEGS = (
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 )
 _CREEP = 0.01
-"""Metres per second by which the floor estimate may rise: slow, since a jump lasts less than a second."""
+"""Metres per second. The floor estimate rises at most this fast: slow, since a jump lasts less than a
+second."""
 _DEAD = 0.025
 """Fraction of body height. Feet lifted less than this are not in the air: heels lift, and joints are
 noisy."""
@@ -72,7 +73,7 @@ class Footing:
 
 
 class Feet:
-    """Detects on which feet a performer stands. A jump needs both feet visible and off the floor."""
+    """Detects the feet that stand on the floor. A jump needs both feet visible and off the floor."""
 
     def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
         self._how, self._runner = settings or ContactSettings(), runner

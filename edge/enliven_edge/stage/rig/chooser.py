@@ -27,7 +27,7 @@ _TOWARDS = ScreenView(np.array([0.0, 0.0, -1.0]))
 _MIRRORED = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
 _NOTHING = Pick(None, -1)
-"""The pick if there is no match."""
+"""The pick without a match."""
 
 
 class Chooser:

@@ -41,7 +41,7 @@ class RigActor(ChosenActor):
 
     @property
     def view(self) -> ScreenView:
-        """The direction from which the viewer sees the character."""
+        """The viewer's direction of view."""
         return self.chooser.view
 
     @view.setter
