@@ -233,8 +233,8 @@ class LiveScan(threading.Thread):
         return Keep("all" if order.whole else "thing" if self.order.within is None else "alone")
 
     def _fail(self, error: EnlivenError) -> None:
-        """In a window this is a button, not an option of a command."""
-        # In a window it is a button, and no option of a command.
+        """Reports an error. The scan goes on if the viewer asks for it."""
+        # In a window this is a button, not an option of a command.
         self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 
