@@ -8,8 +8,8 @@ of another environment can run it:
     python worker.py FILE.task  MediaPipe 1 or newer, with a pose landmarker's model bundle
 
 Input: for each image, height and width (uint32) and a time in milliseconds (int64), then h*w*3 bytes sRGB.
-    Output: the word "ready" on a line, then for each image the number of people (uint32) and for each of them
-    33 x 6 float32: x and y in pixels, visibility, and X, Y, Z in metres from the hips. All little-endian.
+Output: the word "ready" on a line, then for each image the number of people (uint32) and for each of them
+33 x 6 float32: x and y in pixels, visibility, and X, Y, Z in metres from the hips. All little-endian.
 """
 
 import os

@@ -76,7 +76,7 @@ class Publisher(Closing):
         name: as given.
         instance: random number of this start of the edge.
         endpoint: the address for viewers, with the actual ports.
-        clamped: number of transforms so far that were not finite or too large, and had to be changed.
+        clamped: total number of transforms that were not finite or too large, and had to be changed.
 
     Raises:
         ResourceError: for a port in use, an address that does not belong to this machine, or a name in use.

@@ -29,7 +29,7 @@ _FLOOR = 4
 _PARKED = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
-"""Number of spheres by which the model grows. Rebuilding takes time, so a few newcomers must not cause it."""
+"""Number of spheres that the model grows by. Rebuilding takes time, so a few newcomers must not cause it."""
 _FASTEST_TURN = 40.0
 """Maximum radians per second of a prop: a faster rotation is a contact error."""
 _FARTHEST = 500.0
@@ -60,7 +60,7 @@ class World:
 
     Attributes:
         touched: (P,) contact of each prop in the last :meth:`advance`: a sphere's index, FLOOR or NOTHING.
-        left_out: seconds so far that the time budget skipped.
+        left_out: total seconds that the time budget skipped.
     """
 
     def __init__(self, props: PropSpecs, settings: EngineSettings | None = None) -> None:

@@ -122,7 +122,7 @@ class PartedRecorder(Closing):
         self._carry_out(lambda recorder: recorder.add_metadata(name, values))
 
     def sync(self) -> None:
-        """Passes everything written so far to the operating system, as whole chunks."""
+        """Passes everything written to the operating system, as complete chunks."""
         if self._recorder is not None:
             self._carry_out(lambda recorder: recorder.sync())
 

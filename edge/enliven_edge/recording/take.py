@@ -24,7 +24,7 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 
 class Take:
-    """Writes messages as they are sent, and every character at the start, each minute and at the end.
+    """Writes all sent messages, and every character at the start, each minute and at the end.
 
     While nothing can be written, a health state reports it. When there is room again, the take continues in a
     new part, which starts with every character.

@@ -32,7 +32,7 @@ class ScanDiary:
 
     @property
     def frames(self) -> int:
-        """Number of frames so far."""
+        """Total number of frames."""
         return sum(self.counts.values())
 
     def add(self, step: ScanStep, time_ns: int) -> None:

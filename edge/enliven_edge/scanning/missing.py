@@ -46,7 +46,7 @@ def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView
     on the side that its boundary points to sees the continuation.
 
     Args:
-        mesh: the surface so far, coarse, metres, the scan's world.
+        mesh: the current surface, coarse, metres, the scan's world.
         focus: (3,) the point that the camera looked at.
         away: metres, distance of the suggested camera from the focus.
     """

@@ -13,7 +13,7 @@ from enliven_edge.scanning.missing import next_view
 from enliven_edge.scanning.shown import ShownScan
 
 _LOOKED_EVERY = 1.0
-"""Seconds between two searches in the whole scan, each of which takes 0.15 s."""
+"""Seconds between two searches in the whole scan. Each takes 0.15 s."""
 _CARRIED = 1.2
 """Metres above the floor: assumed camera height until the floor is seen."""
 _MOVED = 0.03

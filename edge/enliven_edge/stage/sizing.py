@@ -63,7 +63,7 @@ class HandSizing:
         """Starts or ends a gesture, sets a size, or sets how far soft parts swing.
 
         Raises:
-            InputError: if there is no such character or performer, or its size cannot change.
+            InputError: if character or performer do not exist, or its size cannot change.
         """
         name, who = self._meant(order)
         actor = self._stage.actors[name]

@@ -92,7 +92,7 @@ class Stage:
         """Removes a character from the stage and frees its holders.
 
         Raises:
-            InputError: if there is no such character.
+            InputError: if the character does not exist.
         """
         self._log.removed(self._actor(character))
         del self.actors[character]
@@ -171,7 +171,7 @@ class Stage:
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
         Raises:
-            InputError: if there is no such character or performer, or nothing is in reach.
+            InputError: if character or performer do not exist, or nothing is in reach.
         """
         if character is not None:
             self._possess(character, body, parts, mode)
@@ -279,7 +279,7 @@ class Stage:
             character: the character's id. None: every rigged one.
 
         Raises:
-            InputError: if there is no such character, or it is not rigged.
+            InputError: if the character does not exist, or it is not rigged.
         """
         meant = self._meant(character)
         rigs = [actor for actor in meant if isinstance(actor, ChosenActor)]

@@ -26,7 +26,7 @@ _STANDS_WITHIN = 0.02
 """Fraction of a mesh's extent. If the lowest point is this near to zero, the mesh was modelled to stand on
 zero."""
 _LONG = 4.0
-"""Ratio of length to height from which a mesh may lie on its side: a crocodile has more, a horse 1.5."""
+"""Ratio of length to height. A longer mesh may lie on its side: a crocodile has more, a horse 1.5."""
 
 
 _BLANK = 204

@@ -56,7 +56,7 @@ class FrameSlots:
 
     @property
     def name(self) -> str:
-        """The name of the block, by which the writer attaches."""
+        """The name of the block. The writer attaches by it."""
         return self._memory.name
 
     @property

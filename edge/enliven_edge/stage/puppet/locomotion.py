@@ -1,7 +1,7 @@
 """Locomotion of a puppet frame by frame: its root in the world while performers move it.
 
 A puppet steps with the feet that alternate in its key poses. During contact the anchor foot does not slide on
-the floor (foot lock). The anchor is a foot on which the performer stands, until the performer lifts it. If
+the floor (foot lock). The anchor is a foot that supports the performer, until the performer lifts it. If
 contacts are not known, the anchor is the lowest foot until another is clearly lower. In the air the puppet
 keeps its take-off velocity. Its height is then the performer's lift at the puppet's size, because the time of
 landing is not known yet. Every puppet stays near its performer's path, measured in its own strides, by the

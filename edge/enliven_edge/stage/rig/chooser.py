@@ -35,7 +35,7 @@ class Chooser:
 
     Attributes:
         body: the performer's id, -1 for none.
-        view: the direction from which the viewer sees the character.
+        view: the viewer's direction of view.
         pick: the currently picked match.
     """
 

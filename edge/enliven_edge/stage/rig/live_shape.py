@@ -30,7 +30,7 @@ class Binding:
         body: the performer's id.
         pairs: the chains of the body, each with the chain that it drives.
         take: one frame, the pose at the start of the binding, which is the rest pose.
-        view: the direction from which the viewer saw the character at the start.
+        view: the viewer's direction of view at the start.
         mirrored: whether the character moves as in a mirror.
         still: the performer at the start.
         joints: (20, 3) metres, the performer's last joints.

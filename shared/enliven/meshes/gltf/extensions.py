@@ -104,7 +104,7 @@ def follow_pointers(document: Entry) -> list[str]:
 
 
 def _show(document: Entry, pointer: Any) -> None:
-    """Shows a node whose visibility is animated, since the surface is needed."""
+    """Shows a node with animated visibility, since the surface is needed."""
     named = _VISIBLE.fullmatch(pointer) if isinstance(pointer, str) else None
     if named is not None and int(named[1]) < len(document.nodes):
         node = document.nodes[int(named[1])]
