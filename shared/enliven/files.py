@@ -350,8 +350,7 @@ def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
 
 
 def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> None:
-    """Writes an image of Pillow in the format of the path's suffix, completely or not at all:
-    :func:`write_file`.
+    """Writes a Pillow image in the format of the path's suffix, as :func:`write_file` does.
 
     Args:
         options: of Pillow's writer.

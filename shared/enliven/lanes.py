@@ -265,5 +265,5 @@ load8, store8, splat8, fma8, total8 = (
     make(EIGHT) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
 loadq, storeq, splatq, fmaq = (make(QUAD) for make in (_make_load, _make_store, _make_splat, _make_fma))
-"""load(array, index), store(array, index, v), splat(scalar), fma(a, v, w) = a v + w of a number or vector
-a, total(v)."""
+"""load(array, index), store(array, index, v), splat(scalar), total(v), and fma(a, v, w) = a v + w with a
+number or vector a."""

@@ -22,8 +22,7 @@ _PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
-    """Returns (..., 4) the rotation ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b,
-    v))."""
+    """Returns (..., 4) ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b, v))."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
@@ -126,15 +125,13 @@ def to_rotation_vector(q: AnyArray) -> Float:
 
 
 def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
-    """Returns (..., 4) the rotation at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b``
-    (t=1)."""
+    """Returns (..., 4) rotations at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
     step = to_rotation_vector(multiply(conjugate(a), b))
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
 
 def continuous(turns: AnyArray) -> Float:
-    """Returns (T, N, 4) the same rotations without sign jumps: w >= 0 in the first frame, then the sign
-    nearest to the previous."""
+    """Returns (T, N, 4) the same rotations without sign jumps over time, with w >= 0 in the first frame."""
     flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
     flips[flips == 0] = 1.0
     start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
@@ -230,8 +227,7 @@ def nearest_quaternion(m):
 
 @njit(cache=True, nogil=True)
 def _top_eigenvector(k):
-    """Returns the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)
-    (kernel)."""
+    """Returns the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
     v = np.eye(4)
     for _ in range(16):
         off = 0.0
@@ -253,8 +249,7 @@ def _top_eigenvector(k):
 
 @njit(cache=True, nogil=True)
 def _jacobi_turn(k, v, p, q):
-    """Applies one Jacobi rotation that zeroes k[p, q] (p < q, upper half), and accumulates it in ``v``
-    (kernel)."""
+    """Applies one Jacobi rotation that zeroes k[p, q] (p < q, upper half), and accumulates it in ``v``."""
     if k[p, q] == 0.0:
         return
     theta = (k[q, q] - k[p, p]) / (2 * k[p, q])
@@ -279,8 +274,7 @@ def _jacobi_turn(k, v, p, q):
 
 
 def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
-    """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with the polar rotations ``turns``: linear
-    = R U.
+    """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
     The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_FLATTEST` are raised
     to it, and reflections are ignored.

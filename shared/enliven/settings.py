@@ -181,8 +181,7 @@ _WRONG = object()
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """Returns ``value`` converted to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or
-    _WRONG."""
+    """Converts ``value`` to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
     import msgspec
 
     try:

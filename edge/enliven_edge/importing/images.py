@@ -20,8 +20,7 @@ KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 KINECT2 = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
 """The Kinect v2's depth camera; individual devices differ by about 1 %."""
 AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
-"""The Azure Kinect's depth camera in its narrow mode without binning; individual devices differ by about 1
-%."""
+"""The Azure Kinect's depth camera in its narrow mode without binning; devices differ by about 1 %."""
 _USUAL = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
 """Sensors by name, which are recognised by the shape of their images."""
 _COLOUR = ("PNG", "JPEG")

@@ -92,8 +92,7 @@ def tracked(joints: Float) -> Body:
 def frames_in_world(
     moments: Sequence[SkeletonMoment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
-    """Yields the body frames of a take in the world, standing on the floor, with an estimated stature per
-    person.
+    """Yields the body frames of a take in the world, on the floor, with an estimated stature per person.
 
     The floor is the lower quartile, over the take, of the lower sole's height. One foot nearly always stands,
     and neither a jump nor some wrong feet move a quartile. The stature is the median over the take of the

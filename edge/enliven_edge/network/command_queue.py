@@ -32,8 +32,7 @@ _SAVED = 50
 
 
 class CommandQueue:
-    """Orders the queued commands: viewers with the least recent cost first, each viewer's commands in their
-    order.
+    """Sorts the queued commands: viewers with the least recent cost first, each viewer's in their order.
 
     The commands of disconnected viewers come last.
 

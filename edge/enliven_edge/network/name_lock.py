@@ -1,5 +1,4 @@
-"""Ensures that an edge's name is unique on a machine, by a locked file in a folder that only its user may
-write.
+"""Keeps an edge's name unique on a machine, by a locked file in a folder that only its user may write to.
 
 The operating system releases the lock with its process, however the process ends, so no name stays taken. The
 folder must be private. In a shared folder, a stranger could replace the file by a link, and the link's target

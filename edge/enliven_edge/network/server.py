@@ -102,8 +102,7 @@ class ZmtpServer:
         return self._open.keys()
 
     def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Yields the messages since the last call, as far as they can be read until a monotonic time in
-        seconds.
+        """Yields the messages since the last call that can be read until a monotonic time in seconds.
 
         The time that the caller spends on a message is charged to the message's sender.
         """

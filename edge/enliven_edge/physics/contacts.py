@@ -2,8 +2,8 @@
 
 MuJoCo moves a mocap body by setting its position. The solver treats it as static, so a fast sphere pushes
 only by penetration depth: at 3 m/s it enters a box by 6 cm, at 10 m/s it passes through. The reference
-acceleration of a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model), with the
-relative velocity v of the bodies that the solver knows. The term of the sphere's own velocity is added here.
+acceleration of a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model). Here v is the
+relative velocity of the bodies that the solver knows. The term of the sphere's own velocity is added here.
 The result equals that of a body of great mass with the same velocity (measured, and tested), but costs no
 degrees of freedom.
 """
@@ -77,6 +77,7 @@ def correct_contacts(
             deepest = push_out * damping / (stiffness * share)
             if distances[c] < -deepest:
                 reference[row] += stiffness * share * (distances[c] + deepest)
+        # Record which sphere or floor a prop touches, and add the sphere's velocity to the contact rows.
         for side in range(2):
             mine, other = (first, second) if side == 0 else (second, first)
             if other <= -3 and mine > -3 and (mine >= 0 or touched[-3 - other] == NOTHING):
@@ -91,6 +92,7 @@ def correct_contacts(
                     along += frames[c, 3 * r + a] * velocities[mine, a]
                 reference[row + r] += sign * impedance[row + r, 1] * along
                 approach[row + r] -= sign * along
+        # Bounce: raise the normal row's reference, so that the approach speed v becomes -e v in one step.
         springy = 0.0
         for who in (first, second):
             if who <= -3:

@@ -78,8 +78,7 @@ def tower_places(settings: BoxesSettings) -> Float:
 
 
 def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
-    """Returns (P, 3) metres like :func:`tower_places`, with towers moved away from spheres and from each
-    other.
+    """Returns (P, 3) metres as :func:`tower_places`, with towers moved away from spheres and each other.
 
     A tower goes to the nearest free candidate position. If none is free it stays.
 

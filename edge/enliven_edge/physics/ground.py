@@ -48,8 +48,7 @@ FIXED = WorldGround(np.zeros(3), 0.0)
 
 
 class StandingDetector:
-    """Finds the place of a person that stands still, so that the world is not placed at the door when a
-    person walks in.
+    """Finds the place of a person that stands still, so that the world is not placed at the door.
 
     Args:
         seconds: how long the person must stand.

@@ -42,7 +42,7 @@ class NextView:
 def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView:
     """Returns the next best view of a scan.
 
-    A surface that ends without a corner continues there: it bends away from the views that saw it. A camera
+    A surface with an open boundary continues there: it bends away from the views that saw it. A camera
     on the side that its boundary points to sees the continuation.
 
     Args:

@@ -37,8 +37,8 @@ def cast(
 ) -> EmbeddedActor:
     """Returns the actor of a mesh file, or of a mesh that ships.
 
-    A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
-    it, and refined where its triangles are too large to bend. A mesh that stays fixed keeps its modelled
+    A mesh that meets its performer is scaled to a person's height and moved to where a standing person fits
+    into it. Triangles that are too large to bend are refined. A mesh that stays fixed keeps its modelled
     position and size, in metres.
 
     Args:

@@ -31,8 +31,7 @@ class Taking:
 
 
 def in_order(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
-    """Returns the bodies in the order in which a character is offered to them: idle ones first, then by
-    distance.
+    """Returns the bodies in the order of being offered a character: idle ones first, then by distance.
 
     Args:
         busy: the ids of the performers that hold other characters.

@@ -12,8 +12,7 @@ log = logging.getLogger(__name__)
 
 
 class Opening:
-    """Lets performers possess characters as soon as they are in view: the first with the first parts, and so
-    on.
+    """Lets each performer possess a character on appearing: the first one with the first parts, and so on.
 
     Args:
         at: seconds after the first frame, or None for never.
@@ -27,8 +26,7 @@ class Opening:
         self._due = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
 
     def take_hold(self, seconds: float) -> None:
-        """Lets each performer in view possess a character if that is due ``seconds`` after the first
-        frame."""
+        """Lets the performers in view possess characters if that is due ``seconds`` after the first frame."""
         if self._at is None or seconds < self._at:
             return
         for name, parts in self._due:

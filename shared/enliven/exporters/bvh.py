@@ -121,8 +121,7 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 
 
 def _places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
-    """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone, from the bone's
-    start."""
+    """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
     assert performance.joints is not None
     ways = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, ways))
@@ -140,8 +139,7 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
     taken: set[str] = set()
 
     def add(name: str, at: int, bone: int, above: int, depth: int, ends: list[int], more: bool) -> None:
-        """Adds joint ``at`` with the rotation of ``bone``, all bones that end at ``ends``, and their
-        subtrees.
+        """Adds joint ``at`` with the rotation of ``bone``, bones ending at ``ends``, and their subtrees.
 
         ``at`` is -1 for a joint at the place of the root. ``more`` means that other joints will be attached
         to it.
@@ -211,8 +209,7 @@ def _local(linear: Float, above: int, bone: int) -> Float:
 
 
 def _angles(turns: Float) -> Float:
-    """Returns (T, 3) degrees about Z, X and Y with rotation = Z X Y, without jumps of a full turn over
-    time."""
+    """Returns (T, 3) degrees about Z, X and Y with rotation = Z X Y, without jumps of a full turn."""
     away = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
     level = away > 1e-9
     z = np.where(

@@ -106,8 +106,7 @@ class Performance:
 
 
 def stretches_of(linear: Float) -> tuple[Float, Float]:
-    """Returns (T, N, 4) rotations and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in
-    linear = R S.
+    """Splits (T, N, 3, 3) maps R S into (T, N, 4) rotations R and (T, N, 3) scales, the diagonal of S.
 
     A mirroring map has negative scales.
     """

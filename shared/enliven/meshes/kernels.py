@@ -49,6 +49,7 @@ def normals_of(vertices, faces, wanted):
         (W, 3) area-weighted unit normals (zero without any face area), and (W,) the smallest cosine between
         each normal and the unit normals of its faces, at most 1.
     """
+    # The row of each wanted vertex, -1 for the others.
     number = np.full(vertices.shape[0], -1, np.int32)
     for w in range(wanted.shape[0]):
         number[wanted[w]] = w
@@ -56,6 +57,7 @@ def normals_of(vertices, faces, wanted):
     touching = np.empty((6 * wanted.shape[0] + 64, 4))
     of = np.empty(touching.shape[0], np.int32)
     count = 0
+    # Sum the area vectors of the faces around wanted vertices, and store each face's unit normal per corner.
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if number[i] < 0 and number[j] < 0 and number[k] < 0:
@@ -83,6 +85,7 @@ def normals_of(vertices, faces, wanted):
         if length > 0:
             for a in range(3):
                 normals[w, a] /= length
+    # Compare the vertex normals with the stored face normals.
     for t in range(count):
         w = of[t]
         cosine = (

@@ -130,8 +130,7 @@ class Mesh:
 
 
 def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
-    """Converts ``rows`` (V, 4) in the form of :attr:`Mesh.paint` to the kinds of paint that one of the
-    meshes has."""
+    """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
     colours = np.clip(np.rint(rows[:, :3]), 0, 255).astype(np.uint8) if coloured else None
@@ -205,8 +204,7 @@ def upright(mesh: Mesh, up: Axis) -> Mesh:
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Returns the axis that points up, guessed from the lowest points, and a sentence if it may be
-    another."""
+    """Guesses the axis that points up from the lowest points. Adds a sentence if it may be another."""
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
     stands = (np.abs(low) <= _STANDS_WITHIN * size) & (size > 0)

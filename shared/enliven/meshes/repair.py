@@ -16,9 +16,9 @@ from enliven.meshes.winding import repair_winding
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Returns the mesh without defects that break a deformation, and one sentence for every repair.
 
-    Removed: vertices that are not finite with their faces, faces without area, duplicate faces, unused
-        vertices. Flipped: faces with a winding opposite to their neighbours, and closed parts that are inside
-        out. Kept, but reported: several shells, and vertices at equal positions.
+    It removes vertices that are not finite with their faces, faces without area, duplicate faces, and unused
+    vertices. It flips faces with a winding opposite to their neighbours, and closed parts that are inside
+    out. Several shells, and vertices at equal positions, are kept but reported.
 
     Raises:
         InputError: if no face is left.

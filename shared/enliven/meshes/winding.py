@@ -92,8 +92,7 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _parted(count, ones, twos, agree):
-    """Returns for each of ``count`` faces its root in a forest and whether it is opposite to that; and the
-    twisted roots.
+    """Returns each face's root, flags of opposite orientation to it, and the twisted roots.
 
     Edges join faces ``ones`` and ``twos`` (E,). A union-find tree stores for each face whether its winding is
     opposite to its parent's.
@@ -131,8 +130,7 @@ def _parted(count, ones, twos, agree):
 
 
 def _consistent(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """Returns (F,) the part of each face, (F,) whether it is opposite to the part's first face, and (P,)
-    one-sided parts."""
+    """Returns (F,) part of each face, (F,) whether it is opposite to the first face, (P,) one-sided parts."""
     root, against, twisted = _parted(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]

@@ -64,8 +64,7 @@ _BETWEEN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
 
 
 def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
-    """Returns the joints of one or several named parts: "all", "legs", "hip + right arm", "left arm and
-    head".
+    """Returns the joints of named parts: "all", "legs", "hip + right arm", "left arm and head".
 
     Names are joined by "+", "&", "," or "and". Case and extra spaces do not matter.
 

@@ -20,8 +20,7 @@ RECORD = struct.Struct("<BQ")
 """The head of a record: its kind and its length."""
 _MESSAGE = struct.Struct("<HIQQ")
 _MAX_CHUNK = 1 << 28
-"""Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, and its longest message has 128
-MiB."""
+"""Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, its longest message is 128 MiB."""
 _MAX_RATIO = 200
 """Maximum compression ratio: empty images, each with its time, reach about 40."""
 _FREE_BYTES = 1 << 16

@@ -101,8 +101,7 @@ class Recording:
             yield time_ns, data
 
     def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yields (topic, time in ns, bytes) of every message of some topics, ordered by time, then by file
-        position.
+        """Yields (topic, time in ns, bytes) of all messages of some topics, by time, then by file position.
 
         ``file`` is the opened recording.
         """

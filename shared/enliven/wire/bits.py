@@ -28,8 +28,7 @@ PARAMETER_BITS: Any = np.int64(4)
 
 @njit(cache=True, nogil=True)
 def best_parameter(column: Int32) -> tuple[int, int]:
-    """Returns the cheapest Rice parameter of an (N,) column, and the number of bits including the
-    parameter."""
+    """Returns the cheapest Rice parameter of an (N,) column, and its bits including the parameter."""
     if not column.any():
         return ALL_ZERO, PARAMETER_BITS
     best, best_cost = 0, 2**62
@@ -62,8 +61,7 @@ def _put(out: UInt8, at: int, value: int, count: int) -> int:
 
 @njit(cache=True, nogil=True)
 def encode_columns(table: Int32) -> UInt8:
-    """Returns the bytes of an (N, C) table of integers within +-LIMIT, column after column, padded with
-    zero bits."""
+    """Returns the bytes of an (N, C) table of integers within +-LIMIT, by columns, padded with zero bits."""
     rows, columns = table.shape
     parameters = np.empty(columns, np.int64)
     total = 0

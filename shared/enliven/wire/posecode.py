@@ -1,5 +1,4 @@
-"""Encodes a pose in few bytes: every transform is predicted from its neighbour, and only the residual is
-sent.
+"""Encodes a pose in few bytes: every transform is predicted from its neighbour; only residuals are sent.
 
 The transforms of a character form a tree: the minimum spanning tree along the character's edges. A child's
 pivot is predicted by the parent's transform. This is the position towards which the regulariser of embedded
@@ -7,9 +6,9 @@ deformation pulls the child (Sumner et al. 2007, eq. 6) and, for a bone, exactly
 residuals are small integers, and Rice codes store them in few bits. Both ends build the tree from the
 character that both hold. Four check bytes refuse a pose of any other character or revision.
 
-Layout: the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a (J, 12)
-    table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction uses the
-    decoded parents, so errors never add up along the tree.
+The layout is the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
+(J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction uses
+the decoded parents, so errors never add up along the tree.
 """
 
 from __future__ import annotations
@@ -123,8 +122,7 @@ def warm_up() -> None:
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
-    """Returns the minimum spanning tree over (J, 3) pivots: (J,) indices in joining order, (J,) parents by
-    index.
+    """Returns the minimum spanning tree of (J, 3) pivots: (J,) joining order and (J,) parents by index.
 
     Edges of the character, (E, 2), are preferred to any other pair, so that two legs do not predict each
     other. Pairs without an edge only join otherwise separate parts. The first transform is the root, with
@@ -251,8 +249,7 @@ def _is_finite(linear: Float, position: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _rooms(count: int) -> tuple[Float, Int32, Float]:
-    """Returns arrays for decoded quaternions (with the identity at the end), decoded stretches, and work
-    space."""
+    """Returns arrays for decoded quaternions (the identity at the end), decoded stretches, and work space."""
     quaternions = np.empty((count + 1, 4))
     quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
     return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
@@ -262,8 +259,7 @@ def _rooms(count: int) -> tuple[Float, Int32, Float]:
 def _differences(
     linear: Float, positions: Float, pivots: Float, order: Int, parents: Int, shared: bool
 ) -> tuple[Int32, int]:
-    """Returns (J, 12) residuals of the decoded parents' predictions, in tree order, and the number of
-    clamped transforms."""
+    """Returns (J, 12) residuals of the predictions, in tree order, and the number of clamped transforms."""
     count, clamped = len(order), 0
     table = np.zeros((count, COLUMNS), np.int32)
     quaternions, stretches, rooms = _rooms(count)

@@ -1,5 +1,4 @@
-"""Quantises transforms to small integers: A = Q S, rotation Q by its rotation vector and stretch S entry by
-entry.
+"""Quantises transforms A = Q S to small integers: Q by its rotation vector, S entry by entry.
 
 The steps are powers of two, so that an integer times its step is exact in floating point:
 
@@ -43,8 +42,7 @@ LARGEST_LINEAR = 64.0
 
 @njit(cache=True, nogil=True)
 def rotation_vector(q: Float, out: Float) -> None:
-    """Writes to ``out`` (3,) axis times angle of a unit quaternion, radians. |.| <= pi, the same for q and
-    -q."""
+    """Writes to ``out`` (3,) axis times angle of a unit quaternion, at most pi, equal for q and -q."""
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
     scale = 2.0 * sign
@@ -55,8 +53,7 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
-    """Writes to ``out`` (4,) the unit quaternion a exp(v), w >= 0, for the rotation vector v = (x, y, z)
-    in radians."""
+    """Writes to ``out`` (4,) the unit quaternion a exp(v), w >= 0, for the rotation vector v = (x, y, z)."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5
     if angle > 1e-12:
@@ -128,8 +125,7 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _quaternion_of_matrix(m: Float, out: Float) -> None:
-    """Writes to ``out`` (4,) the quaternion, w >= 0, of a rotation matrix (Shepperd, 1978: divide by the
-    largest)."""
+    """Writes to ``out`` (4,) the quaternion, w >= 0, of a matrix (Shepperd, 1978: divide by the largest)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace > max(m[0, 0], m[1, 1], m[2, 2]):
         s = 2.0 * math.sqrt(1.0 + trace)
@@ -149,8 +145,7 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretch_of(a: Float, rotation: Float, out: Float) -> None:
-    """Writes to ``out`` (6,) entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A, minus the
-    identity."""
+    """Writes to ``out`` (6,) entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A - I."""
     for c in range(6):
         i, j = (c, c) if c < 3 else (0, c - 2) if c < 5 else (1, 2)
         entry = 0.0

@@ -131,8 +131,9 @@ class PutCharacter(Order, frozen=True):
             above the newest one, or above ``MAX_REVISION``.
         digest: SHA-256 of the data. Equal data is sent once.
         size: bytes of the data.
-        fit: True scales a possessed mesh to a person's height and moves it to where a standing person fits
-            into it, as for a mesh from a file. False keeps the modelled size and position, in metres.
+        fit: True scales a possessed mesh to a person's height, and moves it to where a standing person fits
+            into it. A mesh from a file is treated in this way. False keeps the modelled size and position, in
+            metres.
     """
 
     id: Name

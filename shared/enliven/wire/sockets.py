@@ -45,8 +45,9 @@ class Endpoint:
 
 
 def parse_endpoint(text: str) -> Endpoint:
-    """Parses ``host``, ``host:port`` (commands: the next port) or ``host:port:control_port``; IPv6 in
-    brackets.
+    """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
+
+    Without a control port, it is the port after ``port``.
 
     Raises:
         InputError: if it is none of these.

@@ -126,7 +126,8 @@ class HoldMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        time_ns: the sensor's clock, of the frame before the change. "take over" is sent before that frame.
+        time_ns: the sensor's clock, of the frame before the change. A "take over" already applies to that
+            frame.
         mode: the kind of change. "remove": the character left the stage.
         revision: revision of the character. 0 if it left.
         body: the performer's id. -1: all of them.

@@ -93,8 +93,7 @@ MAGIC = b"#ROSBAG V2.0\n"
 _MOST_HEADER = 1 << 16
 """Maximum bytes of a record's header, which may contain a topic's name."""
 _MOST_CHUNK = 1 << 27
-"""Maximum bytes of a decompressed chunk: the makers' have one message or 768 KiB, an image has up to 50
-MB."""
+"""Maximum bytes of a decompressed chunk: the makers' have one message or 768 KiB, an image up to 50 MB."""
 _MESSAGE = 2
 """Record kind (op) of message data in a bag."""
 _CHUNK = 5

@@ -238,8 +238,7 @@ class OakSensor(Sensor):
         return x, y, z
 
     def _rehearsed(self, path: str, colour: bool) -> tuple[Any, Any]:
-        """Returns the images of a recording, from a node on this machine in place of the camera's stereo
-        node.
+        """Returns a recording's images, from a node on this machine that replaces the camera's stereo node.
 
         Returns:
             depth, and colour or None.

@@ -80,8 +80,7 @@ class Playback:
 
 
 def write_playback(recording: str, path: Path) -> list[Playback]:
-    """Writes the depth images of one of our recordings as a playback of Orbbec's, which has one set of
-    intrinsics.
+    """Writes the depth images of our recording as an Orbbec playback, which has one set of intrinsics.
 
     Images of another size or intrinsics go into further files next to it. Images of another sensor are left
     out.
@@ -263,8 +262,7 @@ def _property(number: int, value: bytes) -> bytes:
 
 
 def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
-    """Returns devices that play a recording of ours or of Orbbec's, one after the other: each has one set of
-    intrinsics.
+    """Returns devices that play a recording of ours or Orbbec's, one for each set of intrinsics.
 
     Returns:
         each device with the nanoseconds to add to a played time to get the recording's time.

@@ -53,8 +53,7 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
 
 
 def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tuple[Intrinsics, bool]:
-    """Returns the intrinsics from the library, or from the model's profile, and whether the library reported
-    them.
+    """Returns the intrinsics from the library or the model's profile, and whether the library had them.
 
     Raises:
         InputError: for another distortion model. The coefficients of the inverse model have another meaning.

@@ -89,8 +89,7 @@ def disparity_offset(
     rectification: Rectification,
     calibration: StereoCalibration,
 ) -> float:
-    """Returns the mean difference, in pixels, between a board's disparities and those expected at its
-    distance.
+    """Returns the mean difference in pixels between a board's disparities and the expected ones.
 
     The distance comes from the left image alone, by the board's size in it.
     """

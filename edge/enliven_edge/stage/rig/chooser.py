@@ -106,8 +106,7 @@ class Chooser:
         return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
 
     def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
-        """Returns the rows of the best matches, including the picked one, and the index of its row. -1 if
-        there is none.
+        """Returns the rows of the best matches with the picked one, and its index. -1 if there are none.
 
         Args:
             joints: (N, 3) metres, the joints of the character.

@@ -40,8 +40,7 @@ def _onward(skeleton: Skeleton, joint: int) -> int:
 
 
 def local_turns(skeleton: Skeleton, turns: Float) -> Float:
-    """Returns (T, N, 4) each bone's rotation relative to its parent, D_parent^-1 D, without sign jumps
-    over time."""
+    """Returns (T, N, 4) each bone's rotation relative to its parent, D_parent^-1 D, without sign jumps."""
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
@@ -103,8 +102,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
 
 
 def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
-    """Normalises skin weights for the format, (V, 4) each: no repeated bone, index 0 for weight 0, sums of
-    one."""
+    """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
     indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
         for a in range(b):

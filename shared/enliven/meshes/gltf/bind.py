@@ -2,8 +2,7 @@
 
 A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v. G is world_from_joint, and IBM is the inverse bind
 matrix: the inverse of mesh_from_joint at binding. The file does not contain the pose of the mesh in the world
-at that time. A model at rest is at its node, since it was bound there. If its joints contradict this, the
-joints decide.
+at that time. The pose of the mesh's node at rest is assumed. If the joints contradict it, the joints decide.
 """
 
 from __future__ import annotations

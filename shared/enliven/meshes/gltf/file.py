@@ -133,8 +133,10 @@ class GltfFile:
         return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
     def accessor(self, index: int) -> AnyArray:
-        """Returns (N, C) the elements of an accessor, with sparse ones filled in and normalised integers
-        as -1..1 or 0..1."""
+        """Returns (N, C) the elements of an accessor.
+
+        Sparse elements are filled in. Normalised integers become -1..1 or 0..1.
+        """
         return np.asarray(self._guarded(self._accessor, index, f"accessor {index}"))
 
     def data_of_view(self, view: int) -> bytes:

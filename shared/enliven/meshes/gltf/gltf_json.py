@@ -76,8 +76,7 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
 
 
 def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
-    """Returns the document of a glTF or GLB file, the parent of each node (-1 at a root), and the bytes of a
-    GLB.
+    """Returns the document of a glTF or GLB file, each node's parent (-1 at a root), and a GLB's bytes.
 
     Raises:
         InputError: as :func:`gltf_tree`.
