@@ -1,7 +1,7 @@
-"""The program beside the depth camera: it tracks people, moves characters with them and publishes both.
+"""The program on the computer with the depth camera: tracks people, animates characters and publishes both.
 
-:mod:`enliven_edge.service` is the loop; each stage of a frame is a room of its own, and
-``docs/architecture.md`` has the map.
+:mod:`enliven_edge.service` has the main loop. Each stage of a frame is a separate package;
+``docs/architecture.md`` has the overview.
 """
 
 from enliven_edge.onnx_runtime import disable_telemetry

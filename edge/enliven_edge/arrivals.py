@@ -1,4 +1,4 @@
-"""Characters that clients put on the stage while it runs: collected, prepared beside the frames, shown."""
+"""Character upload: collects, prepares and shows characters that clients send to the running stage."""
 
 from __future__ import annotations
 
@@ -28,17 +28,19 @@ from enliven_edge.stage import Carried, Peer, Stage
 log = logging.getLogger(__name__)
 
 _MOST_WAITING = 4
-"""Characters of one viewer that are collected at a time; together they have at most ``MAX_SENT_BYTES``."""
+"""Maximum number of characters of one viewer that are collected at a time, with ``MAX_SENT_BYTES`` in
+total."""
 _MOST_WAITING_IN_ALL = 12
-"""Characters of all viewers that are collected at a time."""
+"""Maximum number of characters of all viewers that are collected at a time."""
 _MOST_BYTES_IN_ALL = 2 * MAX_SENT_BYTES
-"""Bytes of all characters that are collected or wait to be prepared: one viewer cannot take all of them."""
+"""Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
+them."""
 _GIVEN_UP = 10.0
-"""Seconds without a part after which a character is not waited for any longer."""
+"""Seconds without a part after which an upload is dropped."""
 _SLOWEST = 32 * 1024
-"""Bytes a second at least, after the first ``_GIVEN_UP`` seconds: a slow wireless network carries more."""
+"""Minimum bytes per second after the first ``_GIVEN_UP`` seconds: a slow wireless network carries more."""
 _MOST_REFUSED = 32
-"""Refusals that are remembered, so that equal data is not prepared again."""
+"""Maximum number of remembered refusals, so that equal data is not prepared again."""
 MAX_REVISION_JUMP = 64
 """Largest step from the newest revision to the next. Clients count by one, and skip those of lost answers."""
 
@@ -48,7 +50,7 @@ _Key = tuple[Peer | None, str, bytes]
 
 @dataclass
 class _Arrival:
-    """A character that is being collected."""
+    """A character that is being uploaded."""
 
     order: PutCharacter
     peer: Peer | None = None
@@ -58,7 +60,7 @@ class _Arrival:
     heard: float = field(default_factory=time.monotonic)
 
     def is_late(self, now: float) -> bool:
-        """Returns whether it is not waited for any longer: parts stopped coming, or come too slowly."""
+        """Returns True if the upload has timed out: no parts arrive, or they arrive too slowly."""
         due = (now - self.begun - _GIVEN_UP) * _SLOWEST
         return now - self.heard >= _GIVEN_UP or self.received < due
 
@@ -68,7 +70,10 @@ class _Arrival:
 
 
 class _Preparation(threading.Thread):
-    """Makes the actor of a character; the solvers' kernels let the frames go on meanwhile."""
+    """Makes the actor of a character.
+
+    The solvers' kernels release the interpreter lock, so frames continue.
+    """
 
     def __init__(self, arrival: _Arrival, stage: Stage, settings: EdgeSettings) -> None:
         super().__init__(name="preparation", daemon=True)
@@ -79,7 +84,7 @@ class _Preparation(threading.Thread):
         self.carried: Carried | None = None
 
     def run(self) -> None:
-        from enliven_edge.sent_characters import cast_sent  # what an edge without clients never needs
+        from enliven_edge.sent_characters import cast_sent  # an edge without clients never needs it
 
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:
@@ -97,16 +102,16 @@ class _Preparation(threading.Thread):
 
 
 class Arrivals:
-    """Collects, prepares and puts the characters that clients send; what stood there stays until then.
+    """Collects, prepares and shows the characters that clients send. The previous character stays until then.
 
-    A viewer that announces characters and does not deliver them loses their places to viewers that do.
+    A viewer that announces characters and does not deliver them loses their places to other viewers.
 
     Args:
-        settings: how characters are cast.
+        settings: how actors are made.
 
     Attributes:
-        last_revision: returns the revision that viewers know of a character; of one that is not on the stage,
-            the highest of those that left it.
+        last_revision: returns the revision that viewers know of a character. For a character that is not on
+            the stage, the highest revision of the removed ones.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
@@ -126,10 +131,10 @@ class Arrivals:
         return {name: order.revision for name, order in self._standing.items()}
 
     def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
-        """Announces a character, or asks how far it is.
+        """Announces a character, or asks for its progress.
 
         Args:
-            peer: the viewer that asks; None: the edge itself.
+            peer: the viewer that asks. None: the edge itself.
 
         Raises:
             InputError: if it was refused, if its revision is not newer, or if the stage is full.
@@ -148,10 +153,10 @@ class Arrivals:
         return Awaited(self._expect(order, peer, where).received)
 
     def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
-        """Takes the next part of a character that was announced.
+        """Adds the next part of a character that was announced.
 
         Raises:
-            InputError: for a part that nothing waits for.
+            InputError: for an unexpected part.
         """
         key = peer, part.id, part.digest
         arrival = self._waiting.get(key)
@@ -171,7 +176,7 @@ class Arrivals:
         return Awaited(arrival.received)
 
     def poll(self) -> None:
-        """Puts on the stage what is ready, and begins to prepare what has come; call it once a frame."""
+        """Shows prepared characters, and starts to prepare uploaded ones. Call it once per frame."""
         self._standing = {name: it for name, it in self._standing.items() if name in self._stage.actors}
         self._drop_late()
         ready = self._under_way
@@ -184,7 +189,7 @@ class Arrivals:
             self._under_way.start()
 
     def _check_revision(self, order: PutCharacter, now: PutCharacter | None, where: str) -> None:
-        """Raises InputError for a revision that is not later than the one on the stage, or far too late."""
+        """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
         newest = self.last_revision(order.id) or (0 if now is None else now.revision)
         mend = f"Send revision {newest + 1}."
         if now is not None and order.revision <= newest:
@@ -194,21 +199,21 @@ class Arrivals:
             raise InputError(what, where=where, mend=mend)
 
     def _next(self) -> _Arrival:
-        """Takes the next character to prepare: viewers that send many take turns with the others."""
+        """Returns the next character to prepare: viewers that send many take turns with the others."""
         others = (each for each in self._complete if each.peer is not self._prepared_for)
         found = next(others, self._complete[0])
         self._complete = deque(each for each in self._complete if each is not found)
         return found
 
     def _coming(self) -> Iterator[tuple[str, Peer | None]]:
-        """Yields the characters that are on their way: id, and the viewer that sends it."""
+        """Yields the characters that are being uploaded: id, and the viewer that sends it."""
         for each in [*self._waiting.values(), *self._complete]:
             yield each.order.id, each.peer
         if self._under_way is not None:
             yield self._under_way.order.id, self._under_way.peer
 
     def _finish(self, ready: _Preparation) -> None:
-        """Puts a character that was prepared on the stage, or remembers why it was refused."""
+        """Puts a prepared character on the stage, or remembers why it was refused."""
         order, now = ready.order, self._standing.get(ready.order.id)
         if ready.actor is None:
             what = f"the preparation of {order.id!r} ended early"
@@ -222,7 +227,7 @@ class Arrivals:
             log.info("%s stands on the stage, revision %d", order.id, order.revision)
 
     def _expect(self, order: PutCharacter, peer: Peer | None, where: str) -> _Arrival:
-        """Returns the collection of a character; it replaces an earlier one of the same viewer and id."""
+        """Returns the upload of a character. It replaces an earlier one of the same viewer and id."""
         key = peer, order.id, order.digest
         self._drop_late()
         known = self._waiting.get(key) or self._resumed(order, peer)
@@ -236,12 +241,12 @@ class Arrivals:
         return arrival
 
     def _drop_late(self) -> None:
-        """Gives up characters that stopped coming, or come too slowly; their places are free again."""
+        """Drops uploads that stopped or are too slow, which frees their places."""
         now = time.monotonic()
         self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
 
     def _resumed(self, order: PutCharacter, peer: Peer | None) -> _Arrival | None:
-        """Returns the collection that a viewer had begun before it had to connect again; None: none."""
+        """Returns the upload that a viewer had started before it reconnected, or None."""
         for key, each in self._waiting.items():
             if each.order == order and each.peer is not None and not each.peer.is_open:
                 self._waiting[peer, order.id, order.digest] = self._waiting.pop(key)
@@ -250,10 +255,10 @@ class Arrivals:
         return None
 
     def _make_room(self, arrival: _Arrival, where: str) -> None:
-        """Gives up the slowest characters of viewers that send more than this one, as far as it needs room.
+        """Drops the slowest uploads of viewers that send more than this one, until there is room.
 
         Raises:
-            InputError: if this viewer has too many on their way, or all others send fewer.
+            InputError: if this viewer has too many uploads, or all others have fewer.
         """
         order, now = arrival.order, time.monotonic()
         while True:
@@ -275,5 +280,5 @@ class Arrivals:
 
 
 def _replaces(newer: _Arrival, older: _Arrival) -> bool:
-    """Returns whether a viewer sends a character in the place of one that it sent before."""
+    """Returns True if an upload replaces an older one of the same viewer and character."""
     return newer is not older and newer.peer is older.peer and newer.order.id == older.order.id

@@ -1,4 +1,4 @@
-"""What is closed at the end of a ``with`` block."""
+"""Objects that are closed at the end of a ``with`` block."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class Closing(Protocol):
     """A context manager that closes itself."""
 
     def close(self) -> None:
-        """Releases everything; a second call does nothing."""
+        """Releases everything. A second call does nothing."""
         ...
 
     def __enter__(self) -> Self:

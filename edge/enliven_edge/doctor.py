@@ -33,7 +33,7 @@ def _shipped_recording() -> Check:
 
 
 def _crashes() -> Check:
-    """Lists the reports of crashes that are kept; their existence is no failure of this machine."""
+    """Lists the stored crash reports. Their existence does not count as a failure of this machine."""
     kept = crash_reports.reports()
     detail = "\n".join([f"{len(kept)} kept in {crash_reports.folder()}", *map(str, kept)])
     return Check("crash reports", True, detail if kept else "none kept")
@@ -45,7 +45,7 @@ def shipped_recording() -> Path:
 
 
 def _cameras() -> list[Check]:
-    """Checks each depth camera on USB, as far as the system shows them."""
+    """Checks each depth camera on USB that the system lists."""
     checks = []
     for camera in attached():
         troubles = camera.troubles()

@@ -8,7 +8,7 @@ from enliven.errors import ResourceError
 
 
 def need(module: str, extra: str, where: str) -> None:
-    """Raises ResourceError where a library of an extra is not installed, naming what installs it."""
+    """Raises ResourceError if a library of an extra is not installed. The message says how to install it."""
     if importlib.util.find_spec(module) is None:
         raise ResourceError(
             f"the library {module!r} is not installed here",

@@ -1,4 +1,4 @@
-"""What viewers are told of the camera: where it stands, and a small picture of the distances before it."""
+"""Camera preview for viewers: the camera's pose, and a small depth image."""
 
 from __future__ import annotations
 
@@ -9,29 +9,31 @@ from enliven.frames import DepthFrame, Frame
 from enliven.wire import CameraMessage
 
 _EVERY_NS = 200_000_000
-"""Nanoseconds of the sensor's clock between two pictures: movement is followed, for 30 kB/s."""
+"""Nanoseconds of the sensor's clock between two previews: fast enough to show movement, at 30 kB/s."""
 _HIGH = 72
-"""Pixels of the picture's height at most: a person is recognised in it."""
+"""Maximum pixels of the preview's height: a person is recognisable in it."""
 _NEAR = 400.0
-"""Millimetres that are as light as it gets: nearer, depth cameras see nothing."""
+"""Millimetres of the brightest value: depth cameras measure nothing nearer."""
 _FAR = 6000.0
-"""Millimetres that are as dark as it gets: performers stand nearer."""
+"""Millimetres of the darkest value: performers stand nearer."""
 _USUAL_LENS = [0.9, 0.9, 0.6, 0.5]
-"""Of a sensor that tracks people itself: 58 degrees high."""
+"""Assumed intrinsics of a sensor that tracks people itself: 58 degrees vertical field of view."""
 
 
 class Glance:
-    """Makes a message of a frame now and then."""
+    """Creates camera previews with a limited rate."""
 
     def __init__(self) -> None:
         self._told_ns: int | None = None
 
     def of(self, frame: Frame, place: Float | None, *, mirrored: bool = False) -> CameraMessage | None:
-        """Returns what is to be told of a frame; None for one that comes too soon, or from nowhere known.
+        """Returns the preview message of a frame.
+
+        None if the previous one is recent, or the camera's pose is unknown.
 
         Args:
-            place: (4, 4) world_from_camera; None where it is not known.
-            mirrored: whether performers are mirrored, and the picture with them.
+            place: (4, 4) world_from_camera. None if it is not known.
+            mirrored: True if performers are mirrored. The preview is then mirrored, too.
         """
         if place is None:
             return None
@@ -49,7 +51,7 @@ class Glance:
 
 
 def nearness(depth: UInt16) -> np.ndarray:
-    """(h, w) uint8 of every so many pixels of a depth image: 255 near, 1 far, 0 unknown."""
+    """Returns (h, w) uint8, a subsampled depth image: 255 near, 1 far, 0 unknown."""
     step = max(-(-depth.shape[0] // _HIGH), -(-depth.shape[1] // (2 * _HIGH - 16)))
     some = depth[::step, ::step]
     near = np.clip((_FAR - some) / (_FAR - _NEAR), 0.0, 1.0)

@@ -1,9 +1,10 @@
 """Loads ONNX Runtime without its telemetry, and removes the telemetry files of earlier runs.
 
-The library's own packages (from version 1.29 on) send data about the machine and its programs to Microsoft,
-keep a persistent device id and a queue of events in the user's cache, and a session file in the temporary
-folder. The telemetry is off only if an environment variable is set before the library starts. So every
-import of onnxruntime in this project goes through :func:`load_onnxruntime`; ``tests/house`` holds that.
+The library's own packages (from version 1.29 on) send data about the machine and its programs to Microsoft.
+They keep a persistent device id and a queue of events in the user's cache, and a session file in the
+temporary folder. The telemetry is off only if an environment variable is set before the library starts. So
+every import of onnxruntime in this project goes through :func:`load_onnxruntime`; ``tests/house`` checks
+that.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if sys.platform != "win32":
 log = logging.getLogger(__name__)
 
 TELEMETRY_SWITCH = "ORT_DISABLE_TELEMETRY"
-"""The environment variable that ONNX Runtime reads once, as it starts: 1 keeps its telemetry off."""
+"""The environment variable that ONNX Runtime reads once, at its start: 1 disables its telemetry."""
 _FOLDER = ("Microsoft", "DeveloperTools", ".onnxruntime")
 """ONNX Runtime's folder for telemetry, below the user's cache folder."""
 _DEVICE_ID = re.compile(rb"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\s*")
@@ -36,7 +37,7 @@ _SESSION = re.compile(rb"\d{13}\n[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\s*")
 _FILES = re.compile(r"deviceid(\.lock|\.tmp\..*)?|onnxruntime\.db(-shm|-wal|-journal)?")
 """Names of the files that the telemetry writes into its folder."""
 _SHORT = 64
-"""Bytes that are read of a file to recognise it: both patterns are shorter."""
+"""Maximum bytes that are read of a file to recognise it: both patterns are shorter."""
 _SQLITE = b"SQLite format 3\0"
 """The first bytes of the queue of events."""
 _IN_USE_BYTE = 128
@@ -44,10 +45,10 @@ _IN_USE_BYTE = 128
 
 
 def disable_telemetry() -> None:
-    """Sets the environment variable that keeps ONNX Runtime's telemetry off, here and in child processes.
+    """Sets the environment variable that disables ONNX Runtime's telemetry, here and in child processes.
 
-    A value of the user's is replaced: a program with a camera never reports to others. If another part of the
-    process has loaded the library with its telemetry before, a warning says so.
+    A value set by the user is replaced: a program with a camera never reports to others. A warning is logged
+    if another part of the process has already loaded the library with its telemetry.
     """
     if "onnxruntime" in sys.modules and os.environ.get(TELEMETRY_SWITCH) != "1":
         log.warning(
@@ -72,10 +73,10 @@ def load_onnxruntime(module: str = "onnxruntime") -> Any:
 
 
 def remove_telemetry_files() -> list[Path]:
-    """Removes the device id, the queued events and the session file of ONNX Runtime; returns their paths.
+    """Removes the device id, the queued events and the session file of ONNX Runtime. Returns their paths.
 
-    A file is removed only if its place, name, owner and content are those of the telemetry. Symbolic links
-    are not followed. Nothing is removed while another process has the queue open.
+    A file is removed only if its place, name, owner and content match the telemetry. Symbolic links are not
+    followed. Nothing is removed while another process has the queue open.
     """
     if sys.platform == "win32":
         return []
@@ -85,11 +86,11 @@ def remove_telemetry_files() -> list[Path]:
             removed += [folder / name for name in _remove_own_files(descriptor)]
         if not any(path.parent == folder for path in removed):
             continue
-        with contextlib.suppress(OSError):  # another program's files keep a folder
+        with contextlib.suppress(OSError):  # other files keep the folder
             for emptied in (folder, *folder.parents[: len(_FOLDER) - 1]):
                 emptied.rmdir()
     session = Path(tempfile.gettempdir()) / ".ses"
-    # Other libraries of the same maker write this file, too: it goes only with the folder.
+    # Other libraries of the same maker write this file, too: it is removed only together with the folder.
     if removed and _SESSION.fullmatch(_first_bytes(session)):
         with contextlib.suppress(OSError):
             session.unlink()
@@ -112,7 +113,7 @@ def _telemetry_folders() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _opened_below(folder: Path) -> Iterator[int]:
-    """Opens ``folder`` for functions with ``dir_fd``; its last parts must not be symbolic links.
+    """Opens ``folder`` for functions with ``dir_fd``. Its last parts must not be symbolic links.
 
     Raises:
         OSError: if it is missing, or a part of it is a link.
@@ -130,7 +131,7 @@ def _opened_below(folder: Path) -> Iterator[int]:
 
 
 def _remove_own_files(folder: int) -> list[str]:
-    """Removes the telemetry's files from an opened folder and returns their names; none if one is in use."""
+    """Removes the telemetry's files from an opened folder and returns their names. Empty if one is in use."""
     names = [name for name in os.listdir(folder) if _FILES.fullmatch(name)]
     if "onnxruntime.db-shm" in names and _is_in_use("onnxruntime.db-shm", folder):
         return []
@@ -146,12 +147,12 @@ def _remove_own_files(folder: int) -> list[str]:
 
 
 def _is_own_file(status: os.stat_result) -> bool:
-    """Returns whether a file is a regular one of this user with no second name."""
+    """Returns True for a regular file of this user without further hard links."""
     return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid() and status.st_nlink == 1
 
 
 def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
-    """Returns the first bytes of this user's regular file; none if there is no such file."""
+    """Returns the first bytes of this user's regular file. Empty if it does not exist."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(path, flags, dir_fd=folder)
@@ -162,7 +163,8 @@ def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
 
 
 def _is_in_use(name: str, folder: int) -> bool:
-    """Returns whether a process has the database of this ``-shm`` file open, by SQLite's lock on it."""
+    """Returns True if a process has the database of this ``-shm`` file open, judged by SQLite's lock on
+    it."""
     try:
         descriptor = os.open(name, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
     except OSError:

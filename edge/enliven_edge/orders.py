@@ -1,4 +1,4 @@
-"""The one place where the edge says what it does with each kind of order, of viewers and of controls."""
+"""The table of the edge's actions for each kind of order, from viewers and from controls."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from enliven_edge.tracking import Tracker
 
 _ONE = 0
-"""The subject of orders that replace each other whatever they say."""
+"""The subject of orders that replace each other whatever their content."""
 
 
 class Served(Protocol):
-    """What orders are about."""
+    """The parts of the edge that orders act on."""
 
     stage: Stage
     arrivals: Arrivals
@@ -50,7 +50,7 @@ class Served(Protocol):
 
 
 def handlers_of(edge: Served) -> dict[type[Order], Handler]:
-    """Returns the handler of each kind of order; a new kind is one more line."""
+    """Returns the handler of each kind of order. A new kind needs one more line."""
     return {
         Possess: Handler(lambda order: _possess(edge.stage, order), _subject_of_possession),
         Release: Handler(
@@ -75,7 +75,7 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
 
 
 def _possess(stage: Stage, asked: Possess) -> None:
-    """Lets a performer take hold, or previews what they would hold."""
+    """Lets a performer possess a character, or previews the parts that the performer would hold."""
     if asked.mode == "preview":
         stage.preview(asked.character, asked.body, asked.parts)
     else:
@@ -83,18 +83,21 @@ def _possess(stage: Stage, asked: Possess) -> None:
 
 
 def _subject_of_possession(asked: Possess) -> tuple[str, str | None] | None:
-    """Returns what a newer wish replaces; each "join" and "extend" counts, since it adds to what is there."""
+    """Returns the subject that a newer request replaces.
+
+    Each "join" and "extend" counts, since it adds holds.
+    """
     return (asked.mode, asked.character) if asked.mode in ("alone", "preview") else None
 
 
 def _view(asked: Look) -> ScreenView:
-    """Returns the direction from which a viewer looks."""
+    """Returns a viewer's view."""
     eye = None if asked.eye is None else np.array(asked.eye)
     return ScreenView(np.array(asked.direction), np.array(asked.up), eye)
 
 
 def _lock(tracker: Tracker, on: bool) -> None:
-    """Keeps the cast from now on: only people who are followed now perform; or ends that."""
+    """Locks the cast, so that only people that are tracked now can perform, or unlocks it."""
     if on:
         tracker.lock()
     else:

@@ -1,4 +1,4 @@
-"""Scans that viewers ask for: begun, told to all, and put on the stage; one at a time."""
+"""Scans that viewers request: started, reported to all viewers, and put on the stage. One at a time."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
 _GAP = 0.4
-"""Metres of floor between what was scanned and what stands on the stage already."""
+"""Metres of floor between a scanned character and those on the stage."""
 
 
 class Told(Protocol):
-    """What scans tell viewers by."""
+    """The output of scans to viewers."""
 
     def send(self, message: Any, time_ns: int) -> None:
         """Sends a message to all viewers."""
 
     def forget(self, topic: str) -> None:
-        """Forgets what viewers that come later were to be told of a topic."""
+        """Drops the latched messages of a topic, so that viewers that connect later do not get them."""
 
 
 class _Beginning(threading.Thread):
-    """Loads what a scan needs, which an edge that never scans does not load, while the frames go on."""
+    """Loads the modules of a scan in the background. An edge that never scans does not load them."""
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
         super().__init__(name="beginning of a scan", daemon=True)
@@ -50,11 +50,11 @@ class _Beginning(threading.Thread):
 
 
 class Scans:
-    """The scan that is under way on an edge.
+    """The scan that is running on an edge.
 
     Args:
-        stage: where what was scanned stands at last.
-        settings: how characters are cast.
+        stage: the stage for the resulting character.
+        settings: how actors are made.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
@@ -68,7 +68,7 @@ class Scans:
 
     @property
     def active(self) -> bool:
-        """Whether the camera is carried about: no performers are looked for then."""
+        """True while the camera is carried around. Performers are not tracked then."""
         under_way = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
         return under_way or self._beginning is not None
 
@@ -76,7 +76,7 @@ class Scans:
         """Carries out a viewer's order.
 
         Raises:
-            InputError: where it cannot be done now.
+            InputError: if it cannot be done now.
         """
         if order.do == "start":
             self._start(order)
@@ -91,19 +91,19 @@ class Scans:
             self._scan.ask(order)
 
     def take(self, frame: Frame, *, waits: bool = False) -> bool:
-        """Gives the scan an image of the sensor; False where it has to wait and come again."""
+        """Offers the scan an image of the sensor. Returns False if the caller must offer it again."""
         if self._scan is None or not isinstance(frame, DepthFrame):
             return True
         return self._scan.offer(frame, waits=waits)
 
     def poll(self, told: Told) -> None:
-        """Tells viewers how it goes, and puts what was scanned on the stage; call it once a frame."""
+        """Sends progress to viewers, and puts a finished scan on the stage. Call it once per frame."""
         if self._begun or self._ended:
             told.forget("scan piece")
         if self._ended:
             told.send(ScanMessage(self._number), 0)
         if self._begun and self._beginning is not None:
-            # Not where it was asked for: loading takes long, and the viewer's other orders would wait for it.
+            # Not in ``ask``: loading takes long, and the viewer's other orders would wait for it.
             self._beginning.start()
         self._begun = self._ended = False
         if self._beginning is not None and self._beginning.scan is not None:
@@ -120,13 +120,13 @@ class Scans:
             told.send(message, getattr(message, "time_ns", 0))
 
     def close(self) -> None:
-        """Ends the scan; what was not made a character of is forgotten."""
+        """Ends the scan. An unfinished scan is discarded."""
         if self._scan is not None:
             self._scan.end()
         self._scan = self._beginning = None
 
     def _start(self, order: Scan) -> None:
-        """Begins a scan in the place of one that was done or went wrong."""
+        """Starts a scan that replaces a finished or failed one."""
         if self._beginning is not None or (
             self._scan is not None and self._scan.phase not in ("done", "failed")
         ):
@@ -140,13 +140,13 @@ class Scans:
         self._beginning = _Beginning(self._number, named, self._caster())
 
     def _coming(self) -> Iterator[tuple[str, Peer | None]]:
-        """Yields the id that the scan will have on the stage, so that its place is kept."""
+        """Yields the id that the scan will have on the stage, so that its place is reserved."""
         done = self._scan is not None and self._scan.phase == "done"
         if (self._scan is not None or self._beginning is not None) and not done:
             yield self._name, None
 
     def _caster(self) -> Cast:
-        """Returns what makes the actor of a scanned mesh, ready for its first frame."""
+        """Returns a function that makes the actor of a scanned mesh, ready for its first frame."""
         nodes, settings = self._settings.nodes, self._settings.actor
 
         def made(mesh: Mesh, name: str, person: ScannedPerson | None) -> Actor:
@@ -161,12 +161,12 @@ class Scans:
         return made
 
     def _aside(self, mesh: Mesh, name: str) -> float:
-        """Returns by how many metres of +X a mesh is put aside of where other characters stand at rest."""
+        """Returns the metres along +X that move a mesh next to the resting positions of other characters."""
         others = [one.vertices[:, 0].max() for own, one in self._stage.characters.items() if own != name]
         return float(max(others) + _GAP - mesh.vertices[:, 0].min()) if others else 0.0
 
     def _free_name(self) -> str:
-        """Returns "scan", or the first of "scan 2", "scan 3", ... that nothing on the stage has."""
+        """Returns "scan", or the first of "scan 2", "scan 3", ... that is unused on the stage."""
         names, number = self._stage.characters, 1
         while (name := "scan" if number == 1 else f"scan {number}") in names:
             number += 1

@@ -1,4 +1,4 @@
-"""Casts the actor of a character that a client sent; its modules are loaded for the first one."""
+"""Makes the actor of an uploaded character. Its modules are loaded for the first one."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage import cast_mesh
 
 _MOST_UNPACKED = 256 * 1024 * 1024
-"""Bytes that a sent character may unpack to: a million vertices, and a puppet's takes."""
+"""Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
 _MOST_NODES = 1024
-"""Nodes of a possessed mesh that is sent: their distances are a matrix, and each frame moves all."""
+"""Maximum nodes of an uploaded possessed mesh: their distances form a matrix, and each frame moves all of
+them."""
 _FARTHEST = 1e3
-"""Metres from the origin within which a sent mesh lies: farther away is no place on any stage."""
+"""Maximum metres of an uploaded mesh from the origin: no stage is larger."""
 _FARTHEST_UNFITTED = 1e9
-"""Units of its own within which a mesh that is to be fitted lies: a house in micrometres."""
+"""Maximum units of a mesh that will be fitted: a house in micrometres."""
 
 
 def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: Actor | None = None) -> Actor:
-    """Returns the actor of a character that was sent, ready for its first frame.
+    """Returns the actor of an uploaded character, ready for its first frame.
 
     Args:
-        former: the actor that has its id on the stage, where there is one: what it was before an edit.
+        former: the actor with the same id on the stage, if any: its state before an edit.
 
     Raises:
-        InputError: for data that is no project of one character, or a character that cannot be moved.
+        InputError: for data that is not a project of one character, or a character that cannot be moved.
     """
     where = f"character {order.id!r}"
     project = project_of(data, where, _MOST_UNPACKED)
@@ -45,7 +46,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
         what = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(what, where=where, mend="Scale it to metres.")
     actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
-    check_character(actor.character)  # what no viewer can be sent is said now
+    check_character(actor.character)  # reports now if viewers cannot be sent the character
     actor.warm_up()
     return actor
 
@@ -53,7 +54,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
 def _actor_of(
     project: Project, one: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
 ) -> Actor:
-    """Returns the actor of a character by its rig; only the modules that it needs are loaded."""
+    """Returns the actor of a character by its rig. Only the required modules are loaded."""
     if isinstance(one, GraphShape):
         nodes = len(one.positions) if len(one.positions) > 1 else settings.nodes
         if nodes > _MOST_NODES:

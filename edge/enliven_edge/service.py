@@ -1,4 +1,4 @@
-"""The edge's loop: senses, tracks, drives and publishes until the sensor ends or the edge is stopped."""
+"""The edge's main loop: reads the sensor, tracks, animates and publishes until it ends or is stopped."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ _PATIENCE = 0.1
 
 
 class Edge:
-    """One sensor, one tracker, one stage, one outlet.
+    """One sensor, one tracker, one stage, one output.
 
     Args:
-        possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: the parts of the body that take hold then; those of several performers are divided by "/". One
-            text for all characters, or one each by their ids.
+        possess_at: seconds after the first frame at which the first performer possesses a character, or None.
+        parts: the body parts of that possession. Those of several performers are separated by "/". One text
+            for all characters, or one per character by id.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
-        health: monitors the sensor and the tracking; None makes one.
-        physics: loose objects among the characters, which viewers switch on and off; None makes one.
-        controls: pedals and the like, beside the viewers; the caller closes them.
-        arrivals: puts the characters that clients send on the stage; None makes one.
-        scans: what viewers scan with the sensor; None makes one.
-        once: end at the first fault of the sensor, in place of going on with its next good frame.
+        health: monitors the sensor and the tracking. None creates one.
+        physics: rigid bodies among the characters, which viewers switch on and off. None creates one.
+        controls: pedals and other hardware, in addition to the viewers. The caller closes them.
+        arrivals: puts the characters that clients send on the stage. None creates one.
+        scans: scans that viewers request with the sensor. None creates one.
+        once: ends at the first fault of the sensor, instead of continuing with its next good frame.
 
     Attributes:
-        handlers: what is done with each kind of order.
+        handlers: the action for each kind of order.
     """
 
     def __init__(
@@ -84,10 +84,11 @@ class Edge:
         self._show()
 
     def run(self) -> None:
-        """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
+        """Runs until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
 
         Raises:
-            ResourceError: at the sensor's first fault where it is to end then, or where it was lost for good.
+            ResourceError: at the sensor's first fault if ``once`` is set, or if the sensor was lost
+                permanently.
         """
         for frame in self._frames():
             if frame is not None:
@@ -98,11 +99,11 @@ class Edge:
         self.scans.close()
 
     def stop(self) -> None:
-        """Ends :meth:`run` after the current frame; safe to call from a signal handler."""
+        """Ends :meth:`run` after the current frame. Safe to call from a signal handler."""
         self._stopped = True
 
     def wait_for_viewer(self, seconds: float) -> None:
-        """Waits until a viewer is there, so that it misses nothing; gives up after so many seconds."""
+        """Waits until a viewer is connected, so that it misses nothing. Gives up after ``seconds``."""
         deadline = time.monotonic() + seconds
         while not self.outlet.viewers and not self._stopped and not parent_is_gone():
             if time.monotonic() > deadline:
@@ -112,7 +113,7 @@ class Edge:
             time.sleep(0.02)
 
     def step(self, frame: Frame) -> None:
-        """Takes one frame from the sensor to the viewers; a frame out of order is dropped."""
+        """Processes one frame from the sensor to the viewers. A frame out of order is dropped."""
         read_ns, self._heard = time.time_ns(), time.monotonic()
         if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
@@ -136,14 +137,17 @@ class Edge:
         self._judge(tick)
 
     def _glance(self, frame: Frame) -> None:
-        """Tells viewers, now and then, where the camera stands and what it sees."""
+        """Sends viewers the camera's pose and preview image, with a limited rate."""
         place = frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
         mirrored = self.tracker.settings.output.mirror
         if self.outlet.tells_picture and (told := self.glance.of(frame, place, mirrored=mirrored)):
             self.outlet.send(told, frame.time_ns)
 
     def _show(self) -> None:
-        """Puts what has arrived on the stage; tells viewers, take and physics what came, changed or went."""
+        """Puts uploaded characters on the stage.
+
+        Sends viewers, take and physics new, changed and removed ones.
+        """
         self.arrivals.poll()
         self.scans.poll(self.outlet)
         characters = self.stage.characters
@@ -156,7 +160,7 @@ class Edge:
         return replace(tick, props=self.physics.step(tick))
 
     def _judge(self, tick: Tick) -> None:
-        """Measures and judges a frame that was published, and says so in the heartbeat."""
+        """Measures and checks a published frame, and reports the result in the heartbeat."""
         frame, bodies, tracker = tick.frame, tick.bodies, self.tracker
         self.pace.took(tick.read_ns, time.time_ns())
         self.frames += 1
@@ -189,29 +193,29 @@ class Edge:
             yield frame
 
     def _end_at_fault(self) -> None:
-        """Raises the sensor's fault where ``once`` was asked for."""
+        """Raises the sensor's fault if ``once`` is set."""
         if self._once and self.health.fault:
             mend = "Mend the sensor, or start without --once, which goes on with the next good frame."
             raise ResourceError(self.health.fault, where=self.sensor.name, mend=mend)
 
     def _is_over(self, frame: Frame) -> bool:
-        """Returns whether ``stop_after`` has passed, by the sensor's clock."""
+        """Returns True if ``stop_after`` has passed, by the sensor's clock."""
         if self._first_ns is None:
             self._first_ns = frame.time_ns
         return self._stop_after is not None and frame.time_ns - self._first_ns >= self._stop_after * 1e9
 
     def _wait(self) -> None:
-        """Reports that no frame comes where that lasts."""
+        """Reports a sensor without frames if that lasts."""
         self._show()
         self.health.silent(time.monotonic() - self._heard)
         self.outlet.set_health(self._health_states())
 
     def _health_states(self) -> list[HealthState]:
-        """Returns the health states, with those that the sensor tells of itself."""
+        """Returns the health states, including those that the sensor reports itself."""
         return worst_first([*self.health.states, *health_of(self.sensor)])
 
     def _listen(self) -> None:
-        """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
+        """Carries out the requests of viewers and controls. One that fails is refused with its reason."""
         self.controls.apply_commands(
             self.stage, self.carry_out, self._call, lambda message: self.outlet.send(message, 0)
         )
@@ -219,19 +223,19 @@ class Edge:
         self.outlet.poll_requests(self.handlers)
 
     def carry_out(self, order: Order) -> None:
-        """Carries out an order as if a viewer had given it.
+        """Carries out an order as if a viewer had sent it.
 
         Raises:
-            EnlivenError: where it is refused.
+            EnlivenError: if it is refused.
         """
         self.handlers[type(order)].apply(order)
 
     def _call(self, word: Call, control: str) -> None:
-        """Asks the windows for what a control says."""
+        """Sends a control's command to the windows."""
         self.outlet.send(CallMessage(word, control[:64]), 0)
 
     def _lamps(self) -> Lamps:
-        """Returns the patterns of the controls' lamps: the stage and the health, as viewers get them."""
+        """Returns the patterns of the controls' lamps, from the state of the stage and the health states."""
         told = self.outlet.publisher.status.health
         return lamps_of(
             present=self.stage.occupied,

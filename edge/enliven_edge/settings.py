@@ -57,7 +57,7 @@ class CharacterSettings:
 
 
 CharacterChoice = tuple[str, CharacterSettings]
-"""A character that was asked for: its name, empty where that is to be found, and its settings."""
+"""A requested character: its name, empty if it must be derived, and its settings."""
 
 
 @dataclass(frozen=True)
@@ -100,14 +100,14 @@ def characters_of(
     parts: Sequence[str],
     settings: Mapping[str, CharacterSettings],
 ) -> list[CharacterChoice]:
-    """Returns the characters of the command line, else of the settings, else a chair.
+    """Returns the characters of the command line. Without any, those of the settings, or else a chair.
 
     Args:
         meshes: as ``--mesh`` names them.
         drives, parts: one for all characters, or one for each in their order.
 
     Raises:
-        InputError: for another number of them, or a drive that is none.
+        InputError: for another number of values, or an unknown drive.
     """
     chosen: list[CharacterChoice] = list(settings.items())
     if meshes or not chosen:

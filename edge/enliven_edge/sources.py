@@ -1,6 +1,6 @@
 """The sources of frames as a user names them: a sensor's name or a recording, with an optional own name.
 
-The command line takes one word, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the settings
+The command line takes one word, ``synthetic``, ``take.mcap``, ``left=synthetic``. A table of the settings
 file holds more.
 """
 
@@ -36,7 +36,7 @@ class Source:
     """A sensor that is to be opened.
 
     Attributes:
-        name: the user's name for it; None for the sensor's own identity.
+        name: the user's name for it. None for the sensor's own identity.
         sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
         options: the arguments of its class.
         scene: the scene settings of this sensor alone, or None for the common ones.
@@ -52,12 +52,12 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
     """Returns the source of a word of the command line.
 
     Args:
-        word: a sensor's name or the path of a recording, after ``NAME=`` where it is to be called so.
-        options: of the sensor; ``NAME.KEY`` is for the source of that name alone.
-        replay: options of recordings alone.
+        word: a sensor's name or the path of a recording, optionally preceded by ``NAME=``.
+        options: of the sensor. ``NAME.KEY`` applies to the source of that name only.
+        replay: options of recordings only.
 
     Raises:
-        InputError: where it is neither.
+        InputError: if it is neither.
     """
     called, equals, what = word.partition("=")
     if not equals or Path(word).exists():
@@ -79,7 +79,7 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
 
 
 def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:
-    """Returns the sources of a settings file; a recording's path counts from the file's ``folder``."""
+    """Returns the sources of a settings file. A recording's path is relative to the file's ``folder``."""
     sources = []
     for name, table in tables.items():
         options = dict(table.options)
@@ -91,14 +91,15 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
 
 
 def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
-    """Opens the sensors and returns them by identity; they reopen after failing, and ``stack`` closes them.
+    """Opens the sensors and returns them by identity. They reopen after failing, and ``stack`` closes them.
 
     Args:
-        wait: live sensors may still be missing, and are waited for; those without a name are called by kind.
+        wait: live sensors may be missing, and are waited for. Sensors without a name are called by their
+            kind.
 
     Raises:
-        InputError: where two have one identity.
-        ResourceError: where a device is missing or taken.
+        InputError: if two have the same identity.
+        ResourceError: if a device is missing or in use.
     """
     sensors: dict[str, Sensor] = {}
     for source in sources:

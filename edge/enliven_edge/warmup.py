@@ -17,26 +17,27 @@ from enliven_edge.tracking.detect import fullest_ball
 from enliven_edge.tracking.scene import corrected, world_from_floor
 
 _STEP_NS = 33_333_333
-"""Nanoseconds between the frames: those of a sensor at 30 Hz."""
+"""Nanoseconds between the frames of a sensor at 30 Hz."""
 _ALONE = 3
-"""Frames with one person: a new, a confirmed and a followed one."""
+"""Number of frames with one person: first new, then confirmed, then tracked."""
 _TOGETHER = 3
-"""Frames with two people: the second is new, confirmed and followed, and they touch."""
+"""Number of frames with two people: the second is new, confirmed and tracked, and they touch."""
 _EMPTY = 1
-"""Frames without people: both are lost."""
+"""Number of frames without people: both are lost."""
 _ASIDE = 1 / 6
-"""Share of the picture's width between the two people: so near that their surfaces must be told apart."""
+"""Distance of the two people as a fraction of the image width: so near that their surfaces must be
+separated."""
 
 
 @cache
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
-    """Tracks the start of the shipped recording: a person comes, a second person too, and both are gone.
+    """Tracks the start of the shipped recording: a person appears, then a second one, and both disappear.
 
-    Kernels stay in the process: with settings that were warmed up before there is nothing to do.
+    Kernels stay in the process. Repeated calls with the same settings do nothing.
     """
     settings = settings or TrackerSettings()
-    # The user's own mounting and zone would hide the recorded person from view, and a search that is spread
-    # over frames would find the second person too late.
+    # The user's own mounting and zone would hide the recorded person. A search that is spread over frames
+    # would find the second person too late.
     search = dataclasses.replace(settings.search, fits_per_frame=0)
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings(), search=search))
     for frame in _warm_up_frames():
@@ -59,16 +60,17 @@ def _warm_up_frames() -> Iterator[DepthFrame]:
 
 
 def _run_what_it_lacks() -> None:
-    """Fits a floor and keeps it in place: the recorded sensor knows its own place and would not do it."""
+    """Fits a floor and corrects the camera pose: the recorded sensor knows its own pose and would not do
+    it."""
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
     corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
-    # No forearm stands out of the recorded person.
+    # The recorded person points no forearm away from the body, so this kernel would not run.
     fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
 def _with_duplicate(depth: UInt16) -> UInt16:
-    """Returns (H, W) the same person twice: the nearer of the picture and the picture moved aside."""
+    """Returns (H, W) the same person twice: the nearer of the image and a shifted copy."""
     moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
 

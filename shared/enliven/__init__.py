@@ -1,12 +1,12 @@
-"""enliven: everything that is mathematics, a format or a message.
+"""enliven: all mathematics, file formats and messages of the project.
 
-No camera, no window, no thread and no global state lives here, so that the edge, the viewer and
-user scripts can share it. Units are metres, seconds and radians; the world is right-handed with
-+Y up and the floor at y = 0; quaternions are (w, x, y, z).
+This package has no camera, no window, no thread and no global state, so that the edge, the viewer and user
+scripts can share it. Units are metres, seconds and radians. The world is right-handed with +Y up and the
+floor at y = 0. Quaternions are (w, x, y, z).
 
-``from enliven import …`` has the types that everything passes on, and functions that do a whole task in one
-call; docs/library.md shows each at work. Rooms such as ``enliven.matching`` have the solvers behind them. A
-name is loaded when it is first asked for.
+``from enliven import …`` gives the common types, and functions that do a whole task in one call.
+docs/library.md shows each in use. Packages such as ``enliven.matching`` contain the solvers behind them. A
+name is loaded when it is first used.
 """
 
 from importlib.metadata import PackageNotFoundError, version

@@ -1,4 +1,4 @@
-"""The ``enliven`` command, and python -m enliven: Ctrl-C ends it quietly even while modules are loaded."""
+"""The ``enliven`` command, and python -m enliven. Ctrl-C ends it quietly even while modules are loaded."""
 
 import sys
 
@@ -6,8 +6,9 @@ import sys
 def main() -> None:
     """Loads the command line and runs it.
 
-    Python remembers a Ctrl-C that ended a text given to ``exec``, as dataclasses do while modules are loaded,
-    and ends the process by the signal although it was caught. Another such text makes it forget.
+    Python remembers a Ctrl-C that interrupted a text given to ``exec``, which dataclasses use while modules
+    are loaded. It then ends the process by the signal although the exception was caught. Executing another
+    such text resets this.
     """
     code: int | str | None = 130
     try:

@@ -1,4 +1,4 @@
-"""Names for the array types that the signatures use; the docstrings give the shapes."""
+"""Names for the array types in signatures. The docstrings give the shapes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ AnyArray = NDArray[Any]
 
 
 def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
-    """The array of a type, read-only: itself where it is so already, since values share arrays."""
+    """Returns the array as a read-only array of a type.
+
+    It is returned unchanged if it is one, since values share arrays.
+    """
     if isinstance(array, np.ndarray) and array.dtype == kind and not array.flags.writeable:
         return array
     copied = np.array(array, kind)
@@ -29,6 +32,6 @@ def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
 
 
 def freeze(value: object, *names: str, kind: Any = np.float64) -> None:
-    """Make the named attributes of a frozen value read-only arrays."""
+    """Makes the named attributes of a frozen value read-only arrays."""
     for name in names:
         object.__setattr__(value, name, frozen(getattr(value, name), kind))

@@ -1,4 +1,4 @@
-"""A pinhole camera: intrinsics, lens distortion, and the way between pixels and metres.
+"""A pinhole camera: intrinsics, lens distortion, and conversion between pixels and metres.
 
 A camera frame is OpenCV's: +X right, +Y down, +Z forward, metres.
 """
@@ -14,8 +14,8 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 
 LEVEL_WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
-"""(4, 4) world_from_camera of a level camera at the world's origin, which looks along -Z; the world's +Y is
-up."""
+"""(4, 4) world_from_camera of a level camera at the world's origin. It looks along -Z, and the world's +Y
+is up."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Intrinsics:
     Focal lengths and the principal point are in pixels of an image of ``width`` x ``height``.
 
     Raises:
-        InputError: where a focal length or the size is not positive and finite.
+        InputError: if a focal length or the size is not positive and finite.
     """
 
     width: int
@@ -57,7 +57,7 @@ class Intrinsics:
             )
 
     def scaled(self, factor: float) -> Intrinsics:
-        """The same camera with an image ``factor`` times as large (0.5 halves both sides)."""
+        """Returns the same camera with an image ``factor`` times as large (0.5 halves both sides)."""
         return Intrinsics(
             round(self.width * factor),
             round(self.height * factor),
@@ -70,10 +70,10 @@ class Intrinsics:
 
 
 def rays(intrinsics: Intrinsics) -> Float:
-    """(H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, distortion removed.
+    """Returns (H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, without distortion.
 
-    The distortion is inverted by fixed-point iteration, which contracts for the mild lenses of depth
-    cameras; compute once per camera and keep.
+    The distortion is inverted by fixed-point iteration, which converges for the mild lenses of depth cameras.
+    Compute once per camera and keep the result.
     """
     distorted: Float = np.empty((intrinsics.height, intrinsics.width, 2))
     distorted[..., 0] = (np.arange(intrinsics.width) - intrinsics.cx) / intrinsics.fx
@@ -87,10 +87,12 @@ def rays(intrinsics: Intrinsics) -> Float:
 
 
 def unproject(depth_mm: AnyArray, ray: Float) -> Float:
-    """(H, W, 3) camera-frame points in metres from (H, W) depth in millimetres; 0 mm stays at the origin.
+    """Returns (H, W, 3) camera-frame points in metres from (H, W) depth in millimetres.
+
+    0 mm stays at the origin.
 
     Args:
-        depth_mm: (H, W) depth along the optical axis, 0 where unknown.
+        depth_mm: (H, W) depth along the optical axis, 0 if unknown.
         ray: (H, W, 2) from :func:`rays`.
     """
     z = depth_mm.astype(np.float64) * 1e-3
@@ -98,7 +100,7 @@ def unproject(depth_mm: AnyArray, ray: Float) -> Float:
 
 
 def project(points: Float, intrinsics: Intrinsics) -> Float:
-    """(..., 2) pixel coordinates of (..., 3) camera-frame points with z > 0."""
+    """Returns (..., 2) pixel coordinates of (..., 3) camera-frame points with z > 0."""
     ideal = points[..., :2] / points[..., 2:]
     distorted = _distort(ideal, intrinsics) if any(intrinsics.distortion) else ideal
     focal = np.array([intrinsics.fx, intrinsics.fy])
@@ -107,7 +109,7 @@ def project(points: Float, intrinsics: Intrinsics) -> Float:
 
 
 def _distort(ideal: Float, intrinsics: Intrinsics) -> Float:
-    """Brown-Conrady: (..., 2) ideal normalised coordinates to distorted ones."""
+    """Applies Brown-Conrady distortion to (..., 2) ideal normalised coordinates."""
     k1, k2, p1, p2, k3 = intrinsics.distortion
     x, y = ideal[..., 0], ideal[..., 1]
     r2 = x * x + y * y
@@ -122,12 +124,12 @@ def _distort(ideal: Float, intrinsics: Intrinsics) -> Float:
 
 
 def world_from_level_camera(height: float, tilt: float = 0.0, roll: float = 0.0) -> Float:
-    """(4, 4) world_from_camera of a sensor ``height`` metres above the floor.
+    """Returns (4, 4) world_from_camera of a sensor ``height`` metres above the floor.
 
     Args:
         height: metres from the floor to the optical centre.
-        tilt: radians the optical axis points below the horizon.
-        roll: radians the image is turned about the optical axis (pi: mounted upside down).
+        tilt: radians, angle of the optical axis below the horizon.
+        roll: radians, rotation of the image about the optical axis (pi: mounted upside down).
     """
     ct, st, cr, sr = math.cos(tilt), math.sin(tilt), math.cos(roll), math.sin(roll)
     level_from_tilted = np.array([[1, 0, 0], [0, ct, st], [0, -st, ct]])

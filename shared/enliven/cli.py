@@ -1,8 +1,8 @@
-"""The one command line: every package contributes its commands by the entry-point group ``enliven.commands``.
+"""The command line: every package contributes its commands by the entry-point group ``enliven.commands``.
 
-An edge-only install has no ``view``, because the viewer's package is what brings it. An entry point names a
-function, or a typer group of them; typer annotations are the options, the docstring is the help. A command is
-imported when it is used: the list of all is read from their source.
+An installation of the edge only has no ``view``, because the viewer's package contains it. An entry point
+names a function, or a typer group of functions. Typer annotations are the options, the docstring is the help.
+A command is imported when it is used; the list of all commands is read from their source.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from enliven.files import file_fault, is_file_fault
 from enliven.logs import escaped, ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
-"""Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""
+"""Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), the convention of shells."""
 _COLLECT_EVERY = 20_000
-"""New objects after which Python looks for unreachable ones among them: loading modules makes some 10^5 that
-stay, and Python's own 700 costs 0.1 s of each start."""
+"""Number of new objects that triggers Python's garbage collection. Loading modules creates some 10^5
+objects that stay, and with Python's own 700 collections cost 0.1 s of each start."""
 
 HELP = """Step into any mesh and bring it alive.
 
@@ -58,13 +58,13 @@ def main() -> None:
     ignore_broken_stderr()
     start_logging(as_json="--log-json" in arguments)
     code = run([a for a in arguments if a != "--log-json"])
-    # Python would look through every object for unreachable ones as it ends: 0.25 s for what ends anyway.
+    # Skip Python's final garbage collection, which takes 0.25 s although the process ends anyway.
     gc.freeze()
     sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:
-    """Runs one command line and returns its exit code; user errors are printed, not raised."""
+    """Runs one command line and returns its exit code. User errors are printed, not raised."""
     try:
         code = application()(arguments, standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -82,7 +82,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _system_failure(error: OSError) -> int:
-    """Returns the exit code of an error of the operating system: of a file or its device, or of enliven."""
+    """Returns the exit code of an operating system error: a fault of a file or its device, or of enliven."""
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
         return _other_failure(error)
     where = error.filename if isinstance(error.filename, str) else "a file"
@@ -94,8 +94,8 @@ def _system_failure(error: OSError) -> int:
 def _other_failure(error: Exception) -> int:
     """Returns the exit code of wrong usage, or of an internal fault.
 
-    Usage errors are known by what they can do: their class is click's in some versions of typer and typer's
-    own copy in others.
+    Usage errors are recognised by their attributes: their class is click's in some versions of typer and
+    typer's own copy in others.
     """
     if hasattr(error, "show") and hasattr(error, "exit_code"):
         vars(error)["message"] = escaped(str(vars(error).get("message", "")))

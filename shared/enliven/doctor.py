@@ -1,4 +1,4 @@
-"""What a machine has and lacks: checks that each package contributes by the group ``enliven.checks``."""
+"""Checks of the machine, which each package contributes by the entry-point group ``enliven.checks``."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from importlib.metadata import entry_points
 from enliven.kernel_cache import shipped_folders, user_folder
 
 DEFAULT_PORTS = (5580, 5581)
-"""TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, not imported since
-pyzmq may be missing here."""
+"""TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, which is not
+imported since pyzmq may be missing."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One check of the machine: whether it passed, what was found, and the remedy where it failed."""
+    """One check of the machine: whether it passed, the detail, and the remedy if it failed."""
 
     name: str
     ok: bool
@@ -35,7 +35,7 @@ def all_checks() -> list[Check]:
         try:
             contributed: Callable[[], list[Check]] = entry.load()
             made += contributed()
-        except Exception as error:  # a broken package must not hide what the others have to say
+        except Exception as error:  # a broken package must not hide the results of the others
             made.append(Check(entry.name, False, f"its checks failed: {error}", "Install the package again."))
     return made
 
@@ -77,7 +77,7 @@ def _shipped_kernels() -> str:
 
 
 def _port(port: int) -> Check:
-    """Checks whether an edge could listen on this port now."""
+    """Checks that an edge could listen on this port now."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         try:
             probe.bind(("127.0.0.1", port))

@@ -1,4 +1,4 @@
-"""Errors that say what was wrong, where it was, and what to do about it."""
+"""Errors with a problem, its place and a remedy."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from enliven.logs import escaped
 
 
 class EnlivenError(Exception):
-    """A failure that a user can understand and mend; the command line prints it without a traceback.
+    """A failure that a user can understand and fix. The command line prints it without a traceback.
 
     Args:
-        what: what was wrong, one sentence without the final full stop.
-        where: the file, port, sensor or field it was found in.
-        mend: what to do about it, one sentence.
+        what: the problem, one sentence without the final full stop.
+        where: the affected file, port, sensor or field.
+        mend: the remedy, one sentence.
     """
 
     exit_code = 1
@@ -35,23 +35,23 @@ class LaterVersionError(InputError):
 
 
 class ResourceError(EnlivenError):
-    """Something of this machine that is missing or taken: a port, a sensor, OpenGL (exit code 4)."""
+    """A resource of this machine that is missing or in use: a port, a sensor, OpenGL (exit code 4)."""
 
     exit_code = 4
 
 
 _MAX_MAKER_LETTERS = 40
-"""Letters of a program's name that an error repeats from a file."""
+"""Maximum length of a program's name that an error repeats from a file."""
 
 
 def refuse_later_version(version: int, newest: int, where: str, made_by: str = "") -> None:
-    """Raises LaterVersionError if a file is of a later version than the newest that is read.
+    """Raises LaterVersionError if a file is of a later version than the newest supported one.
 
     Args:
         version: the version that the file states.
         newest: the newest version of its format that this enliven reads.
         where: the file, and the place in it.
-        made_by: the program that wrote the file, such as "enliven 0.3.0"; empty if unknown.
+        made_by: the program that wrote the file, such as "enliven 0.3.0". Empty if unknown.
     """
     if version <= newest:
         return
@@ -63,14 +63,14 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
-    """Returns why something failed, in words that a user may read.
+    """Returns why something failed, in words for users.
 
-    Names of Python's exceptions and texts of parsers are left out: only enliven's own sentences and those of
+    Names of Python's exceptions and texts of parsers are left out. Only enliven's own sentences and those of
     the operating system are repeated.
 
     Args:
-        error: what a library raised.
-        otherwise: what to say of an exception that says nothing to a user.
+        error: the exception of a library.
+        otherwise: the text for an exception without useful information.
     """
     if isinstance(error, EnlivenError):
         return error.what
@@ -86,7 +86,7 @@ def plain_reason(error: BaseException, otherwise: str = "its contents do not fit
 
 
 def place_of(error: BaseException) -> str:
-    """Returns where a fault of enliven itself is, as words to follow others; empty if nothing is known."""
+    """Returns the place of an internal fault, as a suffix for a message. Empty if unknown."""
     at = error.__traceback__
     if at is None:
         return ""

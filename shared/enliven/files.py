@@ -1,10 +1,9 @@
-"""Reads files from other programs: checks their size before reading, and opens only what lies beside them.
+"""Reads files of other programs: checks their size before reading, and opens only files of the same folder.
 
-A file is read whole by :func:`read_file`, and a file of our own is written whole by :func:`write_file` or
-:func:`replace_file`. Every
-file that a file names (buffers and pictures of a glTF, materials and textures of an OBJ) is opened by
-:class:`Beside`: regular files of that file's own folder or below it, of a bounded size. Pipes, devices, links
-that lead elsewhere and paths that climb out are refused in a sentence.
+:func:`read_file` reads a file completely. :func:`write_file` or :func:`replace_file` write a file of our own
+completely or not at all. Every file that a file names (buffers and images of a glTF, materials and textures
+of an OBJ) is opened by :class:`Beside`: regular files in that file's own folder or below it, of a bounded
+size. Pipes, devices, links to other places and paths that leave the folder are refused with a sentence.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ if sys.platform != "win32":
     import fcntl
 
 MOST_BYTES = 1 << 31
-"""Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
-triangles with its pictures has, and still less than a small machine's memory."""
+"""Maximum bytes of one file that is read completely, and of all files that it names: more than a scan of
+20 million triangles with its images has, and still less than a small machine's memory."""
 DAMAGE = (
     LookupError,
     TypeError,
@@ -46,34 +45,34 @@ DAMAGE = (
     MemoryError,
     RecursionError,
 )
-"""The exceptions that parsers raise on a damaged file's numbers; a check for each number would be most of a
+"""The exceptions that parsers raise on a damaged file's numbers. Checking each number would be most of a
 reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""A pipe without a writer is opened and refused, not waited for."""
+"""Flags for reading. A pipe without a writer is opened and refused, instead of blocking."""
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-"""Makes a file, and never opens one that exists or that a link names."""
+"""Flags that create a file, and never open an existing one or one behind a link."""
 _OVER = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 PART = ".part"
-"""Ending of a file that is not written completely yet."""
+"""Suffix of a file that is not written completely yet."""
 _PART_LETTERS = 40
-"""Letters of a file's name that its unfinished part shows: file systems have room for 255 bytes."""
+"""Maximum length of a file's name within the name of its temporary file: file systems allow 255 bytes."""
 _LEFT_OVER_S = 86_400.0
-"""Seconds after which an unfinished file belongs to a killed program: nothing is written for a day."""
+"""Seconds after which a temporary file belongs to a killed program: no write takes a day."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-"""The first bytes of a text file that states its encoding. UTF-32 comes before UTF-16, which begins alike."""
+"""The first bytes of a text file that states its encoding. UTF-32 precedes UTF-16, which starts equally."""
 _USUAL_CODE_PAGE = "cp1252"
-"""The 8-bit code page assumed on computers that work in UTF-8: most old files come from western Windows."""
+"""The 8-bit code page assumed on computers that use UTF-8: most old files come from western Windows."""
 _FOLDER_PREFIX = "enliven-capture-"
-"""How the names of temporary folders begin, in older versions as well."""
+"""Prefix of the names of temporary folders, also in older versions."""
 _LOCK_NAME = ".in-use"
 """The file in a temporary folder that its process keeps locked."""
 _ABANDONED_S = 86_400.0
-"""Seconds after which a temporary folder without a locked file counts as left behind: a day."""
+"""Seconds after which a temporary folder without a locked file counts as abandoned: a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
 _GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."
@@ -93,9 +92,9 @@ _DEVICE_FAULTS = {
     for name in names
     if (number := getattr(errno, name, None)) is not None
 }
-"""What to do about an error number that means a fault of a device or of this machine, and not of a file."""
+"""The remedy for an error number that means a fault of a device or of this machine, not of a file."""
 _DENIED = {errno.EACCES, errno.EPERM}
-"""Error numbers of a file that this user may not use."""
+"""Error numbers of a file without permission for this user."""
 NO_NAME = "no file can have that name"
 """The reason for a path that the system refuses without giving one."""
 _TOGETHER = "Keep the files of the model in one folder."
@@ -110,8 +109,7 @@ def file_fault(
         doing: the operation, as in "it cannot be read".
 
     Returns:
-        ResourceError for a fault of the device or of this machine and for everything that cannot be written,
-        else InputError.
+        ResourceError for a fault of the device or of this machine and for all failed writes, else InputError.
     """
     what = f"it cannot be {doing} ({error.strerror or error})"
     mend = _DEVICE_FAULTS.get(error.errno or 0)
@@ -124,14 +122,14 @@ def file_fault(
 
 
 def is_file_fault(error: OSError) -> bool:
-    """Returns whether an error of the operating system is about a file, a folder or their device."""
+    """Returns True if an error of the operating system is about a file, a folder or their device."""
     number = error.errno or 0
     is_device = number in _DEVICE_FAULTS and not isinstance(error, ConnectionError | TimeoutError)
     return is_device or error.filename is not None or number in _DENIED
 
 
 class _ReportedFile(io.FileIO):
-    """A file opened for reading; a read that fails raises :func:`file_fault` with the file's path."""
+    """A file opened for reading. A read that fails raises :func:`file_fault` with the file's path."""
 
     def readinto(self, buffer: bytearray | memoryview) -> int | None:  # type: ignore[override]
         try:
@@ -149,8 +147,8 @@ class _ReportedFile(io.FileIO):
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
     """A folder in the temporary folder that is removed at the end, or by a later start after a kill.
 
-    A locked file in it shows that its process lives: the operating system drops the lock with the process. On
-    Windows only the process itself removes it.
+    A locked file in it shows that its process is running: the operating system releases the lock with the
+    process. On Windows only the process itself removes it.
 
     Args:
         purpose: a word for its name.
@@ -165,7 +163,7 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def cleanup(self) -> None:
-        """Removes the folder; a second call does nothing."""
+        """Removes the folder. A second call does nothing."""
         super().cleanup()
         lock, self._lock = self._lock, -1
         if lock >= 0:
@@ -173,10 +171,10 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
 
 
 def remove_dead_folders() -> list[str]:
-    """Removes this user's temporary folders of processes that were killed; returns the names.
+    """Removes this user's temporary folders of processes that were killed. Returns the names.
 
-    A folder without its locked file is one that an older version left, or one that is being made: it goes if
-    it is older than a day. Symbolic links are not followed.
+    A folder without its locked file was left by an older version, or is being created. It is removed if it is
+    older than a day. Symbolic links are not followed.
     """
     if sys.platform == "win32":
         return []
@@ -194,7 +192,7 @@ def remove_dead_folders() -> list[str]:
 
 @contextlib.contextmanager
 def _opened_folder(name: str, within: int | None = None) -> Iterator[int]:
-    """Opens a folder, and no link to one, for functions with ``dir_fd``."""
+    """Opens a folder, but not a link to one, for functions with ``dir_fd``."""
     links = 0 if within is None else os.O_NOFOLLOW
     descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | links, dir_fd=within)
     try:
@@ -204,7 +202,7 @@ def _opened_folder(name: str, within: int | None = None) -> Iterator[int]:
 
 
 def _is_dead(folder: int) -> bool:
-    """Returns whether the process of an opened :class:`TemporaryFolder` has ended."""
+    """Returns True if the process of an opened :class:`TemporaryFolder` has ended."""
     try:
         lock = os.open(_LOCK_NAME, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     except FileNotFoundError:
@@ -230,8 +228,8 @@ def open_file(path: Path) -> BinaryIO:
     Reads from it raise ResourceError or InputError with its path if the device fails: :func:`file_fault`.
 
     Raises:
-        InputError: where there is none, it may not be read, or it is a folder, a pipe or a device.
-        ResourceError: where its device fails.
+        InputError: if it is missing or not readable, or is a folder, a pipe or a device.
+        ResourceError: if its device fails.
     """
     try:
         descriptor = os.open(path, _FLAGS)
@@ -255,7 +253,7 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
 
     Raises:
         InputError: as :func:`open_file`, and for a file that is larger.
-        ResourceError: where its device fails.
+        ResourceError: if its device fails.
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -266,10 +264,11 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
 
 
 def decode_text(data: bytes) -> str:
-    """Decodes a text file of another program; every line ends in "\\n".
+    """Decodes a text file of another program. Every line of the result ends in "\\n".
 
-    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8, else
-    it is in the computer's own 8-bit code page. No bytes are refused, so names keep all their letters apart.
+    A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8.
+    Otherwise it is in the computer's own 8-bit code page. No bytes are refused, so different names stay
+    different.
     """
     for mark, encoding in _BYTE_ORDER_MARKS:
         if data.startswith(mark):
@@ -298,7 +297,7 @@ def text_bytes(data: bytes) -> bytes:
 
 
 def _decode_code_page(data: bytes) -> str:
-    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if they do not all have a letter there."""
+    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if that lacks some of the bytes."""
     own = codecs.lookup(locale.getpreferredencoding(False)).name
     is_single_byte = own.startswith(("cp125", "iso8859", "koi8", "mac"))
     try:
@@ -308,10 +307,10 @@ def _decode_code_page(data: bytes) -> str:
 
 
 def need_folder(*paths: Path | None) -> None:
-    """Refuses files to be made in a folder that is not there, before any work; None is no file.
+    """Refuses output files in a missing folder, before any work. None means no file.
 
     Raises:
-        ResourceError: which folder is missing, with the nearest name beside it.
+        ResourceError: names the missing folder and the most similar existing name.
     """
     for path in paths:
         folder = Path() if path is None else path.parent
@@ -330,15 +329,15 @@ def need_folder(*paths: Path | None) -> None:
 
 
 def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
-    """Writes a file whole or not at all, text as UTF-8, and its folder where that is not there.
+    """Writes a file completely or not at all, text as UTF-8. Creates its folder if it is missing.
 
-    Pipes and devices are written directly. :func:`replace_file` lists what a replaced file keeps.
+    Pipes and devices are written directly. :func:`replace_file` lists what is preserved of a replaced file.
 
     Args:
-        mend: what to do where it cannot be written; empty: by the kind of failure.
+        mend: the remedy if it cannot be written. Empty: by the kind of failure.
 
     Raises:
-        ResourceError: where it cannot be written; then what was there is untouched.
+        ResourceError: if it cannot be written. The existing file is then untouched.
     """
     content = data.encode() if isinstance(data, str) else data
     with _explained(path, mend):
@@ -351,14 +350,14 @@ def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
 
 
 def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> None:
-    """Writes a picture of Pillow in the format of the path's ending, whole or not at all: :func:`write_file`.
+    """Writes a Pillow image in the format of the path's suffix, as :func:`write_file` does.
 
     Args:
         options: of Pillow's writer.
 
     Raises:
-        InputError: where Pillow knows no such ending.
-        ResourceError: where it cannot be written; then what was there is untouched.
+        InputError: if Pillow does not support the suffix.
+        ResourceError: if it cannot be written. The existing file is then untouched.
     """
     from PIL import Image  # files of other kinds do not need it
 
@@ -374,17 +373,17 @@ def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> N
 
 @contextlib.contextmanager
 def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
-    """Yields an empty file to write, which takes the place of ``path`` unless something is raised.
+    """Yields an empty file to write, which replaces ``path`` unless something is raised.
 
-    The file that was there keeps its mode, its owner and its extended attributes; a symbolic link stays, and
-    the file that it names is replaced. The new file lies in the same folder under a name that cannot
-    be guessed, and never opens one that exists.
+    The mode, the owner and the extended attributes of the existing file are preserved. A symbolic link stays,
+    and its target is replaced. The temporary file is in the same folder. Its name cannot be guessed, and it
+    never opens an existing file.
 
     Args:
-        mend: what to do where it cannot be written; empty: by the kind of failure.
+        mend: the remedy if it cannot be written. Empty: by the kind of failure.
 
     Raises:
-        ResourceError: where it cannot be written; then what was there is untouched.
+        ResourceError: if it cannot be written. The existing file is then untouched.
     """
     part = None
     try:
@@ -406,7 +405,7 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _explained(path: Path, mend: str) -> Iterator[None]:
-    """Turns the errors of the operating system into one that names the file and what to do."""
+    """Converts errors of the operating system to one that names the file and the remedy."""
     try:
         yield
     except OSError as error:
@@ -424,10 +423,10 @@ def _is_stream(path: Path) -> bool:
 
 
 def _stat_regular(path: Path) -> os.stat_result | None:
-    """Returns the state of the file that is replaced; None if there is none.
+    """Returns the state of the file that will be replaced. None if there is none.
 
     Raises:
-        OSError: if a folder, a pipe or a device has that name.
+        OSError: if the path is a folder, a pipe or a device.
     """
     try:
         state = path.stat()
@@ -451,7 +450,7 @@ def _new_part(target: Path, mode: int) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Removes unfinished files next to a file that killed programs left more than a day ago."""
+    """Removes temporary files next to a file that killed programs left more than a day ago."""
     oldest = time.time() - _LEFT_OVER_S
     for part in target.parent.glob(f".{glob.escape(target.name[:_PART_LETTERS])}.*{PART}"):
         with contextlib.suppress(OSError):
@@ -460,23 +459,23 @@ def _remove_leftovers(target: Path) -> None:
 
 
 def _put(part: Path, target: Path, before: os.stat_result | None) -> None:
-    """Puts a finished file in the place of another, with that one's attributes."""
+    """Replaces a file by a finished one, and preserves its attributes."""
     with part.open("r+b") as file:
         kept = before is None or _copy_attributes(file.fileno(), target, before)
         os.fsync(file.fileno())
     if kept:
         os.replace(part, target)
-    else:  # a new file would belong to somebody else
+    else:  # a new file would have another owner
         _write_over(part, target)
 
 
 def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> bool:
-    """Gives a new file the owner, mode and extended attributes of the file before it.
+    """Gives a new file the owner, mode and extended attributes of the existing file.
 
     Returns:
-        False if this user may not give it that owner.
+        False if this user has no permission to set that owner.
     """
-    if sys.platform == "win32":  # permissions are the folder's there
+    if sys.platform == "win32":  # permissions are those of the folder there
         return True
     now = os.fstat(descriptor)
     if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
@@ -487,14 +486,14 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
     if hasattr(os, "listxattr"):
         with contextlib.suppress(OSError):  # not every file system has them
             for name in os.listxattr(target):
-                with contextlib.suppress(OSError):  # some belong to the system
+                with contextlib.suppress(OSError):  # some are reserved for the system
                     os.setxattr(descriptor, name, os.getxattr(target, name))
     os.fchmod(descriptor, stat.S_IMODE(before.st_mode))
     return True
 
 
 def _write_over(part: Path, target: Path) -> None:
-    """Copies a finished file into another of a different owner, after its space is reserved."""
+    """Copies a finished file into one of a different owner, after reserving the space."""
     with part.open("rb") as new, os.fdopen(os.open(target, _OVER), "r+b") as old:
         size = os.fstat(new.fileno()).st_size
         if size and hasattr(os, "posix_fallocate"):
@@ -507,11 +506,11 @@ def _write_over(part: Path, target: Path) -> None:
 
 
 class Beside:
-    """Opens the files that one file names: only those of its own folder or below.
+    """Opens the files that one file names: only those in its own folder or below.
 
     Args:
-        path: of the file that names the others.
-        most: bytes of all reads together: one file named a thousand times counts a thousand times.
+        path: path of the file that names the others.
+        most: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
     """
 
     def __init__(self, path: Path, most: int = MOST_BYTES) -> None:
@@ -521,7 +520,7 @@ class Beside:
         """Returns the bytes of a data URI, or of the file that a percent-encoded relative URI names.
 
         Raises:
-            InputError: as :meth:`file`, and for data that is not what the URI says.
+            InputError: as :meth:`file`, and for invalid data in the URI.
         """
         if not uri.startswith("data:"):
             return self.file(unquote(uri))
@@ -535,8 +534,8 @@ class Beside:
         """Returns the bytes of a file by its name, relative to the folder.
 
         Raises:
-            InputError: where it lies outside of the folder, is missing or no regular file, or is too large
-                together with those that were read before.
+            InputError: if it is outside of the folder, missing or not a regular file, or exceeds the byte
+                limit together with earlier reads.
         """
         try:
             folder = self._path.parent.resolve()
@@ -548,7 +547,7 @@ class Beside:
             if error.where == str(self._path):
                 raise
             raise self._wrong(name, f"cannot be read ({error.what})", _TOGETHER) from None
-        except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
+        except (OSError, ValueError, RuntimeError) as error:  # a loop of links, or an invalid name
             raise self._wrong(name, f"cannot be read ({plain_reason(error, NO_NAME)})", _TOGETHER) from None
         self._left -= len(data)
         return data

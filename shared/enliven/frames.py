@@ -1,4 +1,4 @@
-"""The frames that a sensor delivers: a depth image, or bodies where the sensor tracks people itself."""
+"""The frames that a sensor delivers: a depth image, or bodies if the sensor tracks people itself."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class DepthFrame:
     """One depth image.
 
     Attributes:
-        depth: (H, W) uint16 millimetres along the optical axis; 0 (and 65535) where nothing is known.
+        depth: (H, W) uint16 millimetres along the optical axis. 0 (and 65535) for unknown depth.
         intrinsics: the camera, of the same width and height.
         time_ns: the sensor's own clock, integer nanoseconds.
         sensor: the sensor's identity, such as "kinect1-A00362".
         colour: (h, w, 3) uint8 sRGB, or None.
-        world_from_camera: (4, 4) where the sensor stands, or None where it must be found from the floor.
-        sequence: the sensor's own count of its images, or None where it has none.
-        read_ns: wall clock when it was read, where that was long before it was handed on; 0: it was not.
+        world_from_camera: (4, 4) pose of the sensor, or None if it must be estimated from the floor.
+        sequence: the sensor's own count of its images, or None if it has none.
+        read_ns: wall clock when it was read, if it was passed on much later. 0 otherwise.
     """
 
     depth: UInt16
@@ -54,8 +54,8 @@ class BodyFrame:
         bodies: world frame.
         time_ns: the sensor's own clock, integer nanoseconds.
         sensor: the sensor's identity.
-        world_from_camera: (4, 4) where the sensor stands, or None where that is not known.
-        read_ns: wall clock when it was read, where that was long before it was handed on; 0: it was not.
+        world_from_camera: (4, 4) pose of the sensor, or None if it is not known.
+        read_ns: wall clock when it was read, if it was passed on much later. 0 otherwise.
     """
 
     bodies: list[Body]
@@ -69,4 +69,4 @@ Frame = DepthFrame | BodyFrame
 
 
 TIME_LIMIT_NS = 1 << 62
-"""Nanoseconds, 146 years: a time beyond is no time; differences and offsets still fit into 64 bits."""
+"""Nanoseconds, 146 years: a larger time is invalid. Differences and offsets still fit into 64 bits."""

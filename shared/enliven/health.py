@@ -1,4 +1,4 @@
-"""What may be wrong with a sensor or a performance, as typed states: kind, time of onset, remedy."""
+"""Possible problems of a sensor or a performance, as typed states: kind, time of onset, remedy."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from enum import IntEnum, StrEnum
 
 
 class Severity(IntEnum):
-    """How much a state of health hurts."""
+    """The severity of a health state."""
 
     NOTE = 0
-    """Nothing is wrong yet; it passes by itself, or is good to know."""
+    """No problem yet: it passes by itself, or is good to know."""
     WARNING = 1
-    """The tracking suffers."""
+    """Tracking is impaired."""
     ERROR = 2
-    """There is no tracking."""
+    """Tracking fails."""
 
 
 class HealthKind(StrEnum):
-    """What may be wrong."""
+    """The kinds of problems."""
 
     NO_FRAMES = "no frames"
     SENSOR_LOST = "sensor lost"
@@ -49,20 +49,20 @@ class HealthKind(StrEnum):
 
 
 NO_PERFORMER = -1
-"""In place of a performer's id: the state is about the sensor or the whole scene."""
+"""Value instead of a performer's id: the state concerns the sensor or the whole scene."""
 
 
 @dataclass(frozen=True)
 class HealthState:
-    """One thing that is wrong.
+    """One problem.
 
     Attributes:
-        kind: a :class:`HealthKind`, or a later program's word for something that this one does not know.
-        severity: how much it hurts.
-        since_ns: when it began, the sensor's clock.
-        what: what is wrong, one sentence.
-        mend: what to do about it, one sentence.
-        performer: the id of the performer that it is about, or :data:`NO_PERFORMER`.
+        kind: a :class:`HealthKind`, or a word of a later program that this one does not know.
+        severity: its severity.
+        since_ns: when it started, the sensor's clock.
+        what: the problem, one sentence.
+        mend: the remedy, one sentence.
+        performer: the id of the affected performer, or :data:`NO_PERFORMER`.
     """
 
     kind: str
@@ -77,5 +77,8 @@ class HealthState:
 
 
 def worst_first(states: list[HealthState]) -> list[HealthState]:
-    """The gravest first; of equal gravity, what has lasted longest."""
+    """Returns the states sorted by severity, the gravest first.
+
+    Among equal ones the longest lasting comes first.
+    """
     return sorted(states, key=lambda state: (-state.severity, state.since_ns, state.kind, state.performer))

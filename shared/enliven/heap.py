@@ -7,7 +7,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def push(keys, items, size, key, item):
-    """Add an item to a heap of ``size``; returns the new size."""
+    """Adds an item to a heap of ``size``. Returns the new size."""
     i = size
     while i > 0:
         parent = (i - 1) // 2
@@ -21,7 +21,7 @@ def push(keys, items, size, key, item):
 
 @njit(cache=True, nogil=True)
 def pop(keys, items, size):
-    """Take the smallest key off a heap of ``size``; returns the new size."""
+    """Removes the smallest key from a heap of ``size``. Returns the new size."""
     size -= 1
     key, item = keys[size], items[size]
     i = 0

@@ -1,7 +1,7 @@
 """Small dense blocks in vector registers, for compiled loops: 6x6 float32 in rows of eight lanes.
 
-A block is inverted, transposed or shortened without a number of it being written in between. The registers
-are those of :mod:`enliven.lanes`. For use inside ``@njit`` functions only.
+A block is inverted, transposed or quantised entirely in registers, without memory writes in between. The
+registers are those of :mod:`enliven.lanes`. For use inside ``@njit`` functions only.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from numba.extending import intrinsic
 from enliven.lanes import EIGHT, I32, I64, address_of, vector_of
 
 _ROWS = 6
-"""Rows of a block, and numbers of a row: a turn and a shift of a node."""
+"""Number of rows, and of numbers in a row: rotation and translation of a node."""
 _VECTOR = vector_of(EIGHT)
 _NONE = ir.Constant(_VECTOR, ir.Undefined)
 _ZERO = ir.Constant(_VECTOR, [0.0] * 8)
 _SHORT = ir.VectorType(ir.IntType(16), 8)
 _WIDEST = 32767.0
-"""The greatest int16."""
+"""The largest int16."""
 _LEAST = 1e-30
-"""The greatest number of a block at the least: one of zeros has a scale, too."""
+"""Minimum of a block's largest number, so that a block of zeros also has a scale."""
 
 
 def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
@@ -32,7 +32,7 @@ def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 
 def _rows(builder: Any, first: Any) -> list[Any]:
-    """The six rows from that at ``first`` on."""
+    """Loads the six rows that start at ``first``."""
     loaded = []
     for r in range(_ROWS):
         loaded.append(builder.load(builder.gep(first, [ir.Constant(I64, r)])))
@@ -41,13 +41,13 @@ def _rows(builder: Any, first: Any) -> list[Any]:
 
 
 def _put(builder: Any, rows: list[Any], first: Any) -> None:
-    """Store six rows from ``first`` on."""
+    """Stores six rows from ``first`` on."""
     for r, row in enumerate(rows):
         builder.store(row, builder.gep(first, [ir.Constant(I64, r)])).align = 4
 
 
 def _called(builder: Any, name: str, *args: Any) -> Any:
-    """The result of an intrinsic function of LLVM on vectors of eight."""
+    """Calls an intrinsic function of LLVM on vectors of eight."""
     function = builder.module.globals.get(name) or ir.Function(
         builder.module, ir.FunctionType(_VECTOR, [_VECTOR] * len(args)), name
     )
@@ -59,14 +59,14 @@ def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 def _everywhere(value: float) -> Any:
-    """The vector of a number in every lane."""
+    """Returns the vector of a number in every lane."""
     return ir.Constant(_VECTOR, [value] * 8)
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """The six rows of the transposed block, with 0 in their last lanes."""
+    """Returns the six rows of the transposed block, with 0 in their last lanes."""
     rows = [*rows, _ZERO, _ZERO]
-    # Two rows interleaved, for the lower and the upper half of the columns.
+    # Interleave two rows each, for the lower and the upper half of the columns.
     pairs = [
         [
             _shuffled(builder, rows[r], rows[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
@@ -85,13 +85,13 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
-    """The places of two blocks that are given as an array and an index each."""
+    """Returns the addresses of two blocks that are given as an array and an index each."""
     return [address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)]
 
 
 @intrinsic
 def transpose6(typing, source, index, target, to):
-    """Write the block at ``index`` of ``source``, transposed, to ``to`` of ``target``; other lanes are 0."""
+    """Writes the block at ``index`` of ``source``, transposed, to ``to`` of ``target``. Other lanes are 0."""
 
     def generate(context, builder, sig, args):
         first, there = (
@@ -105,7 +105,7 @@ def transpose6(typing, source, index, target, to):
 
 @intrinsic
 def mirror6(typing, source, index, target, to, sign):
-    """Write a symmetric block, given by its lower half, times ``sign``; from ``index`` to ``to``."""
+    """Writes a symmetric block, given by its lower half, times ``sign``, from ``index`` to ``to``."""
 
     def generate(context, builder, sig, args):
         first, there = (
@@ -126,12 +126,12 @@ def mirror6(typing, source, index, target, to, sign):
 
 @intrinsic
 def invert6(typing, block, index, sign):
-    """Replace the symmetric block at ``index`` by its inverse, by Gauss and Jordan.
+    """Replaces the symmetric block at ``index`` by its inverse, by Gauss-Jordan elimination.
 
-    Returns whether ``sign`` times it is positive definite; where not, the inverse is none.
+    Returns True if ``sign`` times it is positive definite. If not, the result is not an inverse.
 
-    The row of a pivot p in column k, divided by p, has 1 + 1/p there: a row with f in that column then keeps
-    f - f (1 + 1/p) = -f/p of it, as it has to, and no single number is written between whole registers.
+    The row of a pivot p in column k, divided by p, has 1 + 1/p there. A row with f in that column then keeps
+    f - f (1 + 1/p) = -f/p, as required. So only whole registers are written, no single numbers.
     """
 
     def generate(context, builder, sig, args):
@@ -158,11 +158,11 @@ def invert6(typing, block, index, sign):
 
 @intrinsic
 def totals6(typing, a, b, c, d, e, f):
-    """The sums of six vectors of eight, one a lane; the last two lanes are 0."""
+    """Returns the sums of six vectors of eight, one per lane. The last two lanes are 0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
+            # Add neighbours of u and v alternately within each half: crossing halves is slow.
             even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
             return builder.fadd(even, _shuffled(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
 
@@ -176,8 +176,9 @@ def totals6(typing, a, b, c, d, e, f):
 
 @intrinsic
 def shorten6(typing, block, index, short, to):
-    """Write the block at ``index`` to ``to`` of ``short``, int16, in six rows of six; returns the scale that
-    turns these into its numbers. Two numbers behind them are overwritten."""
+    """Quantises the block at ``index`` to int16, in six rows of six, at ``to`` of ``short``.
+
+    Returns the scale that converts these to the block's numbers. Two numbers behind them are overwritten."""
 
     def generate(context, builder, sig, args):
         rows = _rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))
@@ -201,7 +202,7 @@ def shorten6(typing, block, index, short, to):
 
 @intrinsic
 def loadshort8(typing, short, index):
-    """Eight int16 as a vector of eight float32."""
+    """Loads eight int16 as a vector of eight float32."""
     if short.dtype != types.int16:
         return None
 

@@ -1,9 +1,10 @@
-"""Short vectors in the processor's own registers, for compiled loops: four float64, or eight float32.
+"""Short vectors (SIMD) in the processor's registers, for compiled loops: four float64, or eight float32.
 
-Numba turns plain loops over three or four numbers into scalar code; the small dense blocks of a deformation
-graph are then several times slower than the machine allows. Here is the least that mends it: a value that
-is one vector register, read from and written to flat arrays. LLVM lowers it to whatever the processor has
-(AVX, NEON), so it is as portable as the loops around it. For use inside ``@njit`` functions only.
+Numba compiles plain loops over three or four numbers to scalar code. The small dense blocks of a deformation
+graph are then several times slower than the machine allows. This module is the minimum that fixes it: a value
+that is one vector register, read from and written to flat arrays. LLVM lowers it to the processor's
+instructions (AVX, NEON), so it is as portable as the loops around it. For use inside ``@njit`` functions
+only.
 
     v = load4(x, 4 * j)                 # x: a contiguous float64 array of one dimension
     store4(out, 4 * j, fma4(0.5, v, load4(out, 4 * j)))
@@ -35,7 +36,7 @@ def _element(kind: Lanes) -> ir.Type:
 
 
 def vector_of(kind: Lanes) -> ir.VectorType:
-    """LLVM's type of a vector register."""
+    """Returns LLVM's type of a vector register."""
     return ir.VectorType(_element(kind), kind.count)
 
 
@@ -64,13 +65,13 @@ for _operator, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), 
 
 
 def address_of(context: Any, builder: Any, array_type: Any, array: Any, index: Any, kind: Lanes) -> Any:
-    """A pointer to the vector that begins at ``array[index]``."""
+    """Returns a pointer to the vector that starts at ``array[index]``."""
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), vector_of(kind).as_pointer())
 
 
 def _splat(builder: Any, kind: Lanes, scalar: Any) -> Any:
-    """The vector of ``scalar`` in every lane."""
+    """Returns the vector of ``scalar`` in every lane."""
     vector = vector_of(kind)
     none = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(none, scalar, ir.Constant(I32, 0))
@@ -145,7 +146,7 @@ def _make_total(kind: Lanes) -> Any:
             half, count = args[0], kind.count
             none = ir.Constant(vector_of(kind), ir.Undefined)
             while count > 1:
-                # The upper half onto the lower one, until one number is left.
+                # Add the upper half to the lower one, until one number is left.
                 count //= 2
                 lanes = [count + i if i < count else 0 for i in range(kind.count)]
                 upper = builder.shuffle_vector(half, none, ir.Constant(ir.VectorType(I32, kind.count), lanes))
@@ -159,7 +160,7 @@ def _make_total(kind: Lanes) -> Any:
 
 @intrinsic
 def widened4(typing, array, index):
-    """Four float32 of an array as a vector of four float64."""
+    """Loads four float32 of an array as a vector of four float64."""
     if array.dtype != types.float32:
         return None
 
@@ -173,7 +174,7 @@ def widened4(typing, array, index):
 
 @intrinsic
 def narrowed4(typing, value):
-    """Four float64 as a vector of four float32."""
+    """Converts four float64 to a vector of four float32."""
 
     def generate(context, builder, sig, args):
         return builder.fptrunc(args[0], vector_of(QUAD))
@@ -187,7 +188,7 @@ def _shuffled4(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 @intrinsic
 def cross4(typing, a, b):
-    """The cross product of two vectors of three numbers and a 0, with a 0."""
+    """Returns the cross product of two vectors of three numbers and a 0, with a 0."""
 
     def generate(context, builder, sig, args):
         def ahead(v: Any) -> Any:
@@ -201,11 +202,11 @@ def cross4(typing, a, b):
 
 @intrinsic
 def totals4(typing, a, b, c):
-    """The sums of three vectors of four, one a lane, and a 0."""
+    """Returns the sums of three vectors of four, one per lane, and a 0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Neighbours added, of u and v in turn in each half: no number leaves its half, which is dear.
+            # Add neighbours of u and v alternately within each half: crossing halves is slow.
             even = _shuffled4(builder, u, v, [0, 4, 2, 6])
             return builder.fadd(even, _shuffled4(builder, u, v, [1, 5, 3, 7]))
 
@@ -218,8 +219,10 @@ def totals4(typing, a, b, c):
 
 @intrinsic
 def turned8(typing, rows, index, value):
-    """Either half of a vector of eight, three numbers and one that does not count, times a 3x3 matrix in rows
-    of four: the sum of the rows, weighted with the half's numbers."""
+    """Multiplies each half of a vector of eight with a 3x3 matrix in rows of four.
+
+    Each half has three numbers and an ignored one. The result is the sum of the rows, weighted with the
+    half's numbers."""
 
     def generate(context, builder, sig, args):
         vector, total = vector_of(EIGHT), None
@@ -253,7 +256,8 @@ def _make_reorder(order: list[int]) -> Any:
 
 
 together8, apart8 = _make_reorder([0, 1, 2, 4, 5, 6, 3, 7]), _make_reorder([0, 1, 2, 6, 3, 4, 5, 7])
-"""Eight lanes of twice three numbers: with a free one after each three, to both free ones last, and back."""
+"""Reorder eight lanes with two groups of three numbers: from a free lane after each group to both free
+lanes last, and back."""
 load4, store4, splat4, fma4, total4 = (
     make(FOUR) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
@@ -261,5 +265,5 @@ load8, store8, splat8, fma8, total8 = (
     make(EIGHT) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )
 loadq, storeq, splatq, fmaq = (make(QUAD) for make in (_make_load, _make_store, _make_splat, _make_fma))
-"""load(array, index), store(array, index, v), splat(scalar), fma(a, v, w) = a v + w of a number or vector a,
-total(v)."""
+"""load(array, index), store(array, index, v), splat(scalar), total(v), and fma(a, v, w) = a v + w with a
+number or vector a."""

@@ -17,14 +17,14 @@ OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
 
 
 _KEPT_CATEGORIES = frozenset({"Zs"})
-"""Unicode categories of spaces; they are invisible and move nothing."""
+"""Unicode categories of spaces, which are invisible and move no other character."""
 _KEPT = frozenset("\u200c\u200d")
-"""Joiners that Persian, Hindi and emoji need; they neither end a line nor change its direction."""
+"""Joiners that Persian, Hindi and emoji need. They neither end a line nor change its direction."""
 _PLAIN = re.compile(r"[\x20-\x7e]*")
 
 
 def escaped(text: str) -> str:
-    r"""Returns text with every character that is not shown as itself written as ``\x1b`` or ``\u202e``.
+    r"""Returns text with every non-printable character written as ``\x1b`` or ``\u202e``.
 
     These are control characters, line ends, terminal escapes, marks that change the direction of writing, and
     surrogates. Escaping text again changes nothing.
@@ -35,32 +35,34 @@ def escaped(text: str) -> str:
 
 
 def _is_shown(letter: str) -> bool:
-    """Returns whether a character is shown as itself, on one line."""
+    """Returns True if a character is printable on one line."""
     category = unicodedata.category(letter)
     return category[0] not in "CZ" or category in _KEPT_CATEGORIES or letter in _KEPT
 
 
 def _written(letter: str) -> str:
-    """Returns a character as Python writes it in a text."""
+    """Returns a character as Python writes it in a text literal."""
     return ascii(letter)[1:-1]
 
 
 class EscapedRecord(logging.LogRecord):
-    """A record with messages of one printable line: ids and names from outside cannot forge others."""
+    """A log record with messages of one printable line: ids and names from outside cannot forge further
+    lines."""
 
     def getMessage(self) -> str:
-        """Returns the message with every character that is not shown as itself escaped."""
+        """Returns the message with every non-printable character escaped."""
         return escaped(super().getMessage())
 
 
 def escape_records() -> None:
-    """Escapes the messages of all records of enliven's loggers from now on, for handlers of others, too."""
+    """Escapes the messages of all further records of enliven's loggers, also for handlers of other
+    programs."""
     make = logging.getLogRecordFactory()
     if getattr(make, "escapes", False):
         return
 
     def make_escaped(name: str | None, *values: Any, **more: Any) -> logging.LogRecord:
-        if name is None:  # of logging.makeLogRecord, which sets the name later
+        if name is None:  # from logging.makeLogRecord, which sets the name later
             return make(name, *values, **more)
         if name.partition(".")[0] in OWN_LOGGERS or name in OWN_LOGGERS:
             return EscapedRecord(name, *values, **more)
@@ -71,7 +73,8 @@ def escape_records() -> None:
 
 
 class JsonLines(logging.Formatter):
-    """{"time", "level", "logger", "message"} and any extra field, one object a line, times in UTC."""
+    """Formats a record as {"time", "level", "logger", "message"} and extra fields, one object per line,
+    times in UTC."""
 
     _PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
 
@@ -93,7 +96,7 @@ class JsonLines(logging.Formatter):
 
 
 class Sentences(logging.Formatter):
-    """Formats a record as its logger and its message; a warning of Python's becomes one sentence."""
+    """Formats a record as its logger and its message. A Python warning becomes one sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Returns a record as a sentence for people."""
@@ -112,13 +115,13 @@ class _Lossy(io.FileIO):
 
 
 def ignore_broken_stderr() -> None:
-    """Keeps a failure of standard error from ending the process or changing its exit code."""
+    """Prevents a failure of standard error from ending the process or changing its exit code."""
     try:
         stream = io.BufferedWriter(_Lossy(sys.stderr.fileno(), "w", closefd=False))
         sys.stderr = io.TextIOWrapper(
             stream, sys.stderr.encoding, errors="backslashreplace", line_buffering=True
         )
-    except (AttributeError, OSError):  # no standard error at all, or one that is no file
+    except (AttributeError, OSError):  # no standard error, or one that is not a file
         return
 
 
@@ -132,6 +135,6 @@ def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
         logger.handlers[:] = [handler]
         logger.setLevel(level)
         logger.propagate = False
-    # Without the line of source that raised the warning.
+    # Without the source line that raised the warning.
     warnings.formatwarning = lambda message, *place, **more: str(message)
     logging.captureWarnings(True)

@@ -1,7 +1,7 @@
 """Rotations: unit quaternions (w, x, y, z) over any batch shape, and the rotation nearest to a matrix.
 
 Every function takes and returns float64 arrays and broadcasts over the leading axes. q and -q are the same
-rotation; :func:`canonical` picks the one with w >= 0, which is what goes on the wire.
+rotation. :func:`canonical` picks the one with w >= 0, which the wire uses.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from enliven.arrays import AnyArray, Float
 from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
-"""(4,) the rotation that turns nothing."""
+"""(4,) the identity rotation."""
 _FLATTEST = 1e-4
-"""Stretch below which a map counts as this flat: smaller is not seen, and a logarithm of nothing is none."""
+"""Minimum stretch of a map. Smaller values are invisible, and the logarithm of zero does not exist."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-"""(6,) where in a symmetric matrix the numbers xx, yy, zz, xy, xz, yz are."""
+"""(6,) rows and columns of the numbers xx, yy, zz, xy, xz, yz in a symmetric matrix."""
 _PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""(3, 3) which of these numbers each place of the matrix has."""
+"""(3, 3) index of these numbers for each matrix entry."""
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
-    """(..., 4) the rotation ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b, v))."""
+    """Returns (..., 4) ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b, v))."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
@@ -38,12 +38,12 @@ def multiply(a: AnyArray, b: AnyArray) -> Float:
 
 
 def conjugate(q: AnyArray) -> Float:
-    """(..., 4) the inverse rotation of unit quaternions (..., 4)."""
+    """Returns (..., 4) the inverse rotation of unit quaternions (..., 4)."""
     return np.asarray(np.asarray(q, np.float64) * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def rotate(q: AnyArray, v: AnyArray) -> Float:
-    """(..., 3) the vectors ``v`` (..., 3) turned by the unit quaternions ``q`` (..., 4)."""
+    """Returns (..., 3) the vectors ``v`` (..., 3) rotated by the unit quaternions ``q`` (..., 4)."""
     q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
     axis = q[..., 1:]
     twice = 2 * _cross(axis, v)
@@ -51,7 +51,10 @@ def rotate(q: AnyArray, v: AnyArray) -> Float:
 
 
 def _cross(a: Float, b: Float) -> Float:
-    """(..., 3) a x b; numpy's own takes 50 us to prepare, which a picture of few nodes is made of."""
+    """Returns (..., 3) a x b.
+
+    NumPy's own version has 50 us overhead, which dominates frames with few nodes.
+    """
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
@@ -60,7 +63,7 @@ def _cross(a: Float, b: Float) -> Float:
 
 
 def normalized(q: AnyArray) -> Float:
-    """(..., 4) unit quaternions; what is zero or not finite becomes the identity."""
+    """Returns (..., 4) unit quaternions. Zero or non-finite ones become the identity."""
     q = np.asarray(q, np.float64)
     finite = np.isfinite(q).all(-1, keepdims=True)
     q = np.where(finite, q, 0.0)
@@ -71,13 +74,13 @@ def normalized(q: AnyArray) -> Float:
 
 
 def canonical(q: AnyArray) -> Float:
-    """(..., 4) the same rotations with w >= 0."""
+    """Returns (..., 4) the same rotations with w >= 0."""
     q = np.asarray(q, np.float64)
     return np.asarray(np.where(q[..., :1] < 0, -q, q))
 
 
 def to_matrix(q: AnyArray) -> Float:
-    """(..., 3, 3) rotation matrices of unit quaternions (..., 4)."""
+    """Returns (..., 3, 3) rotation matrices of unit quaternions (..., 4)."""
     q = np.asarray(q, np.float64)
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     out = np.empty((*q.shape[:-1], 3, 3))
@@ -90,22 +93,23 @@ def to_matrix(q: AnyArray) -> Float:
 
 
 def from_matrix(matrix: AnyArray) -> Float:
-    """(..., 4) unit quaternions, w >= 0, of the proper rotations nearest to (..., 3, 3) matrices."""
+    """Returns (..., 4) unit quaternions, w >= 0, of the proper rotations nearest to (..., 3, 3) matrices."""
     matrix = np.asarray(matrix, np.float64)
     flat = np.ascontiguousarray(matrix.reshape(-1, 3, 3))
     return canonical(_nearest_quaternions(flat).reshape(*matrix.shape[:-2], 4))
 
 
 def nearest_rotation(matrix: AnyArray) -> Float:
-    """(..., 3, 3) the proper rotation R (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
+    """Returns (..., 3, 3) the proper rotation R (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
 
-    That is the polar factor where det M > 0, and still a rotation where M is a reflection, singular or zero.
+    For det M > 0 this is the rotation of the polar decomposition. It is still a rotation if M is a
+    reflection, singular or zero.
     """
     return to_matrix(from_matrix(matrix))
 
 
 def from_rotation_vector(vector: AnyArray) -> Float:
-    """(..., 4) the rotation about ``vector`` (..., 3) by its length in radians."""
+    """Returns (..., 4) the rotation about ``vector`` (..., 3) by its length in radians."""
     vector = np.asarray(vector, np.float64)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     # sinc keeps full precision down to angle 0, where sin(angle / 2) / angle is 0 / 0.
@@ -113,7 +117,7 @@ def from_rotation_vector(vector: AnyArray) -> Float:
 
 
 def to_rotation_vector(q: AnyArray) -> Float:
-    """(..., 3) axis times angle in [0, pi] radians of unit quaternions (..., 4)."""
+    """Returns (..., 3) axis times angle in [0, pi] radians of unit quaternions (..., 4)."""
     q = canonical(q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])
@@ -121,13 +125,13 @@ def to_rotation_vector(q: AnyArray) -> Float:
 
 
 def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
-    """(..., 4) the rotation at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
+    """Returns (..., 4) rotations at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
     step = to_rotation_vector(multiply(conjugate(a), b))
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
 
 def continuous(turns: AnyArray) -> Float:
-    """(T, N, 4) the same turns, w >= 0 in the first frame, then each of the sign nearest to its former."""
+    """Returns (T, N, 4) the same rotations without sign jumps over time, with w >= 0 in the first frame."""
     flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
     flips[flips == 0] = 1.0
     start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
@@ -136,14 +140,14 @@ def continuous(turns: AnyArray) -> Float:
 
 
 def swing(a: AnyArray, b: AnyArray) -> Float:
-    """(..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
+    """Returns (..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
 
-    Opposite vectors are a half turn about an axis at right angles to ``a`` (any is as short; the one chosen
-    depends on ``a`` alone).
+    For opposite vectors it is a half turn about an axis perpendicular to ``a``. Any such axis is equally
+    short; the chosen one depends only on ``a``.
     """
     a, b = np.broadcast_arrays(np.asarray(a, np.float64), np.asarray(b, np.float64))
-    # |a + b| and |a - b| are twice the cosine and the sine of half the angle: exact at both ends, where
-    # the textbook (1 + a.b, a x b) loses half of its digits.
+    # |a + b| and |a - b| are twice the cosine and the sine of half the angle. They are exact at both ends,
+    # whereas the textbook form (1 + a.b, a x b) loses half of its digits.
     cosine = np.linalg.norm(a + b, axis=-1, keepdims=True)
     sine = np.linalg.norm(a - b, axis=-1, keepdims=True)
     cross = np.cross(a, b)
@@ -154,14 +158,14 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
 
 
 def unit(vectors: AnyArray) -> Float:
-    """(..., N) the directions of ``vectors`` (..., N); zero stays zero."""
+    """Returns (..., N) the directions of ``vectors`` (..., N). Zero stays zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
 def _perpendicular(a: Float) -> Float:
-    """(..., 3) a unit vector at right angles to each unit vector of ``a`` (..., 3)."""
+    """Returns (..., 3) a unit vector perpendicular to each unit vector of ``a`` (..., 3)."""
     smallest = np.abs(a).argmin(-1)
     other = np.cross(a, np.eye(3)[smallest])
     return np.asarray(other / np.maximum(np.linalg.norm(other, axis=-1, keepdims=True), 1e-300))
@@ -169,7 +173,7 @@ def _perpendicular(a: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def rotation_matrix(q, out):
-    """Kernel: ``out`` (3, 3) takes the rotation of a unit quaternion, four numbers."""
+    """Writes to ``out`` (3, 3) the rotation of a unit quaternion, four numbers (kernel)."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -178,14 +182,14 @@ def rotation_matrix(q, out):
 
 @njit(cache=True, nogil=True)
 def nearest_rotations(matrices, out):
-    """Kernel: ``out`` (N, 3, 3) takes the proper rotations nearest to ``matrices`` (N, 3, 3)."""
+    """Writes to ``out`` (N, 3, 3) the proper rotations nearest to ``matrices`` (N, 3, 3) (kernel)."""
     for i in range(matrices.shape[0]):
         rotation_matrix(nearest_quaternion(matrices[i]), out[i])
 
 
 @njit(cache=True, nogil=True)
 def _nearest_quaternions(matrices):
-    """Kernel: (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3)."""
+    """Returns (N, 4) quaternions of the proper rotations nearest to ``matrices`` (N, 3, 3) (kernel)."""
     out = np.empty((matrices.shape[0], 4))
     for i in range(matrices.shape[0]):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = nearest_quaternion(matrices[i])
@@ -194,11 +198,12 @@ def _nearest_quaternions(matrices):
 
 @njit(cache=True, nogil=True)
 def nearest_quaternion(m):
-    """Kernel: (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), M (3, 3).
+    """Returns (w, x, y, z) of the proper rotation R with the largest trace(RᵀM), M (3, 3) (kernel).
 
     trace(RᵀM) is the quadratic form qᵀKq of a symmetric, traceless 4x4 K (B. K. P. Horn, "Closed-form
     solution of absolute orientation using unit quaternions", 1987, section 4), so R is K's top eigenvector.
-    Cyclic Jacobi finds it for every input; a double top eigenvalue (no unique rotation) is no special case.
+    Cyclic Jacobi finds it for every input. A double top eigenvalue (no unique rotation) needs no special
+    case.
     """
     scale = 0.0
     for r in range(3):
@@ -222,7 +227,7 @@ def nearest_quaternion(m):
 
 @njit(cache=True, nogil=True)
 def _top_eigenvector(k):
-    """Kernel: the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
+    """Returns the unit eigenvector of the largest eigenvalue of the symmetric (4, 4) ``k`` (upper half)."""
     v = np.eye(4)
     for _ in range(16):
         off = 0.0
@@ -244,7 +249,7 @@ def _top_eigenvector(k):
 
 @njit(cache=True, nogil=True)
 def _jacobi_turn(k, v, p, q):
-    """Kernel: one Jacobi rotation that zeroes k[p, q] (p < q, upper half) and is gathered in ``v``."""
+    """Applies one Jacobi rotation that zeroes k[p, q] (p < q, upper half), and accumulates it in ``v``."""
     if k[p, q] == 0.0:
         return
     theta = (k[q, q] - k[p, p]) / (2 * k[p, q])
@@ -269,10 +274,10 @@ def _jacobi_turn(k, v, p, q):
 
 
 def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
-    """(..., 6) the Hencky strain log U of maps (..., 3, 3) with the polar factor ``turns``: linear = R U.
+    """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
-    A symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_FLATTEST` count as that, and a
-    reflection as none.
+    The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_FLATTEST` are raised
+    to it, and reflections are ignored.
     """
     stretch = np.swapaxes(to_matrix(turns), -1, -2) @ np.asarray(linear, np.float64)
     sizes, axes = np.linalg.eigh((stretch + np.swapaxes(stretch, -1, -2)) / 2.0)
@@ -281,18 +286,18 @@ def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
 
 
 def stretch_of(strain: AnyArray) -> Float:
-    """(..., 3, 3) the symmetric stretch U = exp(strain) of Hencky strains (..., 6)."""
+    """Returns (..., 3, 3) the symmetric stretch U = exp(strain) of Hencky strains (..., 6)."""
     sizes, axes = np.linalg.eigh(symmetric(strain))
     return _as_matrix(np.exp(sizes), axes)
 
 
 def symmetric(six: AnyArray) -> Float:
-    """(..., 3, 3) the symmetric matrices of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
+    """Returns (..., 3, 3) the symmetric matrices of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
     return np.asarray(six, np.float64)[..., _PLACES]
 
 
 def turned_strain(q: AnyArray, strain: AnyArray) -> Float:
-    """(..., 6) a strain (..., 6) in axes turned by ``q`` (..., 4): R strain Rᵀ."""
+    """Returns (..., 6) a strain (..., 6) in axes rotated by ``q`` (..., 4): R strain Rᵀ."""
     turned = to_matrix(q)
     whole = turned @ symmetric(strain) @ np.swapaxes(turned, -1, -2)
     return np.asarray(whole[..., _ROWS, _COLUMNS])

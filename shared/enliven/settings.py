@@ -1,7 +1,7 @@
 """Typed settings: every user-facing number has a default, a unit, a range and one sentence.
 
-A group of settings is a frozen dataclass with fields made by :func:`setting`; groups nest. TOML files
-override the defaults, and an unknown key is an error that names the nearest known one.
+A group of settings is a frozen dataclass with fields made by :func:`setting`. Groups can be nested. TOML
+files override the defaults. An unknown key is an error that names the nearest known one.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from enliven.files import read_file
 T = TypeVar("T")
 
 TOML_VERSION = 1
-"""Newest version of settings, sessions, plans, spaces and calibrations. A file that lacks a key gets its
-default, so only a changed meaning of a written key needs a new version."""
+"""Newest version of settings, sessions, plans, spaces and calibrations. A missing key gets its default, so
+only a changed meaning of an existing key needs a new version."""
 _VERSION = "version"
 """Key that states the version of a TOML file."""
 MOST_TOML = 1 << 22
-"""Bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
+"""Maximum bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
 MOST_LINE = 1 << 14
-"""Bytes of a line: the time to read a key of many dots grows with the square of their number."""
+"""Maximum bytes of a line: the time to read a key of many dots grows with the square of their number."""
 MOST_NESTED = 32
-"""Tables and arrays in one another: what is written here has at most six."""
+"""Maximum nesting depth of tables and arrays: files written by enliven have at most six."""
 _LATER_KEY = "If a later version of enliven wrote it, update enliven."
-"""Added to the error about an unknown key."""
+"""Appended to the error about an unknown key."""
 _DEEP = f"tables or arrays are nested deeper than {MOST_NESTED}"
 
 
@@ -44,9 +44,9 @@ def setting(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> Any:
-    """A dataclass field with the sentence, the unit and the closed range that a user needs to know.
+    """Returns a dataclass field with the description, the unit and the closed range for users.
 
-    Without a default the key is required; a default that is itself a settings dataclass makes a group.
+    Without a default the key is required. A default that is itself a settings dataclass makes a group.
     """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high}
     if dataclasses.is_dataclass(default) and isinstance(default, type):
@@ -55,7 +55,7 @@ def setting(
 
 
 def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str = "") -> T:
-    """A ``kind`` from a TOML file or a mapping, checked key by key.
+    """Builds a ``kind`` from a TOML file or a mapping, checked key by key.
 
     Raises:
         InputError: with the key's path, for an unreadable file, an unknown or missing key, a wrong type or a
@@ -70,10 +70,10 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
 def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
     """Returns the tables of a TOML file, without the version of its format.
 
-    A file may begin with ``version = 1``; one that does not is of version 1.
+    A file may start with ``version = 1``. A file without it is of version 1.
 
     Args:
-        newest: the newest version of the format that is read.
+        newest: the newest supported version of the format.
 
     Raises:
         InputError: if it cannot be read, is not TOML, is of a later version, is longer than :data:`MOST_TOML`
@@ -114,7 +114,7 @@ def refuse_later_toml(path: Path) -> None:
     except LaterVersionError:
         raise
     except EnlivenError:
-        return  # another kind of file, or a damaged one: the writer reports it if it cannot be replaced
+        return  # another or a damaged file: the writer reports it if it cannot be replaced
 
 
 def _inside(value: Any) -> list[Any]:
@@ -124,7 +124,7 @@ def _inside(value: Any) -> list[Any]:
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
-    """Builds one settings group from a mapping; ``prefix`` is the dotted path of the group."""
+    """Builds one settings group from a mapping. ``prefix`` is the dotted path of the group."""
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
     for key in values:
@@ -144,7 +144,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
 
 
 def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
-    """One value, checked against its type hint and range."""
+    """Returns one value, checked against its type hint and range."""
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         if not isinstance(value, Mapping):
             raise InputError(f"{path} must be a table", where=where)
@@ -171,7 +171,7 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
 
 
 def _named(kind: Any, table: Any, where: str, path: str) -> Any:
-    """Builds one of several settings groups that a file names freely."""
+    """Builds one of several settings groups with freely chosen names."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")
@@ -181,7 +181,7 @@ _WRONG = object()
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """``value`` as ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
+    """Converts ``value`` to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
     import msgspec
 
     try:
@@ -192,7 +192,7 @@ def _converted(hint: Any, value: Any) -> Any:
 
 
 def _is_finite(value: Any) -> bool:
-    """Whether no number of a value, or of the tuples and tables inside, is infinite or none."""
+    """Returns True if a value, with the tuples and tables inside, contains no NaN or infinity."""
     if isinstance(value, float):
         return math.isfinite(value)
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()

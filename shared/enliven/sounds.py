@@ -1,4 +1,4 @@
-"""Sounds that are performed along: what a project keeps of them, and what is heard of several."""
+"""Sounds that accompany a performance: their storage in a project, and mixing."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from enliven.arrays import Int16
 from enliven.errors import InputError
 
 SOUND_RATE = 32_000
-"""Samples a second of sounds: what is performed along is recognised by half, and this halves a project."""
+"""Samples per second: half of this suffices to recognise the sound, and it halves a project's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sound:
-    """A sound that is performed along, and that films of the project have.
+    """A sound that accompanies a performance, and is included in films of the project.
 
     Attributes:
         id: its name.
-        samples: (N,) int16, one channel of :data:`SOUND_RATE`.
-        begin: seconds of the project's time.
+        samples: (N,) int16, one channel at :data:`SOUND_RATE`.
+        begin: start in seconds of the project's time.
     """
 
     id: str
@@ -35,7 +35,7 @@ class Sound:
 
     @property
     def end(self) -> float:
-        """Seconds of the project's time."""
+        """The end in seconds of the project's time."""
         return self.begin + len(self.samples) / SOUND_RATE
 
 
@@ -44,7 +44,7 @@ _LOUDEST = 32767
 
 
 def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
-    """(count,) what is heard of all sounds together from a sample of the project's time on."""
+    """Returns (count,) the mix of all sounds from a sample ``first`` of the project's time on."""
     heard = np.zeros(count, np.int32)
     for one in sounds:
         begin = round(one.begin * SOUND_RATE)
@@ -55,7 +55,8 @@ def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
 
 
 def heard_from(sounds: Iterable[Sound], second: float) -> Int16:
-    """(N,) what is heard of all sounds together from a second of the project to the end of the last."""
+    """Returns (N,) the mix of all sounds from a time in seconds of the project to the end of the last
+    sound."""
     known = tuple(sounds)
     first, last = round(second * SOUND_RATE), round(max((one.end for one in known), default=0.0) * SOUND_RATE)
     return mixed(known, first, max(last - first, 0))

@@ -1,4 +1,4 @@
-"""Disjoint sets as an array of parents: what hangs together ends up under one root."""
+"""Disjoint sets (union-find) as an array of parents: connected items get the same root."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def root_of(parent, i):
-    """The representative of i in (N,) ``parent``, with path halving."""
+    """Returns the root of i in (N,) ``parent``, with path halving."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -16,7 +16,7 @@ def root_of(parent, i):
 
 @njit(cache=True, nogil=True)
 def join(parent, i, j):
-    """Unite the sets of i and j; the smaller index becomes the representative."""
+    """Merges the sets of i and j. The smaller index becomes the root."""
     a, b = root_of(parent, i), root_of(parent, j)
     if a < b:
         parent[b] = a

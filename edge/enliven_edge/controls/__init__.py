@@ -1,6 +1,6 @@
-"""Controls beside a viewer's keys: pedals, clickers, button panels and spoken phrases.
+"""Hardware controls in addition to a viewer's keys: pedals, clickers, button panels and spoken phrases.
 
-A control is read on a thread of its own and says a command; the edge takes the commands between two frames.
+Each control is read on its own thread and produces commands. The edge takes the commands between two frames.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Controls: the commands that one may give, and the thread that reads one, debounced and reopened."""
+"""The commands of controls, and the thread that reads a device with debouncing and reopening."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ Word = Literal[
     "scale", "parts", "record", "stop", "again",
 ]  # fmt: skip
 Command = str
-"""A word; those that take hold, and "parts", may name parts of the body after it: "possess left arm"."""
+"""A word. Words that possess, and "parts", may be followed by parts of the body: "possess left arm"."""
 
 WORDS: tuple[Word, ...] = get_args(Word)
 CALLS: tuple[Call, ...] = get_args(Call)
-"""The commands that windows carry out, and not the edge."""
+"""The commands that windows carry out instead of the edge."""
 
 _STEPS = {"next": 1, "previous": -1, "follow": 0}
-"""Places that each command moves on in the ranking of matches; 0 follows the pose again."""
+"""Step of each command in the ranking of matches. 0 follows the pose again."""
 _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "possess": "alone",
     "join": "join",
     "extend": "extend",
 }
 _CHOOSES = "parts"
-"""The command that chooses what the next hold takes, which the mesh shows at once."""
+"""The command that chooses the parts of the next hold, which the mesh shows immediately."""
 _WITH_PARTS = (*_MODES, _CHOOSES)
-"""The commands after which parts of the body may be named."""
+"""The commands that accept parts of the body after them."""
 
 
 def checked_map(given: Mapping[str, str], where: str) -> dict[str, Command]:
     """Returns the map from a control's keys to commands after checking every command.
 
     Raises:
-        InputError: for an unknown word or part of the body, with the nearest known one.
+        InputError: for an unknown word or part of the body. The message suggests the nearest known one.
     """
     return {key: _checked(key, " ".join(said.split()), where) for key, said in given.items()}
 
 
 def _checked(key: str, said: str, where: str) -> Command:
-    """Returns the command of a key, or refuses it."""
+    """Returns the command of a key, or raises if it is invalid."""
     word, _, parts = said.partition(" ")
     if word in WORDS and (word in _WITH_PARTS or not parts):
         if parts:
@@ -71,7 +71,10 @@ def _checked(key: str, said: str, where: str) -> Command:
 
 
 def orders(said: Command, stage: Stage) -> list[Order]:
-    """Returns the orders that a command means: those of a viewer that names no character; none for a call."""
+    """Returns the orders of a command, as of a viewer that names no character.
+
+    Empty for a command of windows.
+    """
     word, _, parts = said.partition(" ")
     if word in CALLS:
         return []
@@ -96,20 +99,20 @@ log = logging.getLogger(__name__)
 PATIENCE = 0.1
 """Seconds to wait for a press before checking whether to stop."""
 _WAITING = 32
-"""Commands that wait for the edge; older ones are dropped, since they answer a stage that has changed."""
+"""Maximum number of queued commands. Older ones are dropped, since the stage has changed since then."""
 _STRANGERS = 16
-"""Unknown keys that are logged one by one, as a help for writing the map."""
+"""Maximum number of unknown keys that are logged, as a help for writing the map."""
 
 
 class Device(ABC):
-    """The device that a :class:`ControlReader` reads, from its thread alone."""
+    """The device that a :class:`ControlReader` reads, used by its thread only."""
 
     @abstractmethod
     def open(self) -> None:
-        """Opens the device anew.
+        """Opens the device, or opens it again.
 
         Raises:
-            Exception: of the library's own, mostly an OSError, where it is not there.
+            Exception: an error of the library, mostly an OSError, if the device is missing.
         """
 
     @abstractmethod
@@ -117,13 +120,13 @@ class Device(ABC):
         """Returns the keys that went down, after :data:`PATIENCE` at the latest.
 
         Raises:
-            Exception: likewise, where it is gone.
-            EOFError: where nothing will ever come again.
+            Exception: an error of the library if the device is gone.
+            EOFError: if no more input can come.
         """
 
     @property
     def answers(self) -> bool:
-        """Whether the device behind an open port has answered as expected; only then it counts as present."""
+        """True if the device behind an open port has answered as expected. Only then it counts as present."""
         return True
 
     def take_not_understood(self) -> list[str]:
@@ -131,11 +134,11 @@ class Device(ABC):
         return []
 
     def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
-        """Sets what its lamps show from now on; called from another thread than the rest."""
+        """Sets the state of the device's lamps. Called from another thread than the other methods."""
 
     @abstractmethod
     def close(self) -> None:
-        """Releases the device; may be called at any time, also twice."""
+        """Releases the device. May be called at any time, also twice."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +146,8 @@ class Press:
     """One press of a key, or one utterance.
 
     Attributes:
-        key: what the device sent: a line, a byte, a button, or words.
-        command: that it means; empty for speech that is no phrase.
+        key: the device's input: a line, a byte, a button, or words.
+        command: the command of the key. Empty for speech that is not a known phrase.
     """
 
     key: str
@@ -152,10 +155,10 @@ class Press:
 
 
 class Debouncer:
-    """Drops a key that repeats at once for the same press.
+    """Drops repeated events of one key press (contact bounce).
 
     Args:
-        seconds: a key must be still for so long to count anew; a contact bounces for some 10 ms.
+        seconds: a key must be still for this time before it counts again. A contact bounces for some 10 ms.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -163,10 +166,10 @@ class Debouncer:
         self._last: dict[str, float] = {}
 
     def counts(self, key: str, now: float) -> bool:
-        """Returns whether this is a new press.
+        """Returns True if this is a new press.
 
         Args:
-            now: seconds, of a clock that never goes back.
+            now: seconds of a monotonic clock.
         """
         before = self._last.get(key)
         self._last[key] = now
@@ -179,8 +182,8 @@ class ControlReader:
     Args:
         name: the user's name of the control.
         words: the command of each key.
-        debounce: seconds for which a key must be still to count anew.
-        retry: seconds between two tries to open it.
+        debounce: seconds that a key must be still before it counts again.
+        retry: seconds between two attempts to open the device.
     """
 
     def __init__(
@@ -200,17 +203,20 @@ class ControlReader:
 
     @property
     def there(self) -> bool:
-        """Whether its device is present and read: earlier presses are lost."""
+        """True if the device is present and being read. Earlier presses are lost."""
         return self._there
 
     @property
     def why(self) -> EnlivenError | None:
-        """The reason why its device cannot be opened; None while it can, or before the first attempt."""
+        """The error of the last attempt to open the device.
+
+        None after success, or before the first attempt.
+        """
         return self._why
 
     @property
     def is_paused(self) -> bool:
-        """Whether its device is released until :meth:`pause` is called with False."""
+        """True if the device is released until :meth:`pause` is called with False."""
         return self._paused.is_set()
 
     def pause(self, paused: bool) -> None:
@@ -226,18 +232,18 @@ class ControlReader:
         return dict(self._words)
 
     def poll(self) -> list[Command]:
-        """Returns the commands since the last call, the oldest first; never waits."""
+        """Returns the commands since the last call, the oldest first. Never blocks."""
         return [press.command for press in self.take() if press.command]
 
     def take(self) -> list[Press]:
-        """Returns the presses since the last call, and speech that matches no phrase; never waits."""
+        """Returns the presses since the last call, and speech that matches no phrase. Never blocks."""
         presses = []
         while self._said:
             presses.append(self._said.popleft())
         return presses
 
     def show(self, lamps: Lamps) -> None:
-        """Sets what the device's lamps show from now on."""
+        """Sets the state of the device's lamps."""
         self._device.show(lamps)
 
     def close(self) -> None:
@@ -246,7 +252,7 @@ class ControlReader:
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        """Opens the device, reads until it is gone, waits, and repeats; logs each change once."""
+        """Opens the device, reads until it is gone, waits, and repeats. Logs each change once."""
         told = False
         while not self._stopped.is_set():
             if self._paused.is_set():
@@ -282,7 +288,10 @@ class ControlReader:
             self._said.extend(map(Press, self._device.take_not_understood()))
 
     def _press(self, key: str) -> None:
-        """Queues the command of a key; an unknown key is logged once, to be written into the map."""
+        """Queues the command of a key.
+
+        An unknown key is logged once, so that the user can add it to the map.
+        """
         word = self._words.get(key)
         if word is not None:
             log.debug("control %s: %r, %s", self.name, key, word)

@@ -1,4 +1,4 @@
-"""All controls of an edge: opened by its settings, polled between two frames."""
+"""All controls of an edge: opened from its settings, polled between two frames."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ PHRASES = {
     "puppet start recording": "record",
     "puppet stop recording": "stop",
 }
-"""The phrases of a microphone that a window opens at an edge without a voice of its own in its settings."""
+"""The phrases of a microphone that a window opens at an edge without a voice control in its settings."""
 _MOST_LETTERS = 160
-"""Letters of a sentence that the wire carries."""
+"""Maximum number of characters of a sentence in a wire message."""
 
 
 class _Start(threading.Thread):
-    """Loads the speech models, which takes about a second, while the edge goes on."""
+    """Loads the speech models in the background, which takes about a second."""
 
     def __init__(self) -> None:
         super().__init__(name="start of the voice", daemon=True)
@@ -69,7 +69,7 @@ class Controls(Closing):
 
     Args:
         voices: the names of the controls that listen to speech.
-        hides_talk: whether speech that is no phrase is reported without its words: strangers may watch.
+        hides_talk: reports unknown speech without its words, since strangers may watch.
     """
 
     def __init__(
@@ -87,11 +87,11 @@ class Controls(Closing):
         call: Callable[[Call, str], None],
         tell: Callable[[HeardMessage | VoiceMessage], None] = lambda message: None,
     ) -> None:
-        """Carries out the commands since the last time; a command that fails is logged.
+        """Carries out the commands since the last call. A command that fails is logged.
 
         Args:
-            call: tells windows what they are to do, and which control says so.
-            tell: tells windows what a voice control heard, and whether it listens.
+            call: sends a command of windows, with the name of the control.
+            tell: sends windows the utterances that a voice control heard, and whether it listens.
         """
         self._finish_start()
         for control in self._controls:
@@ -112,7 +112,7 @@ class Controls(Closing):
         carry_out: Callable[[Order], None],
         call: Callable[[Call, str], None],
     ) -> str:
-        """Carries out a command; returns why the stage refused it, or nothing."""
+        """Carries out a command. Returns the stage's reason for a refusal, or ""."""
         word, refused = press.command, ""
         log.info("%s: %s", control.name, word)
         if word in CALLS:
@@ -126,13 +126,13 @@ class Controls(Closing):
         return refused
 
     def _heard(self, control: ControlReader, press: Press, refused: str) -> HeardMessage:
-        """Returns what windows are told of an utterance."""
+        """Returns the message to windows about an utterance."""
         words = press.key if press.command or not self._hides_talk else ""
         cut = words[:_MOST_LETTERS], bool(press.command), press.command[:_MOST_LETTERS]
         return HeardMessage(control.name[:64] or "voice", *cut, refused[:_MOST_LETTERS])
 
     def listen(self, on: bool) -> None:
-        """Opens the microphone of every voice control, or of a new one if there is none; or closes them."""
+        """Opens or closes the microphones of all voice controls. Starts a voice control if there are none."""
         voices = [control for control in self._controls if control.name in self._voices]
         for control in voices:
             control.pause(not on)
@@ -143,7 +143,7 @@ class Controls(Closing):
             self._start.start()
 
     def _finish_start(self) -> None:
-        """Takes the voice control that has been started, or the reason why there is none."""
+        """Adds the voice control that was started, or stores the reason of the failure."""
         if self._start is None or self._start.result is None:
             return
         result, self._start = self._start.result, None
@@ -154,7 +154,7 @@ class Controls(Closing):
             self._voices.add(result.name)
 
     def _voice_state(self) -> VoiceMessage:
-        """Returns what windows are told of the microphone."""
+        """Returns the message to windows about the microphone."""
         voices = [control for control in self._controls if control.name in self._voices]
         known = {phrase: word for control in voices for phrase, word in control.phrases.items()} or PHRASES
         phrases = [phrase[:_MOST_LETTERS] for phrase in known][:MAX_PHRASES]
@@ -171,17 +171,17 @@ class Controls(Closing):
         return VoiceMessage("missing", what, mend, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
-        """Shows the state of the stage; a lamp changes to "no edge" where this is not called for a second."""
+        """Shows the state of the stage. A lamp changes to "no edge" if this is not called for a second."""
         for control in self._controls:
             control.show(lamps)
 
     @property
     def missing(self) -> list[str]:
-        """The names of the controls that search for their devices."""
+        """The names of the controls without a device."""
         return [control.name for control in self._controls if not control.there]
 
     def forget(self) -> None:
-        """Drops the commands so far: the stage was not ready."""
+        """Drops the queued commands, because the stage was not ready."""
         for control in self._controls:
             control.poll()
 
@@ -197,13 +197,13 @@ def open_controls(
     """Opens all controls of a settings file.
 
     Args:
-        folder: of the file, where its paths begin.
-        hides_talk: whether windows are told of speech that is no phrase without its words.
+        folder: folder of the file, to which its paths are relative.
+        hides_talk: reports unknown speech to windows without its words.
 
     Raises:
-        InputError: for a map or a key that cannot be meant.
-        ResourceError: where a library that one of them needs is missing. A device that is missing is no
-            error: it is looked for until it is there.
+        InputError: for an invalid map or key.
+        ResourceError: if a required library is missing. A missing device is not an error: it is searched for
+            until it appears.
     """
     ready = [(name, one, device_of(name, one, folder)) for name, one in settings.items()]
     return Controls(
@@ -217,7 +217,7 @@ def open_controls(
 
 
 def words_of(name: str, settings: ControlSettings) -> dict[str, Command]:
-    """Returns the command of each of a control's keys; without a map the keys are the commands.
+    """Returns the command of each of a control's keys. Without a map the keys are the commands.
 
     Raises:
         InputError: for an unknown command, or a voice without phrases.
@@ -231,7 +231,7 @@ def words_of(name: str, settings: ControlSettings) -> dict[str, Command]:
 
 
 def device_of(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:
-    """Returns a control's device, not opened yet; its library is imported only here."""
+    """Returns a control's device, not opened yet. Its library is imported only here."""
     where = f"controls.{name}"
     refuse_other_kinds(settings, where)
     words = words_of(name, settings)

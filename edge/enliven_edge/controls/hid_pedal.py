@@ -1,7 +1,8 @@
-"""USB and Bluetooth pedals, clickers and panels that are no serial port, by hidapi.
+"""USB and Bluetooth pedals, clickers and panels that are not serial ports, by hidapi.
 
 A keyboard's report is the boot report (Device Class Definition for HID 1.11, appendix B.1): one byte of
-modifiers, one reserved, then up to six key codes (HID Usage Tables, page 7). A panel's has a bit a button.
+modifiers, one reserved, then up to six key codes (HID Usage Tables, page 7). A panel's report has one bit per
+button.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from enliven_edge.extras import need
 
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
 _ROLL_OVER = 3
-"""Codes up to this one are no keys: they state that more keys are down than a report can hold."""
+"""Codes up to this one are not keys: they report that more keys are down than a report can hold."""
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
     **{30 + i: str((i + 1) % 10) for i in range(10)},
@@ -44,9 +45,10 @@ _NAMES = {
 
 
 def keys_down(report: bytes) -> frozenset[str] | None:
-    """Returns the keys that a keyboard's report states as down; None where it states too many.
+    """Returns the keys that a keyboard's report states as down. None if it reports too many.
 
-    Keys have the names of a US keyboard: a, 1, f5, enter, page down, ...; those without one are such as 0x65.
+    Keys have the names of a US keyboard: a, 1, f5, enter, page down, ... Keys without a name get their code,
+    such as 0x65.
     """
     if len(report) < 3:
         return None
@@ -58,20 +60,20 @@ def keys_down(report: bytes) -> frozenset[str] | None:
 
 
 def buttons_down(report: bytes) -> frozenset[str]:
-    """Returns the bits that are set, as "byte.bit", both from 0: "0.2" is the first byte's third button."""
+    """Returns the set bits as "byte.bit", both counted from 0: "0.2" is the first byte's third button."""
     return frozenset(
         f"{place}.{bit}" for place, byte in enumerate(report) for bit in range(8) if byte >> bit & 1
     )
 
 
 class Edges:
-    """Converts reports, which state the keys that are down, to the keys that went down since the last one.
+    """Converts reports of the keys that are down to the keys that went down since the previous report.
 
     Args:
-        report: what they hold.
-        skip: bytes before that, after the report's number.
-        number: the first byte of the reports that count; others, such as a clicker's mouse, are no keys. 0:
-            all count, and have no number.
+        report: the content of the reports.
+        skip: bytes before the keys, after the report's number.
+        number: the first byte of the reports that count. Others, such as a clicker's mouse, are ignored. 0:
+            all reports count, and have no number.
     """
 
     def __init__(self, report: Literal["keyboard", "buttons"], skip: int = 0, number: int = 0) -> None:
@@ -79,7 +81,7 @@ class Edges:
         self._down: frozenset[str] = frozenset()
 
     def feed(self, report: bytes) -> list[str]:
-        """Returns the keys that went down with this report, by name; a broken report changes nothing."""
+        """Returns the names of the keys that went down with this report. A broken report changes nothing."""
         if self._number and report[:1] != bytes([self._number]):
             return []
         rest = report[self._skip + (self._number > 0) :]
@@ -90,14 +92,14 @@ class Edges:
         return sorted(new)
 
     def forget(self) -> None:
-        """Resets the state after the device was opened anew: no key is down."""
+        """Resets the state after the device was opened again: no key is down."""
         self._down = frozenset()
 
 
 _OPENING = threading.Lock()
-"""Held while devices are listed: hidapi's list is not safe for two threads at once."""
+"""Lock for listing devices: hidapi's enumeration is not thread-safe."""
 _LONGEST_REPORT = 64
-"""Bytes of a report that are read: the most that USB's full speed sends in one."""
+"""Maximum bytes read of a report: the most that USB's full speed sends at once."""
 _KEYBOARD = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
 
@@ -106,8 +108,8 @@ class HidPedal(Device):
     """One HID device, found by its vendor and product numbers.
 
     Raises:
-        InputError: where it has no vendor and product.
-        ResourceError: where hidapi is not installed.
+        InputError: if vendor or product is not given.
+        ResourceError: if hidapi is not installed.
     """
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
@@ -137,10 +139,12 @@ class HidPedal(Device):
             self._device = None
 
     def _path(self, hid: Any) -> bytes:
-        """Returns the path of the wanted interface; of several, one that declares itself a keyboard.
+        """Returns the path of the requested interface.
+
+        Of several, one that declares itself a keyboard is preferred.
 
         Raises:
-            OSError: where there is none.
+            OSError: if the device is missing.
         """
         chosen = self._settings
         found = hid.enumerate(chosen.vendor, chosen.product)
@@ -155,6 +159,9 @@ class HidPedal(Device):
 
 
 def _library() -> Any:
-    """Imports the kernel's own HID interface where it exists, which supports Bluetooth too; else libusb's."""
+    """Imports the kernel's own HID interface if it exists, since it supports Bluetooth too.
+
+    Otherwise libusb's.
+    """
     raw = sys.platform.startswith("linux") and importlib.util.find_spec("hidraw") is not None
     return importlib.import_module("hidraw" if raw else "hid")

@@ -10,18 +10,18 @@ from typing import Any
 from enliven_edge.extras import need
 
 _STEP_BYTES = 960
-"""Bytes of 30 ms of sound, decoded at once: about 15 ms of work, so that the tracker does not wait."""
+"""Bytes of 30 ms of sound, decoded at once: about 15 ms of work, so that the tracker is not blocked."""
 _MIN_SOUNDS = 3
-"""Least speech sounds in an utterance: claps, thumps, tones and breath give two at most."""
+"""Minimum number of phonemes in an utterance: claps, thumps, tones and breath give two at most."""
 _MAX_WAITING = 2
-"""Utterances that wait to be recognised; older ones are dropped, since the performer speaks on."""
+"""Maximum number of queued utterances. Older ones are dropped, since the performer speaks on."""
 
 
 class OtherSpeech:
-    """Listens a second time to an utterance that the grammar refused.
+    """Decodes an utterance again that the grammar refused.
 
-    A loop of single speech sounds first tells speech from noise; then the model of common English gives
-    words. Each call of :meth:`work` does a little, because the library keeps Python from doing anything else.
+    A phoneme loop first separates speech from noise. Then the model of common English gives words. Each call
+    of :meth:`work` does a small part, because the library holds the interpreter lock.
 
     Raises:
         ResourceError: if pocketsphinx is not installed.
@@ -38,7 +38,7 @@ class OtherSpeech:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an utterance waits or is being recognised."""
+        """True if an utterance waits or is being recognised."""
         return bool(self._waiting) or self._work is not None
 
     def offer(self, sound: bytes) -> None:
@@ -46,7 +46,10 @@ class OtherSpeech:
         self._waiting.append(sound)
 
     def work(self) -> str | None:
-        """Does a part of the work; returns the words of an utterance that ended with it, None for noise."""
+        """Does a part of the work.
+
+        Returns the words of an utterance that is complete, None otherwise or for noise.
+        """
         if self._work is None:
             if not self._waiting:
                 return None
@@ -58,7 +61,7 @@ class OtherSpeech:
             return None
 
     def forget(self) -> None:
-        """Drops what waits; the sound's source has changed."""
+        """Drops queued utterances, because the sound's source has changed."""
         self._waiting.clear()
         if self._work is not None:
             for _ in self._work:

@@ -14,13 +14,13 @@ Pattern = Literal["off", "steady", "breathing", "flashing"]
 
 @dataclass(frozen=True)
 class Lamps:
-    """One pattern a lamp.
+    """One pattern per lamp.
 
     Attributes:
         attract: breathes while the stage waits for a performer.
-        possess: breathes while a performer may take hold, is steady while one holds.
+        possess: breathes while a performer may possess a character, is steady while one does.
         locked: is steady while the cast is locked.
-        ill: is steady while the tracking suffers, flashes while there is none.
+        ill: is steady while tracking is impaired, flashes while it fails.
     """
 
     attract: Pattern = "off"
@@ -33,10 +33,10 @@ def lamps_of(*, present: bool, held: bool, locked: bool, worst: int) -> Lamps:
     """Returns the patterns that show a state of the stage.
 
     Args:
-        present: whether a performer is in view.
-        held: whether a performer holds a character.
-        locked: whether the cast is locked.
-        worst: the gravest :class:`enliven.health.Severity` of what is wrong now.
+        present: True if a performer is in view.
+        held: True if a performer holds a character.
+        locked: True if the cast is locked.
+        worst: the highest :class:`enliven.health.Severity` of the current problems.
     """
     return Lamps(
         attract="off" if present or held else "breathing",
@@ -47,15 +47,16 @@ def lamps_of(*, present: bool, held: bool, locked: bool, worst: int) -> Lamps:
 
 
 VERSION = "01"
-"""The protocol that this edge speaks, two digits of the panel's greeting."""
+"""The version of the protocol of this edge, as two digits of the panel's greeting."""
 ASK = "?"
 """The body of a message that requests the panel's greeting."""
 _LONGEST = 64
-"""Bytes of a body and its checksum; what is longer is noise. The panel's longest are 19."""
+"""Maximum bytes of a body and its checksum: longer data is noise. The panel's longest message has 19."""
 _MOST_BEATS = 12
-"""The panel beats four times a second; where more beats are missing, it restarted or was not received."""
+"""The panel sends four heartbeats per second. If more than this number is missing, it restarted or was not
+received."""
 _MOST_PRESSES = 7
-"""Presses between two messages, at most: more cannot be a person's and mean that the panel restarted."""
+"""Maximum number of presses between two messages. People cannot press more often, so the panel restarted."""
 _CODES = {"off": "-", "steady": "S", "breathing": "B", "flashing": "F"}
 _GREETING = re.compile(r"H(\d\d)([PEBW?])")
 _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")
@@ -77,13 +78,13 @@ def lamps_body(lamps: Lamps) -> str:
 
 
 class Decoder:
-    """Finds the messages in a stream of bytes: each begins at a ``$``, whatever came before."""
+    """Finds the messages in a stream of bytes. Each starts at a ``$``, whatever precedes it."""
 
     def __init__(self) -> None:
         self._line: bytearray | None = None
 
     def feed(self, data: bytes) -> list[str]:
-        """Returns the bodies of the messages that end in these bytes and have right checksums."""
+        """Returns the bodies of the messages that end in these bytes and have valid checksums."""
         bodies = []
         for byte in data:
             if byte == ord("$"):
@@ -103,7 +104,7 @@ class Decoder:
 
 
 def _checked(line: bytes) -> str:
-    """Returns the body of a line with a right checksum, else an empty string."""
+    """Returns the body of a line with a valid checksum, else an empty string."""
     body, _, checksum = line.rpartition(b"*")
     if checksum != b"%04X" % binascii.crc_hqx(body, 0) or not body.isascii():
         return ""
@@ -113,26 +114,26 @@ def _checked(line: bytes) -> str:
 class PanelKeys:
     """Decodes a panel's messages: its greeting and its buttons, ``1``, ``2``, ... for each press.
 
-    The panel sends how often each button was pressed so far, so that the next message makes good a lost one.
+    The panel sends the press count of each button, so that the next message makes up for a lost one.
 
     Attributes:
-        version: of the protocol that the panel speaks; empty until its greeting was heard.
-        cause: why the panel was started, a letter of docs/panel.md, where the last bytes held its greeting.
-        heard: how many messages have come.
-        counts: a digit for each button, its presses; empty until they were heard.
+        version: protocol version of the panel. Empty until its greeting was received.
+        cause: why the panel was started, a letter of docs/panel.md, if the last bytes held its greeting.
+        heard: number of received messages.
+        counts: a digit for each button, its presses. Empty until they were received.
     """
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
-        """Resets the state after the port was opened anew: earlier presses are dropped."""
+        """Resets the state after the port was opened again: earlier presses are dropped."""
         self._decoder = Decoder()
         self._beat = 0
         self.version, self.cause, self.heard, self.counts = "", "", 0, ""
 
     def feed(self, data: bytes) -> list[str]:
-        """Returns the buttons that were pressed, as these bytes state."""
+        """Returns the buttons that were pressed according to these bytes."""
         keys, self.cause = [], ""
         for body in self._decoder.feed(data):
             self.heard += 1
@@ -143,8 +144,10 @@ class PanelKeys:
         return keys
 
     def _pressed(self, beat: int, counts: str) -> list[str]:
-        """Returns the presses since the last message; none where this is the first since the panel
-        started."""
+        """Returns the presses since the last message.
+
+        Empty for the first message after a start of the panel.
+        """
         beats = (beat - self._beat) % 0x10000
         more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self.counts, strict=False)]
         follows = len(counts) == len(self.counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES

@@ -15,11 +15,11 @@ log = logging.getLogger(__name__)
 _WAIT = 0.03
 """Seconds to wait for the panel's first byte before checking whether the lamps change."""
 _BEAT = 0.25
-"""Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
+"""Seconds between two messages to the panel. After 1 s without a message the panel shows "no edge"."""
 _STALE = 1.0
-"""Seconds after which the state of the stage is too old to show: a hanging edge is silent."""
+"""Seconds after which the state of the stage is too old to show: a hanging edge sends nothing."""
 _SILENCE = 2.0
-"""Seconds without a message of the panel until it is opened anew: noise has not spoilt eight in a row."""
+"""Seconds without a message of the panel until it is opened again: noise does not spoil eight in a row."""
 _STUCK = 1.0
 """Seconds to wait for a port that accepts no byte."""
 _GREETING = 4.0
@@ -30,8 +30,8 @@ _CAUSES = {
     "E": "its reset pin was pulled",
     "P": "it had no power",
 }
-"""The reasons for a restart in the greeting of a panel that was there already; a boot loader may hide them
-(docs/panel.md)."""
+"""The reasons for a restart in the greeting of a panel that was already present. A boot loader may hide
+them (docs/panel.md)."""
 
 
 class SerialPanel(SerialPedal):
@@ -46,7 +46,7 @@ class SerialPanel(SerialPedal):
 
     @property
     def answers(self) -> bool:
-        """Whether the panel has greeted in the protocol of this edge, and its presses are counted."""
+        """True if the panel has greeted in the protocol of this edge and has sent its press counts."""
         return self._keys.version == VERSION and self._keys.counts != ""
 
     def show(self, lamps: Lamps) -> None:
@@ -69,11 +69,11 @@ class SerialPanel(SerialPedal):
         return keys if self.answers else []
 
     def _forget(self) -> None:
-        """Resets the state after the port was opened anew."""
+        """Resets the state after the port was opened again."""
         self._quiet, self._said, self._said_at = 0.0, "", float("-inf")
 
     def _say(self) -> None:
-        """Sends the lamps where they change or a beat is due; requests a greeting that was missed."""
+        """Sends the lamps if they changed or a heartbeat is due. Requests a greeting that was missed."""
         now = time.monotonic()
         body = lamps_body(self._wanted) if self.answers else ASK
         if self.answers and now - self._wanted_at > _STALE:
@@ -83,7 +83,10 @@ class SerialPanel(SerialPedal):
             self._said, self._said_at = body, now
 
     def _judge_silence(self, began: float, heard: bool) -> None:
-        """Counts only time in which the port was read, so that a machine that slept keeps its panel."""
+        """Adds up the silence only while the port is being read, so that a computer's sleep does not count.
+
+        Raises after too long.
+        """
         self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _WAIT)
         if self._quiet > (_SILENCE if self._keys.heard else _GREETING):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"

@@ -12,15 +12,15 @@ from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
 
 _LONGEST_LINE = 64
-"""Bytes of a line: a longer one is another baud rate or another device."""
+"""Maximum bytes of a line: a longer one comes from a wrong baud rate or another device."""
 
 
 class SerialPedal(Device):
     """One serial port.
 
     Raises:
-        InputError: where no port is named.
-        ResourceError: where pyserial is not installed.
+        InputError: if no port is named.
+        ResourceError: if pyserial is not installed.
     """
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
@@ -38,7 +38,7 @@ class SerialPedal(Device):
         self._port = serial.Serial(self._settings.port, self._settings.baud, timeout=PATIENCE, exclusive=True)
 
     def read(self) -> list[str]:
-        """Waits for the first byte alone: a press is reported at once, however short it is."""
+        """Waits for the first byte only: a press is reported immediately, however short it is."""
         data = self._port.read(1)
         if data and self._port.in_waiting:
             data += self._port.read(self._port.in_waiting)
@@ -51,7 +51,7 @@ class SerialPedal(Device):
 
 
 class ByteKeys:
-    """Reads each byte as a key: its character where it can be printed, else its number such as ``0x1b``."""
+    """Reads each byte as a key: its character if it can be printed, else its number such as ``0x1b``."""
 
     def feed(self, data: bytes) -> list[str]:
         """Returns the keys in some bytes."""
@@ -62,7 +62,7 @@ class ByteKeys:
 
 
 class LineKeys:
-    """Reads each line as a key, without the blanks around it; empty lines are ignored."""
+    """Reads each line as a key, stripped of blanks. Empty lines are ignored."""
 
     def __init__(self) -> None:
         self._line = bytearray()
@@ -82,5 +82,5 @@ class LineKeys:
         return keys
 
     def forget(self) -> None:
-        """Resets the state after the port was opened anew: an incomplete line is dropped."""
+        """Resets the state after the port was opened again: an incomplete line is dropped."""
         self._line.clear()

@@ -11,7 +11,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """One pedal, panel, clicker or microphone; keys of another kind must be left out."""
+    """One pedal, panel, clicker or microphone. Keys of another kind must be left out."""
 
     kind: Literal["serial", "hid", "voice"] = setting(doc="What it is: serial, hid or voice.")
     map: dict[str, str] = field(
@@ -56,7 +56,7 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
     """Raises InputError for a key that this kind of control would ignore.
 
     Raises:
-        InputError: for a key of another kind that is not left at its default.
+        InputError: for a key of another kind that is not at its default.
     """
     for kind, keys in _KINDS.items():
         for item in fields(settings):

@@ -17,11 +17,11 @@ from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
 
 RATE = 16000
-"""Samples a second, of 16 bits, one channel: the speech model was trained on these."""
+"""Samples per second, 16 bits, one channel: the format that the speech model was trained on."""
 
 
 class SoundRecording:
-    """Plays a WAV file in its own time in place of a microphone, for rehearsals.
+    """Plays a WAV file in real time in place of a microphone, for rehearsals.
 
     Args:
         sleep: waits until a frame is due.
@@ -35,8 +35,8 @@ class SoundRecording:
         """Opens the file at its beginning.
 
         Raises:
-            InputError: where it is no 16 kHz mono WAV of 16 bits.
-            OSError: where it cannot be read.
+            InputError: if it is not a 16 kHz mono WAV file of 16 bits.
+            OSError: if it cannot be read.
         """
         try:
             with wave.open(str(self._path), "rb") as file:
@@ -51,7 +51,7 @@ class SoundRecording:
         self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
 
     def read(self) -> bytes:
-        """Returns the next frame when it is due; raises EOFError at the end."""
+        """Returns the next frame when it is due. Raises EOFError at the end."""
         frame = self._sound[self._place : self._place + self._bytes]
         if len(frame) < self._bytes:
             raise EOFError
@@ -64,13 +64,13 @@ class SoundRecording:
 
 
 class Microphone:
-    """A microphone by PortAudio.
+    """A microphone, opened by PortAudio.
 
     Args:
-        name: part of its name, or empty for the system's own.
+        name: part of its name, or empty for the system's default.
 
     Raises:
-        ResourceError: where sounddevice or PortAudio is missing.
+        ResourceError: if sounddevice or PortAudio is missing.
     """
 
     def __init__(self, name: str, where: str) -> None:
@@ -88,10 +88,10 @@ class Microphone:
         """Opens the microphone.
 
         Raises:
-            ResourceError: if there is none, or another program keeps it.
+            ResourceError: if none is found, or another program uses it.
         """
         if self._opened:
-            # PortAudio lists the devices once; only a new start finds what was plugged in since.
+            # PortAudio lists the devices once. Only a restart of the library finds newly plugged devices.
             self._library._terminate()
             self._library._initialize()
         self._opened = True
@@ -105,7 +105,7 @@ class Microphone:
             raise self._reason() from error
 
     def _reason(self) -> ResourceError:
-        """Returns why the microphone cannot be opened, in words for the people on the stage."""
+        """Returns the reason why the microphone cannot be opened, in words for the people on the stage."""
         inputs = [str(one["name"]) for one in self._library.query_devices() if one["max_input_channels"] > 0]
         if not inputs:
             return ResourceError(
@@ -132,37 +132,38 @@ class Microphone:
 log = logging.getLogger(__name__)
 
 _LONGEST = 3.0
-"""Seconds of an utterance: a longer one is no command."""
+"""Maximum seconds of an utterance: a longer one is not a command."""
 _TALK = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
-"""Words that begin ordinary talk: an utterance that begins with no phrase's first word is talk."""
+"""Words that start ordinary talk: an utterance that does not start with a phrase's first word is talk."""
 _DEEDS = (
     "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
     "long little first great old work way people place back make take give tell find see want need know think"
 )
-"""Common words that may follow a name: speech to the puppet that matches no phrase of the list."""
+"""Common words that may follow a name: speech to the puppet that matches no phrase."""
 _OTHER_WEIGHT = 1e-4
-"""Weight of a name with other words, of 1 for a phrase: with more, phrases are taken for other speech."""
+"""Weight of a name followed by other words; a phrase has 1. With a larger weight, phrases are taken for
+other speech."""
 
 
 class Recogniser:
     """Recognises phrases in sound, by a grammar of the phrases and of ordinary talk.
 
-    A phrase counts where the whole of what was said between two silences is it. Sound is decoded while it
-    comes in, a few milliseconds at a time, so that the tracker beside it does not wait. Posterior
-    probabilities are not asked for: their lattice takes up to seconds, and the talk tells better.
+    A phrase counts if it is the whole utterance between two silences. Sound is decoded as it arrives, a few
+    milliseconds at a time, so that the tracker is not blocked. Posterior probabilities are not computed:
+    their lattice takes up to seconds, and the model of talk separates better.
 
     Args:
         phrases: lower case words, such as "puppet take it".
-        where: for errors.
-        other: recognises other speech; None makes one, which takes a second.
+        where: the place that errors name.
+        other: recognises other speech. None creates one, which takes a second.
 
     Raises:
         InputError: for a word that is not in the model's dictionary.
-        ResourceError: where pocketsphinx is not installed.
+        ResourceError: if pocketsphinx is not installed.
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class Recogniser:
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes of sound that :meth:`feed` takes at once."""
+        """Bytes of sound that :meth:`feed` takes per call."""
         return int(self._ends.frame_bytes)
 
     def feed(self, frame: bytes) -> str | None:
@@ -216,11 +217,11 @@ class Recogniser:
 
     @property
     def is_busy(self) -> bool:
-        """Whether other speech is still being recognised."""
+        """True while other speech is still being recognised."""
         return self._other.is_busy
 
     def work(self) -> None:
-        """Goes on with recognising other speech; :meth:`feed` does it too."""
+        """Continues the recognition of other speech. :meth:`feed` does this, too."""
         if (words := self._other.work()) is not None:
             self._not_understood.append(words)
 
@@ -230,7 +231,7 @@ class Recogniser:
         return words
 
     def forget(self) -> None:
-        """Resets the state after the sound's source changed: an unfinished utterance is dropped."""
+        """Resets the state after the sound's source changed. An unfinished utterance is dropped."""
         self._other.forget()
         if self._ends.in_speech:
             self._decoder.end_utt()
@@ -250,10 +251,10 @@ class Recogniser:
 
 
 def _grammar(phrases: Sequence[str]) -> str:
-    """Returns the phrases in the JSpeech Grammar Format, and similar talk.
+    """Returns a grammar of the phrases and of ordinary talk in the JSpeech Grammar Format.
 
-    A grammar must find something in whatever is said. Talk finds what begins otherwise; a name with other
-    words after it finds what is said to the puppet, but is no phrase.
+    A grammar always finds a match. ``talk`` matches utterances that start with other words. A name followed
+    by other words matches speech to the puppet that is not a phrase.
     """
     names = sorted({phrase.split()[0] for phrase in phrases})
     rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
@@ -273,11 +274,11 @@ def _grammar(phrases: Sequence[str]) -> str:
 
 
 class Voice(Device):
-    """Listens to a microphone, or a recording in its place, for phrases.
+    """Listens for phrases to a microphone, or to a recording in its place.
 
     Raises:
         InputError: for a phrase with an unknown word.
-        ResourceError: where a library is missing.
+        ResourceError: if a library is missing.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""Readers of foreign recordings, found by name or by the files' content.
+"""Importers of foreign recordings, selected by name or by the files' content.
 
-A reader turns files of one layout into frames of enliven; other packages add readers by the entry-point
+A reader converts files of one layout to frames of enliven. Other packages add readers by the entry-point
 group ``enliven.readers``.
 """
 

@@ -1,4 +1,4 @@
-"""The interface of a reader of foreign recordings, and what the readers share."""
+"""The interface of a reader of foreign recordings, and helpers that the readers share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from enliven.files import decode_text, open_file, read_file
 from enliven.frames import Frame
 
 _MOST_TEXT = 1 << 28
-"""Bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
+"""Maximum bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
 
 
 def _ignore(sentence: str) -> None:
@@ -26,14 +26,14 @@ def _ignore(sentence: str) -> None:
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """The user's options for files that do not state these themselves.
+    """The user's options for information that is missing in the files.
 
     Attributes:
-        fps: frames a second where the files hold no times; None for the layout's usual rate.
-        device: which of several sensors in one file to read; None for the one that saw most.
-        lens: fx, fy, cx and cy in pixels, of depth images without a camera file; None for a usual sensor's.
-        units_per_metre: values of a depth image in a metre; None to find it, else millimetres.
-        note: is called with a sentence for each assumption about the files, and for each that is left out.
+        fps: frames per second for files without times. None for the layout's usual rate.
+        device: the sensor to read if a file has several. None for the one that saw most.
+        lens: fx, fy, cx and cy in pixels, for depth images without a camera file. None for a usual sensor's.
+        units_per_metre: number of depth values per metre. None detects it, with millimetres as default.
+        note: is called with a sentence for each assumption about the files, and for each skipped file.
     """
 
     fps: float | None = None
@@ -55,10 +55,10 @@ DEFAULT_OPTIONS = ImportOptions()
 
 
 def lens_of(text: str | None) -> tuple[float, float, float, float] | None:
-    """Returns the four numbers of ``FX,FY,CX,CY``; None for no text.
+    """Returns the four numbers of ``FX,FY,CX,CY``. None for no text.
 
     Raises:
-        InputError: where these are not four numbers.
+        InputError: if these are not four numbers.
     """
     if text is None:
         return None
@@ -77,8 +77,8 @@ def lens_of(text: str | None) -> tuple[float, float, float, float] | None:
 class Reader(Protocol):
     """Reads one layout of foreign recordings.
 
-    ``name`` is what ``--reader`` takes; ``description`` is one line; ``note`` states what the files leave
-    open and what was assumed instead (empty where nothing was).
+    ``name`` is the value for ``--reader``. ``description`` is one line. ``note`` lists missing information
+    and the assumptions that replace it (empty if there are none).
     """
 
     name: str
@@ -86,14 +86,14 @@ class Reader(Protocol):
     note: str
 
     def can_read(self, paths: Sequence[Path]) -> bool:
-        """Returns whether these files have this layout, judged by their content; never raises."""
+        """Returns True if these files have this layout, judged by their content. Never raises."""
         ...
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[Frame]:
-        """Yields the frames, in the order of time.
+        """Yields the frames, ordered by time.
 
         Raises:
-            InputError: naming the file (and line) that cannot be understood.
+            InputError: for a file (and line) that cannot be read.
         """
         ...
 
@@ -102,14 +102,14 @@ class FileReader(Reader):
     """A layout with one file for each recording, which :meth:`matches` recognises."""
 
     def matches(self, path: Path) -> bool:
-        """Whether a file has this layout, by its beginning."""
+        """Returns True if a file has this layout, judged by its first bytes."""
         raise NotImplementedError
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         return any(self.matches(path) for path in paths)
 
     def chosen(self, paths: Sequence[Path]) -> Path:
-        """The only file of this layout, or of any where none has it; raises as :func:`only_one`."""
+        """Returns the only file of this layout, or the only file at all. Raises as :func:`only_one`."""
         return only_one([path for path in paths if self.matches(path)] or paths)
 
 
@@ -119,7 +119,7 @@ def natural_order(path: Path) -> tuple[str, list[int], str]:
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:
-    """Returns the first bytes of a file; empty where it cannot be read."""
+    """Returns the first bytes of a file. Empty if it cannot be read."""
     try:
         with open_file(path) as file:
             return file.read(size)
@@ -131,7 +131,7 @@ def text_of(path: Path) -> str:
     """Returns the text of a file.
 
     Raises:
-        InputError: where it cannot be read.
+        InputError: if it cannot be read.
     """
     return decode_text(read_file(path, _MOST_TEXT))
 
@@ -140,7 +140,7 @@ def only_one(paths: Sequence[Path]) -> Path:
     """Returns the only recording among the files, for a layout with one file for each recording.
 
     Raises:
-        InputError: where there are several.
+        InputError: if there are several.
     """
     if len(paths) > 1:
         names = ", ".join(path.name for path in paths[:4]) + (", ..." if len(paths) > 4 else "")
@@ -156,7 +156,7 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
     """Returns the rows of a delimited text file, without empty rows and an empty last field.
 
     Raises:
-        InputError: where the file cannot be read or is empty.
+        InputError: if the file cannot be read or is empty.
     """
     try:
         rows = list(csv.reader(text_of(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
@@ -171,10 +171,10 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
 
 
 def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
-    """Returns (R, columns) the rows as numbers; an incomplete last row is left out.
+    """Returns (R, columns) the rows as numbers. An incomplete last row is left out.
 
     Raises:
-        InputError: naming the line that is too short or holds something else.
+        InputError: for a line that is too short or contains other text.
     """
     if len(rows) > 1 and len(rows[-1]) != columns:
         rows = rows[:-1]
@@ -198,10 +198,10 @@ def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_li
 
 
 def floats_of(path: Path) -> Float:
-    """Returns (N,) the numbers of a text file, between blanks.
+    """Returns (N,) the numbers of a text file, separated by blanks.
 
     Raises:
-        InputError: where it holds something else.
+        InputError: if it contains other text.
     """
     words = text_of(path).split()
     try:
@@ -213,7 +213,7 @@ def floats_of(path: Path) -> Float:
 
 
 def are_numbers(cells: Sequence[str]) -> bool:
-    """Returns whether every cell is a number."""
+    """Returns True if every cell is a number."""
     try:
         [float(cell) for cell in cells]
     except ValueError:
@@ -222,6 +222,6 @@ def are_numbers(cells: Sequence[str]) -> bool:
 
 
 def first_lines(head: bytes, count: int) -> list[str]:
-    """Returns the first whole lines of the beginning of a text file; none where it is no text."""
+    """Returns the first complete lines of a text file. Empty if it is not a text file."""
     text = decode_text(head)
     return text.split("\n")[:count] if "\0" not in text else []

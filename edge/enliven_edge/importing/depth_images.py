@@ -1,4 +1,4 @@
-"""Depth images with OpenCV camera files beside them, and a Kinect v1's without."""
+"""Reads depth images with OpenCV camera files, and depth images of a Kinect v1 without camera files."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _SUFFIX = "_depth.png"
 
 
 class OpenCvDepthReader(Reader):
-    """16-bit PNG in millimetres, one camera file of OpenCV's FileStorage for each image.
+    """16-bit PNG in millimetres, with one camera file of OpenCV's FileStorage for each image.
 
-    The camera files may hold a rotation and a translation too: where a turning person was registered, these
-    are the body's motion and not the sensor's, so they are not used.
+    The camera files may contain a rotation and a translation, too. In registered scans of a turning person
+    these are the body's motion and not the sensor's, so they are not used.
     """
 
     name = "opencv-depth"
@@ -62,10 +62,10 @@ class OpenCvDepthReader(Reader):
 
 
 def read_camera(path: Path, width: int, height: int) -> Intrinsics:
-    """The pinhole camera in an OpenCV FileStorage XML (matrix ``intrinsic``).
+    """Reads the pinhole camera from an OpenCV FileStorage XML (matrix ``intrinsic``).
 
     Raises:
-        InputError: where the file or the matrix is missing or damaged.
+        InputError: if the file or the matrix is missing or damaged.
     """
     try:
         text = ElementTree.fromstring(text_of(path)).findtext("intrinsic/data") or ""
@@ -89,11 +89,11 @@ def _camera_file(depth: Path) -> Path:
 _BYTES = KINECT1.width * KINECT1.height * 2
 """Bytes of a file: two for each pixel."""
 _FARTHEST = 10_000
-"""Millimetres: farther values are no distances of a Kinect v1."""
+"""Millimetres: larger values are not distances of a Kinect v1."""
 
 
 class RawKinectReader(Reader):
-    """Reads files of exactly 614,400 bytes that hold possible distances of a Kinect v1."""
+    """Reads files of exactly 614,400 bytes with plausible distances of a Kinect v1."""
 
     name = "raw-kinect1"
     description = "headerless Kinect v1 depth images (640x480 uint16 millimetres)"
@@ -116,7 +116,7 @@ def _raw_images(paths: Sequence[Path]) -> list[Path]:
 
 
 def _plausible(values: UInt16) -> bool:
-    """Returns whether numbers look like distances: some are near enough, and hardly any too far."""
+    """Returns True if numbers look like distances: some are near enough, and hardly any too far."""
     known = values[values > 0]
     return known.size > 100 and float(np.mean(known > _FARTHEST)) < 0.001
 
@@ -134,7 +134,10 @@ def _read(path: Path) -> UInt16:
 
 
 class PlainDepthReader(Reader):
-    """16-bit PNG without a camera file: the camera is stated, or a usual one of that shape."""
+    """16-bit PNG without a camera file.
+
+    The user gives the camera, or a usual one of that image shape is assumed.
+    """
 
     name = "plain-depth"
     description = "depth PNG alone (16-bit, the shape of a Kinect's image, or with --lens)"
@@ -156,10 +159,10 @@ class PlainDepthReader(Reader):
 
 
 def _camera_of(path: Path, width: int, height: int, options: ImportOptions) -> tuple[str, Intrinsics]:
-    """Returns the sensor's name and camera for an image without a camera file: as stated, or a usual one.
+    """Returns the sensor's name and camera for an image without a camera file: as given, or a usual one.
 
     Raises:
-        InputError: where none is stated, and no usual sensor has images of this shape.
+        InputError: if none is given, and no usual sensor has images of this shape.
     """
     if options.lens is not None:
         return options.device or "depth", Intrinsics(width, height, *options.lens)

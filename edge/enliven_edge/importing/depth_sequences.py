@@ -1,5 +1,7 @@
-"""Sequences of depth images: images that cannot be used leave a gap in time, and values become
-millimetres."""
+"""Sequences of depth images.
+
+Images that cannot be used leave a gap in time; values are converted to millimetres.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +17,18 @@ from enliven_edge.importing.base import ImportOptions, head_of, natural_order
 from enliven_edge.importing.images import PNG_MAGIC, colour_kind, is_depth_png, read_depth_png
 
 MILLIMETRES = 1000.0
-"""Values in a metre of most depth images."""
+"""Number of values per metre of most depth images."""
 TUM_UNITS = 5000.0
-"""Values in a metre of the images of the TUM RGB-D benchmark."""
+"""Number of values per metre of the images of the TUM RGB-D benchmark."""
 _D405_UNITS = 10_000.0
-"""Values in a metre of a RealSense D405; its depth unit is 0.1 mm from the factory."""
+"""Number of values per metre of a RealSense D405. Its depth unit is 0.1 mm from the factory."""
 _NO_DISTANCE = 65_535
-"""Value that some cameras write where nothing was measured, 7-Scenes' among them; 65 m in millimetres."""
+"""Value that some cameras write for missing depth, also in 7-Scenes: 65 m in millimetres."""
 _FAR_MM = 8000.0
-"""Median distance of an image beyond which another unit is likelier: depth cameras end near there."""
+"""Maximum median distance of an image. Beyond it another unit is more likely, since depth cameras measure
+less far."""
 _MAX_NAMED = 5
-"""Most images that are named one by one in notes; the others are counted."""
+"""Maximum number of images that are named in notes. The others are counted."""
 _OPTION = "--units-per-metre states another"
 
 
@@ -33,8 +36,8 @@ class DepthUnit:
     """Converts the values of a sequence's images to millimetres, and reports the unit with the first image.
 
     Args:
-        options: the user's; its unit takes precedence.
-        usual: values in a metre in this layout.
+        options: the user's options; their unit takes precedence.
+        usual: number of values per metre in this layout.
         reason: why that is assumed, such as "as in the TUM benchmark".
     """
 
@@ -44,7 +47,7 @@ class DepthUnit:
         self._reason, self._is_reported = reason, False
 
     def millimetres(self, values: UInt16) -> UInt16:
-        """(H, W) uint16 millimetres; 0 where nothing was measured, or too far for 16 bits."""
+        """Returns (H, W) uint16 millimetres, 0 for missing depth or depth beyond 16 bits."""
         values = np.where(values == _NO_DISTANCE, 0, values).astype(np.uint16)
         depth = values
         if self._units != MILLIMETRES:
@@ -56,7 +59,7 @@ class DepthUnit:
         return depth
 
     def _report(self, depth: UInt16) -> None:
-        """Reports the unit, and doubts about it by the first image."""
+        """Reports the unit, and doubts about it from the first image."""
         if self._is_stated:
             return
         name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
@@ -72,8 +75,10 @@ class DepthUnit:
 
 
 def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
-    """Returns the unit of an image without a stated one: a D405's by the device or the name of file or
-    folder."""
+    """Returns the unit of images without a stated unit.
+
+    A D405 is recognised by device, file or folder name.
+    """
     names = (device, path.name, path.parent.name)
     if any(re.search(r"(?<![a-z0-9])d405(?![0-9])", name.lower()) for name in names):
         return DepthUnit(options, _D405_UNITS, "as a RealSense D405 writes them")
@@ -81,10 +86,11 @@ def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
 
 
 def depth_series(paths: Iterable[Path]) -> list[Path]:
-    """Returns the PNG files of the series that hold depth, in order; a series has equal names but for
-    numbers.
+    """Returns the PNG files of the series that contain depth, in order.
 
-    Images of a series that hold no depth are among them, so that each later one keeps its place.
+    Names within a series differ only in numbers.
+
+    Images without depth in such a series are included, so that each later image keeps its place.
     """
     series: dict[tuple[Path, str], list[Path]] = {}
     for path in paths:
@@ -95,10 +101,10 @@ def depth_series(paths: Iterable[Path]) -> list[Path]:
 
 
 def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
-    """Yields the images that hold depth with their times; the others are reported by name and leave a gap.
+    """Yields the images that contain depth with their times. The others are reported by name and leave a gap.
 
     Raises:
-        InputError: if none of them holds depth.
+        InputError: if none of them contains depth.
     """
     used, left_out = 0, list[Path]()
     for path, time_ns in timed:
@@ -120,7 +126,7 @@ def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> 
 
 
 def _problem(path: Path) -> str:
-    """Returns why a file holds no depth."""
+    """Returns why a file contains no depth."""
     if path.is_file() and path.stat().st_size == 0:
         return "it is empty"
     kind = colour_kind(path)
@@ -132,12 +138,12 @@ def _problem(path: Path) -> str:
 
 
 def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
-    """Reads (H, W) uint16 millimetres from a depth image; raises as :func:`read_depth_png`."""
+    """Reads (H, W) uint16 millimetres from a depth image. Raises as :func:`read_depth_png`."""
     return unit.millimetres(read_depth_png(path))
 
 
 def timed_images(
     images: Sequence[Path], options: ImportOptions, fps: float = 30.0
 ) -> Iterator[tuple[Path, int]]:
-    """Yields the usable images with evenly spaced times in nanoseconds, as :func:`usable_images`."""
+    """Yields the usable images with evenly spaced times in nanoseconds, as :func:`usable_images` does."""
     return usable_images(zip(images, options.times_ns(fps), strict=False), options)

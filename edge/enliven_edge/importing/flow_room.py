@@ -1,4 +1,4 @@
-"""Kinect v2 skeletons in depth pixels as The Flow Room writes them (JSON)."""
+"""Reads Kinect v2 skeletons in depth pixels, as The Flow Room writes them (JSON)."""
 
 from __future__ import annotations
 
@@ -24,20 +24,22 @@ from enliven_edge.importing.skeletons import (
 )
 
 FOCAL = 365.5
-"""Focal length of a Kinect v2's depth camera (512x424), pixels: the usual one, since the files hold none."""
+"""Focal length of a Kinect v2's depth camera (512x424), pixels: the usual one, since the files contain
+none."""
 CENTRE = (256.0, 212.0)
 """Column and row of the image's centre, pixels."""
 STATURE = 1.70
-"""Metres from the ankles to the crown of an average person, which sets the distance."""
+"""Metres from the ankles to the crown of an average person, which determines the distance."""
 _METRES_PER_Z = 0.0036
-"""No unit is stated. With this one bones keep their lengths best while they turn towards the sensor, and all
-people in the known recordings agree on it; with millimetres they would be as flat as cut-outs."""
+"""Metres per unit of z, which the files do not state. With this value bones keep their lengths best while
+they turn towards the sensor, and all people in the known recordings agree on it. With millimetres people
+would be flat."""
 _INVALID = -500
 """Value of z at or below which a point was not measured: the files use large negative numbers."""
 _LONGEST = 0.4
-"""Metres of depth between neighbouring joints above which a joint was measured on the background."""
+"""Maximum metres of depth between neighbouring joints. Beyond it a joint was measured on the background."""
 _HEAD_TO_ANKLE = 0.88
-"""The head joint's height above the ankles as a share of the stature."""
+"""The head joint's height above the ankles as a fraction of the stature."""
 
 
 class _Point(msgspec.Struct):
@@ -56,10 +58,10 @@ _decoder = msgspec.json.Decoder(list[list[_Skeleton]])
 
 
 class FlowRoomReader(SkeletonReader):
-    """Frames of bodies of 21 joints: x, y in pixels of the depth image, z of a hidden unit and origin.
+    """Frames of bodies with 21 joints: x, y in pixels of the depth image, z with unknown unit and origin.
 
-    The origin of z is the same for everyone in a file. It is chosen so that the people are 1.70 m tall on
-    average; shapes are right to a few per cent, distances from the sensor are not measured.
+    The origin of z is the same for all people in a file. It is chosen so that the people are 1.70 m tall on
+    average. Body shapes are accurate to a few per cent, but distances from the sensor are not measured.
     """
 
     name = "flow-room"
@@ -107,7 +109,7 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
 
 
 def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
-    """Returns (20, 3) u, v, z and (20,) whether z was measured; elsewhere z is the parent's."""
+    """Returns (20, 3) u, v, z and (20,) whether z was measured. Otherwise z is the parent's."""
     points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
     good = points[:, 2] > _INVALID
     middle = float(np.median(points[good, 2])) if good.any() else 0.0
@@ -119,7 +121,7 @@ def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
 
 
 def _distance(bodies: Sequence[Float], path: Path) -> float:
-    """Returns metres from the sensor to z = 0, from the people's median height in pixels."""
+    """Returns the metres from the sensor to z = 0, from the people's upper-quartile height in pixels."""
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
     ]

@@ -16,21 +16,21 @@ from enliven_edge.importing.base import head_of
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-"""The Kinect v1's camera as drivers assume it without a calibration."""
+"""The Kinect v1's camera that drivers assume without a calibration."""
 KINECT2 = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
-"""The Kinect v2's depth camera; units differ by about 1 %."""
+"""The Kinect v2's depth camera; individual devices differ by about 1 %."""
 AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
-"""The Azure Kinect's depth camera in its narrow mode without binning; units differ by about 1 %."""
+"""The Azure Kinect's depth camera in its narrow mode without binning; devices differ by about 1 %."""
 _USUAL = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
 """Sensors by name, which are recognised by the shape of their images."""
 _COLOUR = ("PNG", "JPEG")
-"""Image formats of the layouts; Pillow's other decoders start programs or trust hostile bytes."""
+"""Image formats of the layouts. Pillow's other decoders start programs or trust hostile bytes."""
 _MOST_PIXELS = 1 << 26
-"""Pixels of one image, 8192 x 8192: a few kilobytes can state any number."""
+"""Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
 
 def is_depth_png(path: Path) -> bool:
-    """Returns whether a file is a PNG of one 16-bit channel, by its header."""
+    """Returns True if a file is a PNG of one 16-bit channel, judged by its header."""
     head = head_of(path, 33)
     return head.startswith(PNG_MAGIC) and len(head) == 33 and head[24] == 16 and head[25] == 0
 
@@ -42,7 +42,7 @@ def png_size(path: Path) -> tuple[int, int]:
 
 
 def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
-    """Returns the name and the camera of the sensor with depth images of this shape; None: not known."""
+    """Returns the name and the camera of the sensor with depth images of this shape. None: unknown."""
     for name, camera in _USUAL.items():
         scaled = camera.scaled(width / camera.width)
         if (scaled.width, scaled.height) == (width, height):
@@ -51,7 +51,7 @@ def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
 
 
 def colour_kind(path: Path) -> str | None:
-    """Returns the kind of a picture without depth, such as "a JPEG image in colour"; None: another file."""
+    """Returns the kind of an image without depth, such as "a JPEG image in colour". None: another file."""
     try:
         with _opened(path, _COLOUR) as image:
             if image.mode.startswith("I") or image.format is None:
@@ -66,7 +66,7 @@ def read_depth_png(path: Path) -> UInt16:
     """Reads (H, W) uint16 millimetres from a 16-bit PNG.
 
     Raises:
-        InputError: where the file is missing, damaged, or not of one 16-bit channel.
+        InputError: if the file is missing, damaged, or not of one 16-bit channel.
     """
     if path.exists() and not is_depth_png(path):
         raise InputError(
@@ -85,10 +85,10 @@ def read_depth_png(path: Path) -> UInt16:
 
 
 def read_colour(path: Path) -> UInt8 | None:
-    """Reads (h, w, 3) uint8 sRGB; None where there is no such file.
+    """Reads (h, w, 3) uint8 sRGB. None if the file does not exist.
 
     Raises:
-        InputError: where the image is damaged.
+        InputError: if the image is damaged.
     """
     if not path.exists():
         return None
@@ -101,10 +101,10 @@ def read_colour(path: Path) -> UInt8 | None:
 
 
 def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
-    """Opens an image without decoding it, and checks the size that it states.
+    """Opens an image without decoding it, and checks its declared size.
 
     Raises:
-        InputError: where it states more pixels than any sensor has.
+        InputError: if it declares more pixels than any sensor has.
     """
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
     if image.width * image.height > _MOST_PIXELS:

@@ -1,4 +1,4 @@
-"""Skeletons of one person as programs and data sets around the Kinect keep them in text files."""
+"""Reads skeletons of one person from text files of programs and data sets around the Kinect."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _GAIT_NAMES = {joint.name.replace("_", "-").title(): joint for joint in Joint} |
     "Hip-Centro": Joint.HIP_CENTER,
     "Shoulder-Centro": Joint.SHOULDER_CENTER,
 }
-"""The joint of each name in KinectGait; its files mix languages (``Hip-centro``)."""
+"""The joint of each name in KinectGait. Its files mix languages (``Hip-centro``)."""
 _LABANOTATION_COLUMNS = 101
-"""Numbers of a row: the time, then x, y, z and the tracking state of 25 joints."""
+"""Numbers per row: the time, then x, y, z and the tracking state of 25 joints."""
 _TICK_NS = 100
 """Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
 MSR_ORDER = (
@@ -67,17 +67,17 @@ MSR_ORDER = (
 )
 """(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
 MSR_FOCAL = 285.0
-"""Focal length of the pixel form's depth camera (320x240), pixels, for which both forms agree."""
+"""Focal length of the pixel form's depth camera (320x240), pixels. With it both forms agree."""
 _MSR_CENTRE = (160.0, 120.0)
 """Column and row of the image's centre, pixels."""
 _MSR_METRES = 0.004
-"""Metres of one unit of depth in the pixel form, for which both forms agree."""
+"""Metres of one unit of depth in the pixel form. With it both forms agree."""
 _MSR_FPS = 15.0
-"""Frames a second of the data set, which its files do not state."""
+"""Frames per second of the data set, which its files do not state."""
 
 
 class BodyScannerReader(SkeletonReader):
-    """``Joints,X,Y,Z``; the row ``Degree`` is the sensor's tilt, then 25 joints, +Y up, +Z to the sensor."""
+    """``Joints,X,Y,Z``. The row ``Degree`` is the sensor's tilt, then 25 joints, +Y up, +Z to the sensor."""
 
     name = "body-scanner"
     description = "BodyScanner-Kinect CSV (the joints of one moment, with the sensor's tilt)"
@@ -96,19 +96,20 @@ class BodyScannerReader(SkeletonReader):
         if missing:
             raise InputError(f"the row {missing[0]} is missing", where=str(path))
         level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
-        # Its +Z is to the sensor, as the world's is.
+        # In the file, +Z points to the sensor, as in the world.
         joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
         return [SkeletonMoment(0, [tracked(joints)])]
 
 
 def level_from_tilted(tilt: float) -> Float:
-    """(3, 3) takes the space of a sensor that points ``tilt`` radians down to a level one."""
+    """Returns a (3, 3) rotation from the space of a sensor tilted ``tilt`` radians downwards to a level
+    one."""
     c, s = math.cos(tilt), math.sin(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 class GaitReader(SkeletonReader):
-    """``Joint-Name;x;y;z`` lines in metres; a frame starts at ``Head`` and has 20 lines."""
+    """``Joint-Name;x;y;z`` lines in metres. A frame starts at ``Head`` and has 20 lines."""
 
     name = "kinect-gait"
     description = "KinectGait text (Joint-Name;x;y;z lines, 20 a frame)"
@@ -141,7 +142,7 @@ def _gait_joint(name: str, path: Path, line: int) -> Joint:
 
 
 class LabanotationReader(SkeletonReader):
-    """No header; 101 values a row: time in 100 ns ticks, then 25 joints of x, y, z, tracking state."""
+    """No header. 101 values per row: time in 100 ns ticks, then 25 joints of x, y, z, tracking state."""
 
     name = "labanotation"
     description = "Kinect v2 skeleton CSV of the LabanotationSuite (time, 25 joints with tracking states)"
@@ -163,7 +164,7 @@ class LabanotationReader(SkeletonReader):
 
 
 class MsrAction3dReader(SkeletonReader):
-    """20 rows a frame of x, y, z, confidence; either metres, or pixels and depth in units of 4 mm."""
+    """20 rows per frame of x, y, z, confidence. Either metres, or pixels and depth in units of 4 mm."""
 
     name = "msr-action3d"
     description = "MSR Action3D skeleton text (aXX_sXX_eXX_skeleton.txt or _skeleton3D.txt)"
@@ -187,7 +188,7 @@ class MsrAction3dReader(SkeletonReader):
 
 
 def _one_person(times: Sequence[int], joints: Float, confidence: Float) -> list[SkeletonMoment]:
-    """The moments of one person: (F,) nanoseconds, (F, 20, 3) metres and (F, 20)."""
+    """Returns the moments of one person: (F,) nanoseconds, (F, 20, 3) metres and (F, 20) confidences."""
     return [
         SkeletonMoment(time_ns, [Body(0, *observed(xyz, sure))])
         for time_ns, xyz, sure in zip(times, joints, confidence, strict=True)

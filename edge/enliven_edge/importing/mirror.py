@@ -1,4 +1,4 @@
-"""Exchanges left and right: some drivers deliver mirrored images."""
+"""Exchanges left and right, since some drivers deliver mirrored images."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OTHER_SIDE = [
 
 
 def mirrored(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Yields every frame mirrored; the sensor stays where it is."""
+    """Yields every frame mirrored. The sensor stays at its place."""
     for frame in frames:
         yield _depth(frame) if isinstance(frame, DepthFrame) else _bodies(frame)
 

@@ -1,4 +1,5 @@
-"""Motion captures as bodies: the captured person is the performer, in their own size, at their own rate."""
+"""Reads motion captures as bodies: the captured person is the performer, with the captured size and frame
+rate."""
 
 from __future__ import annotations
 
@@ -42,14 +43,17 @@ _BONE_LIMBS = (
 )  # fmt: skip
 """(20,) the limb that gives the orientation of the bone ending at each joint."""
 _HEAD_CENTRE = 0.075
-"""Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
+"""Metres along the skull from the joint that turns it to the middle of the head, which sensors report as
+head."""
 
 
 class MotionCaptureReader(FileReader):
-    """A BVH file, or CMU's exponential maps: a joint for each of ours by name, metres by the legs' length.
+    """A BVH file, or CMU's exponential maps.
 
-    Left and right, heading and place are the file's. Joints, and the orientations of bones as well, are of
-    confidence 1: a motion capture does not say how sure it is.
+    Joints are matched by name, and the unit is guessed from the leg length.
+
+    Left and right, heading and place are the file's. Joints and orientations of bones have confidence 1,
+    because a motion capture contains no confidence.
     """
 
     name = "motion-capture"
@@ -79,7 +83,7 @@ class MotionCaptureReader(FileReader):
 
 
 def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
-    """(F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
+    """Returns (F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
     capture = upright_capture(capture)
     p = capture.positions
     metres = UNITS[guess_unit(leg_length(capture, roles))]

@@ -1,4 +1,4 @@
-"""Skeletons of several Kinect v2 and several people as KinectMultiTrack writes them."""
+"""Reads skeletons of several Kinect v2 and several people, as KinectMultiTrack writes them."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ from enliven_edge.importing.skeletons import (
 )
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
-"""Nanoseconds of one count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
+"""Nanoseconds per count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
 class MultiTrackReader(FileReader):
     """CSV with a header: a row for each time, person and Kinect; 25 joints in alphabetical order.
 
-    The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.
-    Times count from the first row (the files' milliseconds since the year 1 do not fit nanoseconds).
+    The Kinects keep their own coordinate systems, so only one of them is read: ``options.device``, or the one
+    with most rows. Times count from the first row (the files' milliseconds since the year 1 do not fit
+    nanoseconds).
     """
 
     name = "multitrack"
@@ -47,8 +48,8 @@ class MultiTrackReader(FileReader):
     note = "no tracking states in the files: every joint counts as tracked"
 
     clock = "Tracker_Time"
-    """The column of the times: when the computer heard of a skeleton. "Skeleton_Time": when its Kinect saw
-    it, by the Kinect's own clock, some ten milliseconds earlier now and then."""
+    """The column of the times: when the computer received a skeleton. "Skeleton_Time" is when its Kinect
+    captured it, by the Kinect's own clock, sometimes ten milliseconds earlier."""
 
     def matches(self, path: Path) -> bool:
         header = (first_lines(head_of(path), 1) or [""])[0]
@@ -74,10 +75,10 @@ class MultiTrackReader(FileReader):
 
 
 def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
-    """Groups rows of time, person and 20 x 3 joints by time; another Kinect's rows give the time alone.
+    """Groups rows of time, person and 20 x 3 joints by time. Another Kinect's rows contribute only the time.
 
     Args:
-        tick: nanoseconds of one count of the time.
+        tick: nanoseconds per count of the time.
     """
     order = np.argsort(values[:, 0], kind="stable")
     moments: list[SkeletonMoment] = []
@@ -92,7 +93,7 @@ def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
 
 
 def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
-    """Returns the Kinect to read; among equals the first in the file."""
+    """Returns the Kinect to read. Among equals, the first in the file."""
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))
     if wanted is None:

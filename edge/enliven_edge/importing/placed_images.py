@@ -1,4 +1,4 @@
-"""Depth images with the poses of a scan's camera, or the calibrations of RealSense cameras, beside them."""
+"""Reads depth images with camera poses of a scan, or with calibrations of RealSense cameras."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _images(paths: Sequence[Path]) -> list[Path]:
 
 
 def _model(entry: dict[str, Any]) -> str:
-    """ "Intel RealSense D415" as "realsense-d415"."""
+    """Returns "realsense-d415" for "Intel RealSense D415", for example."""
     return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
 
 
@@ -81,7 +81,7 @@ def _device(repository: Path, device: str) -> dict[str, Any]:
 
 
 def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
-    """The depth camera at this size: as stated, or scaled from a stated size of the same shape."""
+    """Returns the depth camera at this size: as listed, or scaled from a listed size of the same shape."""
     stated: dict[str, list[float]] = {}
     for group in entry.get("Depth Intrinsics", []):
         stated.update(group)
@@ -108,10 +108,10 @@ _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
 
 
 class PosedDepthReader(Reader):
-    """16-bit PNG in millimetres with camera-to-world matrices, as 3D scanning data sets have them.
+    """16-bit PNG in millimetres with camera-to-world matrices, the layout of 3D scanning data sets.
 
-    The files' world is a camera's (+Y down); it is turned so that +Y is up. Where the floor is, the files
-    do not say: y = 0 is at the height of that camera.
+    The files' world is that of a camera (+Y down). It is turned so that +Y is up. The files do not contain
+    the floor: y = 0 is at the height of that camera.
     """
 
     name = "posed-depth"
@@ -140,7 +140,7 @@ class PosedDepthReader(Reader):
 
 
 def _lens_of(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
-    """Returns focal lengths and centre in pixels: as the user states, of the file, or of 7-Scenes."""
+    """Returns focal lengths and centre in pixels: the user's, the file's, or those of 7-Scenes."""
     if options.lens is not None:
         return options.lens
     if not path.is_file():

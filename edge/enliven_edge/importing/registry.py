@@ -1,4 +1,4 @@
-"""The known readers, and the search for the one that fits some files."""
+"""The list of known readers, and the search for a reader that recognises given files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.importing.base import Reader
 from enliven_edge.importing.images import colour_kind
 
 ENTRY_POINTS = "enliven.readers"
-"""The entry-point group by which other packages add readers: each names a class like those here."""
+"""The entry-point group that lets other packages add readers: each entry names a class like those here."""
 _BUILT_IN = (
     "bags.reader:BagReader",
     "depth_images:OpenCvDepthReader",
@@ -33,7 +33,7 @@ _BUILT_IN = (
     "motion_capture:MotionCaptureReader",
     "depth_images:PlainDepthReader",
 )
-"""The built-in readers in the order of asking; the least demanding one comes last."""
+"""The built-in readers in the order of testing. The least specific one comes last."""
 
 
 def readers() -> dict[str, Reader]:
@@ -45,7 +45,7 @@ def readers() -> dict[str, Reader]:
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             made.append(entry.load()())
-        except Exception as error:  # another package's fault must not stop an import that needs none of it
+        except Exception as error:  # another package's fault must not stop an import
             warnings.warn(f"the reader {entry.name!r} cannot be loaded: {error}", stacklevel=2)
     return {reader.name: reader for reader in made}
 
@@ -54,7 +54,7 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     """Returns the reader called ``name``, or the first that recognises the files.
 
     Raises:
-        InputError: naming the nearest reader where the name is unknown, or where no reader fits.
+        InputError: for an unknown name, with the nearest known one, or if no reader recognises the files.
     """
     known = readers()
     if name is not None:
@@ -84,7 +84,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
     """Returns the files named by files, folders (those directly inside) and patterns, each once.
 
     Raises:
-        InputError: for a name that means no file, or a folder that cannot be listed.
+        InputError: for a name without a file, or a folder that cannot be listed.
     """
     found: dict[Path, None] = {}
     for name in names:
@@ -106,11 +106,12 @@ def find_files(names: Sequence[str]) -> list[Path]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Returns the files directly in a folder, and those of its folder "depth" unless it has images of its
-    own.
+    """Returns the files directly in a folder.
+
+    Includes its subfolder "depth" unless the folder has own images.
 
     Raises:
-        InputError: if it is a scene of several sequences, as 7-Scenes has them.
+        InputError: if it is a scene of several sequences, the layout of 7-Scenes.
     """
     inside = sorted(entry for entry in folder.iterdir() if entry.is_file())
     if any(path.suffix.lower() in (".png", ".jpg") for path in inside):

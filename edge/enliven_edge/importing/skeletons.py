@@ -1,8 +1,9 @@
-"""From the skeletons of foreign recordings to bodies in the world.
+"""Converts the skeletons of foreign recordings to bodies in the world.
 
-The Kinect SDKs' skeleton space has +X to the sensor's left, +Y up and +Z away from the sensor, metres. It is
-right-handed, so half a turn about the vertical brings it into the world of a level camera (+X to the
-sensor's right, +Z towards it): a person who faces the sensor looks along +Z with the left hand at +X.
+The Kinect SDKs' skeleton space has +X to the sensor's left, +Y up and +Z away from the sensor, in metres. It
+is right-handed. Half a turn about the vertical therefore converts it to the world of a level camera (+X to
+the sensor's right, +Z towards it). There a person that faces the sensor looks along +Z with the left hand at
++X.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
 """(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
 
-SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
+SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre. The neck,
 the hand tips and the thumbs have no counterpart.
 """
 _OF_THE_SPINE = ["SpineBase", "SpineMid", "SpineShoulder"]
@@ -33,9 +34,9 @@ KINECT2_NAMES = [*_OF_THE_SPINE, *(joint.name.title().replace("_", "") for joint
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""
 INFERRED = 0.4
-"""Confidence of a joint that the SDK inferred from others: it pulls less than a measured one."""
+"""Confidence of a joint that the SDK inferred from others: it has less weight than a measured one."""
 NOT_TRACKED = 0.0
-"""Confidence of a joint that the SDK does not know."""
+"""Confidence of a joint that is unknown to the SDK."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
 FOOT_ABOVE_SOLE = 0.02
@@ -46,23 +47,23 @@ _ANKLES = (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
 
 @dataclass(frozen=True)
 class SkeletonMoment:
-    """The bodies of one time, in the sensor's space."""
+    """The bodies at one time, in the sensor's space."""
 
     time_ns: int
     bodies: list[Body] = field(default_factory=list)
 
 
 class SkeletonReader(FileReader):
-    """Reads joints: a layout says its moments, and from which sensor they are."""
+    """Reads joints. A subclass provides the moments, and the name of the sensor."""
 
     sensor = "kinect1"
-    """The sensor's identity where the user gives none."""
+    """The sensor's identity if the user gives none."""
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        """The bodies of a file in the Kinect's skeleton space, in the order of time.
+        """Returns the bodies of a file in the Kinect's skeleton space, ordered by time.
 
         Raises:
-            InputError: naming the file (and line) that cannot be understood.
+            InputError: for a file (and line) that cannot be read.
         """
         raise NotImplementedError
 
@@ -73,7 +74,7 @@ class SkeletonReader(FileReader):
 
 
 def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]) -> Float:
-    """(..., 3) joints in skeleton space, +Y up, of (..., 2) pixels at (...) metres.
+    """Returns (..., 3) joints in skeleton space, +Y up, from (..., 2) pixels at depths of (...) metres.
 
     Args:
         focal, centre: pixels, of the depth camera.
@@ -83,27 +84,29 @@ def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]
 
 
 def tracked(joints: Float) -> Body:
-    """The body of (20, 3) joints that a file gives without states: every joint counts as tracked."""
+    """Returns the body of (20, 3) joints from a file without tracking states: every joint counts as
+    tracked."""
     return Body(0, *observed(joints, np.full(len(joints), TRACKED)))
 
 
 def frames_in_world(
     moments: Sequence[SkeletonMoment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
-    """Yields the body frames of a take in the world, standing on the floor, each person with their stature.
+    """Yields the body frames of a take in the world, on the floor, with an estimated stature per person.
 
-    The floor is the lower quartile, over the take, of the lower sole's height: of two feet one stands nearly
-    always, and neither a jump nor some wrong feet move a quartile. The stature is the median over the take
-    of what the bones' lengths say.
+    The floor is the lower quartile, over the take, of the lower sole's height. One foot nearly always stands,
+    and neither a jump nor some wrong feet move a quartile. The stature is the median over the take of the
+    height computed from bone lengths.
 
     Args:
-        moments: in the order of time.
+        moments: ordered by time.
         sensor: its identity.
-        world_from_sensor: (3, 3) rotation from the sensor's space; bodies with orientations are in the world.
-        where: the file, for messages.
+        world_from_sensor: (3, 3) rotation from the sensor's space. Bodies with orientations are already in
+            the world.
+        where: the file, for error messages.
 
     Raises:
-        InputError: where no joint was seen.
+        InputError: if no joint was seen.
     """
     turned = [_turned(moment, world_from_sensor) for moment in moments]
     everybody = [body for moment in turned for body in moment.bodies]
@@ -116,7 +119,7 @@ def frames_in_world(
 
 
 def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
-    """Returns joints (20, 3) and confidence (20,) as observed: a missing joint is NaN with 0."""
+    """Returns joints (20, 3) and confidence (20,) with missing joints as NaN and confidence 0."""
     good: Bool = np.asarray(np.isfinite(joints).all(-1))
     return np.where(good[:, None], joints, np.nan), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
 
@@ -142,7 +145,7 @@ def _floor(bodies: Sequence[Body], where: str) -> float:
 
 
 def _sole(body: Body) -> float:
-    """Returns the height of a body's lower sole, from the joints that were seen, or else from all."""
+    """Returns the height of a body's lower sole, from the visible joints, or else from all."""
     for least in (0.5, -1.0):
         above = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
         heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > least]

@@ -1,4 +1,4 @@
-"""Sequences of the TUM RGB-D benchmark, and others that are named after their times in seconds."""
+"""Reads sequences of the TUM RGB-D benchmark, and others with images named after their time in seconds."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _POSES = "groundtruth.txt"
 _TIME = re.compile(r"\d{9,11}\.\d{3,9}")
 """The name of an image that is its time: seconds since 1970, with at least milliseconds."""
 _MAX_GAP_NS = 20_000_000
-"""Longest time between a depth image and its colour or pose, the benchmark's own 0.02 s."""
+"""Maximum time between a depth image and its colour or pose, the benchmark's own 0.02 s."""
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-"""(4, 4) from the benchmark's world, which has +Z up."""
+"""(4, 4) rotation from the benchmark's world, which has +Z up."""
 
 
 class TumReader(Reader):
-    """A folder with depth.txt, or images that are named after seconds since 1970; 5000 units to the metre."""
+    """A folder with depth.txt, or images named after seconds since 1970. 5000 units per metre."""
 
     name = "tum-depth"
     description = "TUM RGB-D benchmark (depth.txt with rgb.txt and groundtruth.txt; or SECONDS.png)"
@@ -76,7 +76,7 @@ def _is_timed(path: Path) -> bool:
 
 
 def _is_list(path: Path) -> bool:
-    """Returns whether a file lists depth images as the benchmark does."""
+    """Returns True if a file lists depth images in the benchmark's format."""
     if path.name != _LIST:
         return False
     rows = [line.split() for line in first_lines(head_of(path), 20) if not line.startswith("#")]
@@ -90,7 +90,7 @@ def _nanoseconds(seconds: str) -> int:
 
 
 def _rows(path: Path, columns: int) -> list[list[str]]:
-    """Returns the rows of a list without comments; none if it is not there.
+    """Returns the rows of a list without comments. Empty if the file is missing.
 
     Raises:
         InputError: for a row with another number of columns, or without a time.
@@ -129,7 +129,7 @@ def _nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
 
 
 def _poses(path: Path, times: list[int]) -> dict[int, Float]:
-    """Returns (4, 4) world_from_camera, +Y up, at each of the times; nothing if one is without a pose."""
+    """Returns (4, 4) world_from_camera, +Y up, at each of the times. Empty if one has no pose."""
     rows = _rows(path, 8)
     if not rows:
         return {}
@@ -155,7 +155,7 @@ def _poses(path: Path, times: list[int]) -> dict[int, Float]:
 
 
 def _camera(path: Path, width: int, height: int, options: ImportOptions) -> Intrinsics:
-    """Returns the camera: as stated, or a usual one of this shape."""
+    """Returns the camera: the user's, or a usual one of this image shape."""
     if options.lens is not None:
         return Intrinsics(width, height, *options.lens)
     usual = usual_camera(width, height)

@@ -1,4 +1,4 @@
-"""Pictures and films for technicians: the tracker's bodies and messages drawn over the depth image."""
+"""Debug images and films for technicians: the tracker's bodies and messages drawn over the depth image."""
 
 import lazy_loader
 

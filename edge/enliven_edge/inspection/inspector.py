@@ -1,4 +1,4 @@
-"""Runs a recording through the tracker frame by frame and draws it."""
+"""Runs a recording through the tracker frame by frame and draws the result."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
 _SPAN_KEEPS = 0.97
-"""Share of the span of grey that is kept at each frame, so that pictures do not flicker."""
+"""Smoothing factor per frame of the grey value range, so that images do not flicker."""
 
 
 class Inspector:
     """Tracks frames, and draws depth, bodies and messages.
 
     Args:
-        width: of the pictures, pixels.
-        fps: frames a second that the sensor promises.
+        width: pixels, width of the images.
+        fps: nominal frames per second of the sensor.
 
     Attributes:
-        bodies: of the last frame that was tracked.
+        bodies: bodies of the last tracked frame.
     """
 
     def __init__(self, tracker: Tracker, width: int = 640, fps: float = 30.0) -> None:
@@ -36,7 +36,7 @@ class Inspector:
         self.bodies: list[Body] = []
 
     def failed(self, error: Exception) -> None:
-        """Takes in the error that the sensor raised in place of a frame when it was recorded."""
+        """Processes an error that the sensor raised in place of a frame when it was recorded."""
         self._health.failed(error)
 
     def picture(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
@@ -66,7 +66,7 @@ class Inspector:
         return self._span
 
     def _caption(self, frame: DepthFrame) -> list[str]:
-        """Returns what is wrong, the gravest first; then time and people."""
+        """Returns the current problems, the gravest first, then time and people."""
         first = self._first_ns = frame.time_ns if self._first_ns is None else self._first_ns
         people = ", ".join(f"{b.id} ({b.confidence.mean():.2f})" for b in self.bodies) or "nobody"
         states = [str(state)[:110] for state in self._health.states[:3]]

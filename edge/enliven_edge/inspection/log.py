@@ -9,11 +9,11 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors import DiaryEntry, SensorFault
 
 _MOST_TOLD = 5
-"""Losses that are described one by one; further ones are counted."""
+"""Maximum number of losses that are described one by one. Further ones are only counted."""
 
 
 class SensorLog:
-    """Takes in the events of a recording, one after the other."""
+    """Collects the events of a recording, one after the other."""
 
     def __init__(self) -> None:
         self._frames: Counter[str] = Counter()
@@ -29,10 +29,10 @@ class SensorLog:
         self._bad = 0
 
     def add(self, moment: DiaryEntry) -> None:
-        """Takes in the next event."""
+        """Adds the next event."""
         match moment.said:
             case SensorFault() as error:
-                # What is raised until it is back are attempts to open it.
+                # Errors until the sensor is back are attempts to open it.
                 if not self._lost:
                     self._losses.append((self._seconds(self._last_ns), error.what))
                 self._lost = True
@@ -71,7 +71,7 @@ class SensorLog:
         return said
 
     def _missing(self) -> str:
-        """Describes the gaps of the sensor's own count."""
+        """Describes the gaps in the sensor's sequence numbers."""
         if not self._counts:
             return "not known; the sensor did not count its images"
         if not self._gaps:
@@ -81,7 +81,7 @@ class SensorLog:
         return f"{count} images in {len(self._gaps)} gaps; the longest {longest} at {at:.2f} s"
 
     def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
-        """Counts a gap in the sensor's numbers; a sensor that was opened anew starts elsewhere."""
+        """Counts a gap in the sensor's sequence numbers. A reopened sensor starts with other numbers."""
         before = self._counts.get(sensor)
         if before is not None and not self._lost and sequence > before + 1:
             self._gaps.append((self._seconds(time_ns), sequence - before - 1))

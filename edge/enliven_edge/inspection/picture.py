@@ -14,17 +14,20 @@ from enliven.person import BONES, Body
 _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
 )
-"""(6, 3) sRGB of the people's tints, in turn: easily told apart."""
+"""(6, 3) sRGB tints of the people, in turn: easy to distinguish."""
 _NEAREST = 0.12
-"""Metres from the camera: nearer joints are not drawn, since their projection runs out of the picture."""
+"""Metres from the camera. Nearer joints are not drawn, since their projection leaves the image."""
 _HOLE = 12
-"""Grey of a pixel without depth, of 255: darker than every distance, lighter than black."""
+"""Grey value of a pixel without depth, of 255: darker than every distance, lighter than black."""
 _UNSURE = 0.05
-"""Confidence of both ends below which a bone is not drawn."""
+"""Bones with both ends below this confidence are not drawn."""
 
 
 def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
-    """Returns (H, W, 3) grey: bright is near, ``far`` metres and beyond dark; unknown nearly black."""
+    """Returns (H, W, 3) grey: bright is near, ``far`` metres and beyond is dark.
+
+    Unknown depth is nearly black.
+    """
     z = depth.astype(np.float64) * 1e-3
     grey = 235.0 - 190.0 * np.clip((z - near) / max(far - near, 1e-6), 0.0, 1.0)
     grey[depth == 0] = _HOLE
@@ -32,7 +35,10 @@ def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
 
 
 def depth_span(depth: UInt16) -> tuple[float, float]:
-    """Returns the metres between which most of an image lies; arguments of :func:`depth_picture`."""
+    """Returns near and far in metres, between which most of an image lies.
+
+    Arguments of :func:`depth_picture`.
+    """
     known = depth[(depth > 0) & (depth < 65535)]
     if known.size == 0:
         return 0.5, 4.0
@@ -41,11 +47,11 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
 
 
 def tinted(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
-    """Returns the picture with each person's known pixels coloured.
+    """Returns the image with each person's known pixels coloured.
 
     Args:
-        owner: (h, w) of a reduced image: the person of each pixel, 0, 1, ..., or -1 for none.
-        depth: (H, W) of the picture.
+        owner: (h, w) of a downsampled image: the person of each pixel, 0, 1, ..., or -1 for none.
+        depth: (H, W) depth of the image.
     """
     height, width = picture.shape[:2]
     rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
@@ -58,7 +64,7 @@ def tinted(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
 
 
 def confidence_colour(confidence: float) -> tuple[int, int, int]:
-    """Returns red for confidence 0, through yellow, to green for 1."""
+    """Returns a colour from red (confidence 0) through yellow to green (confidence 1)."""
     c = min(max(confidence, 0.0), 1.0)
     return (255, round(510 * c), 40) if c < 0.5 else (round(510 * (1.0 - c)), 255, 40)
 
@@ -70,7 +76,7 @@ def draw_bodies(
     world_from_camera: Float,
     scale: float = 1.0,
 ) -> UInt8:
-    """Returns the picture (of ``scale`` times the camera's size) with the skeletons and their ids."""
+    """Returns the image (``scale`` times the camera's size) with the skeletons and their ids."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
@@ -91,7 +97,7 @@ def draw_bodies(
 
 
 def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: float) -> None:
-    """Draws a joint: filled where it is observed, a ring where it is a guess."""
+    """Draws a joint: filled if it is observed, a ring if it is a guess."""
     box = [at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius]
     if confidence >= _UNSURE:
         draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))
@@ -100,7 +106,7 @@ def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: flo
 
 
 def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int] = (255, 230, 90)) -> UInt8:
-    """Returns the picture with lines of text in its lower left corner."""
+    """Returns the image with lines of text in its lower left corner."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for n, line in enumerate(reversed(lines)):
@@ -111,7 +117,7 @@ def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int]
 
 
 def contact_sheet(pictures: Sequence[UInt8], columns: int, width: int) -> UInt8:
-    """Returns one picture of many, ``columns`` in a row, each ``width`` pixels wide."""
+    """Returns a contact sheet of many images, ``columns`` in a row, each ``width`` pixels wide."""
     small = []
     for picture in pictures:
         height = max(1, round(picture.shape[0] * width / picture.shape[1]))

@@ -1,6 +1,6 @@
-"""Landmarks of a colour image, lifted into bodies in metres and joined with the bodies from depth.
+"""Landmarks of a colour image, lifted to bodies in metres and fused with the bodies from depth.
 
-This is an addition: depth alone tracks without it. MediaPipe runs in a process of its own.
+This is optional: depth alone tracks without it. MediaPipe runs in a separate process.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Estimates bodies from a camera's colour: finds, lifts and numbers landmarks, joined with depth."""
+"""Estimates bodies from a colour camera: detects landmarks, lifts them to 3D, fuses them with depth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings, Med
 
 @dataclass(frozen=True)
 class ColourSettings:
-    """Landmarks from the colour image of a depth sensor, joined with the bodies from depth."""
+    """Landmarks from the colour image of a depth sensor, fused with the bodies from depth."""
 
     use: bool = setting(False, "Look at the colour image too, where there is one; costs its time per frame.")
     mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "What finds the landmarks.")
@@ -29,15 +29,17 @@ class ColourSettings:
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON = 0.5
-"""Metres between two trunks of one person, at most."""
+"""Maximum metres between two trunks of the same person."""
 _AGREE = 0.12
-"""Metres: two places of a joint this near are one place seen twice; farther ones contradict each other."""
+"""Metres: two positions of a joint within this distance agree. Farther ones contradict each other."""
 
 
 def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
-    """Returns the depth's bodies, each joined with the colour's body of the same person; nearest pairs first.
+    """Returns the depth bodies, each fused with the colour body of the same person.
 
-    People whom colour alone sees are left out: the depth's tracker says who there is.
+    The nearest pairs come first.
+
+    People that only the colour image shows are left out: the depth tracker decides which people exist.
     """
     pairs = sorted(
         (distance, i, k)
@@ -56,11 +58,11 @@ def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
 
 
 def join(depth: Body, colour: Body) -> Body:
-    """Joins two bodies of one person.
+    """Fuses two bodies of the same person.
 
-    Where both agree on a joint it lies between them, weighted by confidence, and surer than either. Where
-    they contradict each other the surer one is taken, with less confidence. A joint that only one has is
-    taken from it. Identity, orientations and all else are those of the depth's body.
+    If both agree on a joint, the result lies between them, weighted by confidence, with a higher confidence
+    than either. If they contradict each other, the more confident one is used, with less confidence. A joint
+    that only one has is copied. Identity, orientations and all else come from the depth body.
     """
     ours, theirs = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
     apart = np.linalg.norm(depth.joints - colour.joints, axis=1)
@@ -77,7 +79,7 @@ def join(depth: Body, colour: Body) -> Body:
 
 
 def _apart(a: Body, b: Body) -> float:
-    """Returns metres between two trunks, over the joints that both have."""
+    """Returns the metres between two trunks, averaged over their shared joints."""
     known = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
     if not known.any():
         return float("inf")
@@ -86,16 +88,16 @@ def _apart(a: Body, b: Body) -> float:
 
 
 _STEP = 0.6
-"""Metres that one person moves between two frames, at most."""
+"""Maximum metres that a person moves between two frames."""
 _FORGOTTEN_NS = 2_000_000_000
 """Nanoseconds after which a lost person gets a new number."""
 
 
 class ColourPoseEstimator:
-    """Estimates bodies from one colour camera by a source of landmarks.
+    """Estimates bodies from one colour camera with a landmark detector.
 
     Args:
-        source: finds the landmarks; the caller closes it.
+        source: detects the landmarks. The caller closes it.
     """
 
     def __init__(self, source: LandmarkSource, settings: LiftSettings | None = None) -> None:
@@ -104,7 +106,7 @@ class ColourPoseEstimator:
         self._next = 1
 
     def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
-        """Returns a frame's depth bodies joined with those of its colour, if it shows any."""
+        """Returns a frame's depth bodies, fused with the bodies in its colour image if it has one."""
         if frame.colour is None or not bodies:
             return bodies
         found = self._source.find(frame.colour, frame.time_ns)
@@ -118,7 +120,7 @@ class ColourPoseEstimator:
         return self._numbered(guesses, time_ns)
 
     def _numbered(self, bodies: list[Body], time_ns: int) -> list[Body]:
-        """Returns the bodies numbered by the nearest one in the frame before; others get new numbers."""
+        """Returns the bodies with the ids of the nearest bodies in the previous frame. Others get new ids."""
         self._known = {
             i: known for i, known in self._known.items() if 0 <= time_ns - known[1] < _FORGOTTEN_NS
         }
@@ -140,19 +142,19 @@ class ColourPoseEstimator:
 
 
 class MonocularPoseEstimator:
-    """Estimates bodies from a plain camera that stands level, with a roughly known view and without depth.
+    """Estimates bodies from a level camera with an approximately known field of view and without depth.
 
     Args:
-        view: degrees that the camera sees from left to right.
-        height: metres of the camera above the floor.
+        view: degrees, horizontal field of view of the camera.
+        height: metres, height of the camera above the floor.
         tilt: degrees that it looks down.
-        body_height: metres of the performers; a smaller one seems farther away.
+        body_height: metres, height of the performers. A smaller person appears to be farther away.
         python, model: of :class:`~enliven_edge.landmarks.source.MediaPipeSettings`.
-        source: finds the landmarks, in place of MediaPipe; closed with this.
+        source: detects the landmarks, in place of MediaPipe. It is closed with this object.
 
     Raises:
-        InputError: for a view that no lens has, or a model file that does not exist.
-        ResourceError: where MediaPipe cannot be started.
+        InputError: for an impossible field of view, or a missing model file.
+        ResourceError: if MediaPipe cannot be started.
     """
 
     def __init__(
@@ -176,21 +178,21 @@ class MonocularPoseEstimator:
         return self._eye.bodies(colour, camera, self._mount, time_ns)
 
     def close(self) -> None:
-        """Releases the source; a second call does nothing."""
+        """Releases the source. A second call does nothing."""
         self._source.close()
 
 
 def check_view(view: float) -> None:
-    """Checks a horizontal angle of view in degrees.
+    """Checks a horizontal field of view in degrees.
 
     Raises:
-        InputError: where they are such.
+        InputError: if it is impossible for a lens.
     """
     if not 10.0 <= view <= 170.0:
         raise InputError(f"the view is {view} degrees", where="camera", mend="Give 10 to 170.")
 
 
 def pinhole(width: int, height: int, view: float) -> Intrinsics:
-    """Returns a camera with a horizontal view of ``view`` radians."""
+    """Returns a pinhole camera with a horizontal field of view of ``view`` radians."""
     focal = 0.5 * width / math.tan(0.5 * view)
     return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

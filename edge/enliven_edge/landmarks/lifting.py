@@ -1,4 +1,4 @@
-"""Lifts landmarks of an image to the 20 joints of a body: by measured depth, or by size alone."""
+"""Lifts landmarks of an image to the 20 joints of a body: by measured depth, or by body height alone."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _ARM = (0.05, 0.04, 0.03, 0.025)
 _LEG = (0.09, 0.055, 0.04, 0.03)
 """Metres from skin to joint of hip, knee, ankle and foot."""
 SURFACE = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
-"""(20,) metres from the skin that a sensor sees to the joint behind it."""
+"""(20,) metres from the visible skin to the joint behind it."""
 
 
 def _weights() -> Float:
-    """Returns (20, 33) the share of each landmark in a joint; every row sums to 1."""
+    """Returns (20, 33) the weight of each landmark in a joint. Every row sums to 1."""
     made = np.zeros((len(Joint), len(NAMES)))
 
     def put(joint: Joint, **parts: float) -> None:
         for name, share in parts.items():
             made[joint, INDEX[name.replace("_", " ")]] += share
 
-    # The hip centre lies a little above the hips, the shoulder centre a little above the shoulders: parts of
-    # the trunk's length, which is that from hips to shoulders.
+    # The hip centre lies a little above the hips, the shoulder centre a little above the shoulders. The
+    # factors are fractions of the trunk's length from hips to shoulders.
     hips, shoulders = {"left_hip": 0.5, "right_hip": 0.5}, {"left_shoulder": 0.5, "right_shoulder": 0.5}
     for joint, up in ((Joint.HIP_CENTER, 0.17), (Joint.SPINE, 0.43), (Joint.SHOULDER_CENTER, 1.1)):
         put(joint, **{name: (1 - up) * share for name, share in hips.items()})
@@ -52,7 +52,7 @@ def _weights() -> Float:
 
 WEIGHTS = _weights()
 _USED = np.abs(WEIGHTS) > 0.15
-"""(20, 33) the landmarks that a joint needs to be known."""
+"""(20, 33) True for the landmarks that a joint needs."""
 
 
 def joints_of(landmarks: Float) -> Float:
@@ -61,21 +61,21 @@ def joints_of(landmarks: Float) -> Float:
 
 
 def visibility_of(visibility: Float) -> Float:
-    """Returns (20,) the probability that each joint is seen: that of its least visible landmark."""
+    """Returns (20,) the probability that each joint is visible: that of its least visible landmark."""
     return np.asarray(np.where(_USED, visibility, 1.0).min(1))
 
 
 _PATCH = 0.03
 """Metres to each side of a landmark within which depth is read."""
 _FEWEST = 3
-"""Measured values that a median needs, to outvote a single wrong one."""
+"""Minimum number of measured values for a median, to outvote a single wrong one."""
 _BEYOND_BONES = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
 """Metres of a person's height beyond the bones, above the head and below the ankles."""
 
 
 @dataclass(frozen=True)
 class LiftSettings:
-    """Settings that turn landmarks into bodies."""
+    """Settings for lifting landmarks to bodies."""
 
     visible: float = setting(
         0.5, "A landmark less likely to be seen than this has no say.", low=0.0, high=1.0
@@ -92,10 +92,10 @@ class LiftSettings:
 
 
 class Lifter:
-    """Lifts the landmarks of one camera; the colour image must show the same view as the depth image.
+    """Lifts the landmarks of one camera. The colour image must show the same view as the depth image.
 
-    The person's place is first found so that the source's own idea of the posture projects onto its
-    landmarks; that leaves one number, the size, which is the distance's too: measured depth gives it.
+    The person is first placed so that the detector's own 3D posture projects onto its landmarks. One unknown
+    remains: the scale, which also scales the distance. Measured depth gives it.
     """
 
     def __init__(self, settings: LiftSettings | None = None) -> None:
@@ -106,8 +106,8 @@ class Lifter:
     def lift(self, found: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
         """Returns the body of landmarks that were found in ``frame.colour``.
 
-        A joint is where depth confirms it; where something stands before it, or nothing is measured, it is
-        where the posture puts it, and not sure. What is out of the image has confidence 0.
+        A joint is at its measured position if depth confirms it. If it is occluded, or depth is missing, it
+        follows the posture with less confidence. A joint outside the image has confidence 0.
 
         Raises:
             InputError: for a frame without a colour image.
@@ -135,7 +135,10 @@ class Lifter:
         return Body(person, _to_world(local, world_from_camera), sure)
 
     def guess(self, found: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
-        """Returns the 2.5-D body of a camera without depth, at the distance of a person of the set height."""
+        """Returns the 2.5-D body of a camera without depth.
+
+        Its distance is that of a person with the configured height.
+        """
         posture = self._placed(found, found.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _BEYOND_BONES
         posture = posture * ((self.settings.body_height - _BEYOND_BONES) / max(bones, 0.1))
@@ -145,7 +148,8 @@ class Lifter:
         return Body(person, _to_world(posture, world_from_camera), sure)
 
     def _placed(self, found: Landmarks, points: Float, camera: Intrinsics) -> Float:
-        """Returns (20, 3) joints in the camera frame that project onto the landmarks, of their scale."""
+        """Returns (20, 3) joints in the camera frame that project onto the landmarks, at the landmarks'
+        scale."""
         ray, inside = self._ray(points, camera)
         weight = found.visibility * np.where(inside, 1.0, 0.2)
         x, y, z = found.offsets.T
@@ -160,7 +164,7 @@ class Lifter:
         return joints_of(found.offsets) + place
 
     def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
-        """Returns (N, 2) x/z and y/z of pixels, and whether each is in the image."""
+        """Returns (N, 2) x/z and y/z of pixels, and whether each is inside the image."""
         if camera != self._camera:
             self._camera, self._rays = camera, rays(camera)
         size = np.array([camera.width, camera.height])
@@ -174,7 +178,10 @@ class Lifter:
     def _measured(
         self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
     ) -> Float:
-        """Returns (20,) metres of the surface around each joint's pixel; NaN: none is within ``margin``."""
+        """Returns (20,) metres, the surface depth around each joint's pixel.
+
+        NaN: no depth is within ``margin``.
+        """
         depth, camera = frame.depth, frame.intrinsics
         made = np.full(len(pixels), np.nan)
         for joint in np.flatnonzero(inside):

@@ -1,4 +1,4 @@
-"""The landmarks of a person in a colour image, 33 points of BlazePose's, and how MediaPipe finds them."""
+"""Body landmarks in a colour image (the 33 points of BlazePose), and their detection by MediaPipe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NAMES: tuple[str, ...] = (
     "left thumb", "right thumb", "left hip", "right hip", "left knee", "right knee", "left ankle",
     "right ankle", "left heel", "right heel", "left foot index", "right foot index",
 )  # fmt: skip
-"""(33,) left and right are the performer's own."""
+"""(33,) names. Left and right are the performer's own."""
 INDEX = {name: i for i, name in enumerate(NAMES)}
 
 
@@ -35,10 +35,10 @@ class Landmarks:
     """One person in one colour image.
 
     Attributes:
-        points: (33, 2) pixels of the image, x to the right and y down; may lie outside.
-        visibility: (33,) in [0, 1]: how likely the landmark is in the image and not hidden.
-        offsets: (33, 3) metres from the middle of the hips along the camera's axes (OpenCV's), as the source
-            believes the person stands; their scale is a guess.
+        points: (33, 2) pixels of the image, x to the right and y down. They may lie outside.
+        visibility: (33,) in [0, 1]: probability that the landmark is in the image and not occluded.
+        offsets: (33, 3) metres from the middle of the hips along the camera's axes (OpenCV's): the detector's
+            3D posture. Its scale is a guess.
     """
 
     points: Float
@@ -47,16 +47,16 @@ class Landmarks:
 
 
 class LandmarkSource(Closing, Protocol):
-    """Finds people in colour images."""
+    """Detects people in colour images."""
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
         """Returns the people in an (h, w, 3) uint8 sRGB image.
 
         Args:
-            time_ns: the sensor's clock, rising from call to call.
+            time_ns: the sensor's clock, increasing from call to call.
 
         Raises:
-            ResourceError: where the source has failed for good.
+            ResourceError: if the detector has failed permanently.
         """
         ...
 
@@ -65,9 +65,9 @@ _HEAD = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
 """Bytes of one person in the worker's output: six float32 for each landmark."""
 _MODEL = "pose_landmarker.task"
-"""File in the user's own folder that is the model where none is named."""
+"""File name of the default model in the user's own folder."""
 _MOST = 64
-"""People in one image: a larger number from the worker is damage."""
+"""Maximum number of people in an image: a larger number from the worker means corrupt data."""
 _MEND = (
     "Either install the extra 'colour' (pip install \"./edge[colour]\") and give the model's .task file, or "
     "give the Python of an environment with mediapipe 0.10.21, which brings its model."
@@ -76,23 +76,23 @@ _MEND = (
 
 @dataclass(frozen=True)
 class MediaPipeSettings:
-    """Where MediaPipe and its model are installed."""
+    """Location of MediaPipe and its model."""
 
     python: str = setting("", "The Python that has mediapipe; empty: the one that runs the edge.")
     model: str = setting("", "A pose landmarker's .task file; mediapipe up to 0.10.21 needs none.")
 
     @property
     def model_file(self) -> Path | None:
-        """The model that is used: the one that is named, or else the user's own, where there is one."""
+        """The model to use: the configured one, or else the user's own if it exists."""
         own = own_folder() / _MODEL
         return Path(self.model) if self.model else own if own.is_file() else None
 
     def check(self) -> None:
-        """Checks what can be told without starting MediaPipe.
+        """Checks the settings without starting MediaPipe.
 
         Raises:
             InputError: for a model file that does not exist.
-            ResourceError: where MediaPipe is not installed, or brings no model and none is given.
+            ResourceError: if MediaPipe is not installed, or contains no model and none is given.
         """
         model = self.model_file
         if model is not None and not model.is_file():
@@ -112,11 +112,11 @@ class MediaPipeSettings:
 
 
 class MediaPipeSource(LandmarkSource):
-    """A :class:`~enliven_edge.landmarks.source.LandmarkSource`; see :mod:`enliven_edge.landmarks.worker`.
+    """A :class:`~enliven_edge.landmarks.source.LandmarkSource`. See :mod:`enliven_edge.landmarks.worker`.
 
     Raises:
         InputError: for a model file that does not exist.
-        ResourceError: where MediaPipe or its model is missing, or it cannot be started.
+        ResourceError: if MediaPipe or its model is missing, or it cannot be started.
     """
 
     def __init__(self, settings: MediaPipeSettings | None = None) -> None:
@@ -172,7 +172,7 @@ class MediaPipeSource(LandmarkSource):
         return data
 
     def _failed(self) -> ResourceError:
-        """Returns the error that says why the process ended, by its last line of output."""
+        """Returns the error that explains why the process ended, by its last line of output."""
         self._worker.kill()
         self._worker.wait()
         self._said.seek(0)
@@ -183,7 +183,7 @@ class MediaPipeSource(LandmarkSource):
 
 
 def _one_person(data: bytes) -> Landmarks:
-    """Reads one person of the worker's output; a landmark that is no number is not visible."""
+    """Reads one person of the worker's output. A landmark with NaN values is not visible."""
     rows = np.frombuffer(data, "<f4").reshape(len(NAMES), 6).astype(np.float64)
     good = np.asarray(np.isfinite(rows).all(1))
     rows = np.where(good[:, None], rows, 0.0)

@@ -1,8 +1,8 @@
-"""A program of its own around MediaPipe: images on its input, landmarks on its output.
+"""A separate program around MediaPipe: images on its input, landmarks on its output.
 
-It runs beside the edge because MediaPipe is large, may stop the process that it runs in, and in the version
-that brings its model (0.10.21) needs another NumPy than the edge. It imports nothing of enliven, so that the
-Python of another environment can run it:
+It is a separate process because MediaPipe is large and may terminate its process. The version that contains
+its model (0.10.21) also needs another NumPy than the edge. It imports nothing of enliven, so that the Python
+of another environment can run it:
 
     python worker.py            MediaPipe 0.10.21 or older, with the model inside its wheel
     python worker.py FILE.task  MediaPipe 1 or newer, with a pose landmarker's model bundle
@@ -27,7 +27,7 @@ HEAD = struct.Struct("<IIq")
 
 
 def _by_solutions() -> Finder:
-    """The finder of MediaPipe up to 0.10.21: one person."""
+    """Returns the detector of MediaPipe up to 0.10.21: one person."""
     import mediapipe  # type: ignore[import-not-found]
 
     pose = mediapipe.solutions.pose.Pose(static_image_mode=False, model_complexity=1)
@@ -42,7 +42,7 @@ def _by_solutions() -> Finder:
 
 
 def _by_tasks(model: str) -> Finder:
-    """The finder of MediaPipe 1: several people."""
+    """Returns the detector of MediaPipe 1: several people."""
     import mediapipe  # type: ignore[import-not-found]
     from mediapipe.tasks.python import BaseOptions, vision  # type: ignore[import-not-found]
 
@@ -73,14 +73,14 @@ def _packed(people: list[Any], width: int, height: int) -> bytes:
 
 
 def _exactly(stream: BinaryIO, count: int) -> bytes:
-    """So many bytes, or none at the end of the stream."""
+    """Reads ``count`` bytes, or returns none at the end of the stream."""
     data = stream.read(count)
     return data if data is not None and len(data) == count else b""
 
 
 def main() -> None:
     """Reads images from the standard input, and writes the landmarks of each to the standard output."""
-    # What MediaPipe's libraries print must not get between the landmarks.
+    # The output of MediaPipe's libraries must not mix with the landmarks.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     find = _by_tasks(sys.argv[1]) if len(sys.argv) > 1 else _by_solutions()

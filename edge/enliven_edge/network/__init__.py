@@ -1,4 +1,4 @@
-"""The edge's network: TCP servers with bounded queues, the streams to viewers, and the requests from them."""
+"""The edge's network: TCP servers with bounded queues, the streams to viewers, and their requests."""
 
 import lazy_loader
 

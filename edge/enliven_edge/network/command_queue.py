@@ -1,4 +1,4 @@
-"""Carries out the commands of viewers in fair order within a time budget for each frame."""
+"""Carries out the commands of viewers in fair order within a time budget per frame."""
 
 from __future__ import annotations
 
@@ -11,32 +11,35 @@ from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
 _MOST = 1024
-"""Commands that wait; beyond these the commands of disconnected viewers are dropped."""
+"""Maximum number of queued commands. Beyond it the commands of disconnected viewers are dropped."""
 _RESERVED = 0.4
-"""Share of the time budget for viewers with few requests: a flood of others does not delay them."""
+"""Fraction of the time budget for viewers with few requests, so that a flood of others does not delay
+them."""
 _LITTLE = 0.06
-"""Seconds of recent cost up to which a viewer may use the reserve: half is ten small orders a second."""
+"""Seconds of recent cost. A viewer below it may use the reserve: half is ten small orders per second."""
 _KNOWN_AFTER = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _FEW = 4
-"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood many."""
+"""Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, floods
+many."""
 _OWED = 15
-"""Frames of time at most that are owed after a slow order: half a second, or the next one seems unheard."""
+"""Maximum debt after a slow order, in frames: half a second. With more, the next order would seem ignored."""
 _STEP = 1 / 30
-"""Seconds of a frame that the budget is meant for: a longer one brings more, so that a slow edge answers."""
+"""Frame duration in seconds that the budget applies to. A longer frame adds more, so that a slow edge
+answers."""
 _SAVED = 50
 """Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 
 
 class CommandQueue:
-    """Orders the waiting commands: the viewer of least recent cost first, each viewer's in their order.
+    """Sorts the queued commands: viewers with the least recent cost first, each viewer's in their order.
 
-    Those of viewers that have gone come last.
+    The commands of disconnected viewers come last.
 
     Args:
-        budget: seconds for each frame of usual length between two calls of :meth:`work`, beside some that
-            earlier calls did not need. A command that takes longer is carried out, and the calls after it do
-            nothing until that is made up for, or some have passed.
+        budget: seconds per frame of usual length between two calls of :meth:`work`, in addition to unused
+            time of earlier calls. A command that takes longer is still carried out. The following calls then
+            do nothing until the debt is paid back or capped.
     """
 
     def __init__(self, budget: float) -> None:
@@ -46,7 +49,7 @@ class CommandQueue:
         self._worked = time.monotonic()
 
     def add(self, command: Command) -> None:
-        """Adds a command; an older command of its viewer on the same subject is refused."""
+        """Adds a command. An older command of its viewer on the same subject is refused."""
         own = self._waiting.setdefault(command.peer, deque())
         same = (c for c in own if c.subject is not None and c.subject == command.subject)
         older = next(same, None)
@@ -76,7 +79,10 @@ class CommandQueue:
                 del self._waiting[peer]
 
     def _next(self) -> tuple[Connection, int] | None:
-        """Returns the viewer of the next command and the budget to charge; None: none is left."""
+        """Returns the viewer of the next command and the index of the budget to charge.
+
+        None: no command is left.
+        """
         if self._budgets[0] > 0:
             budget, peers = 0, list(self._waiting)
         elif self._budgets[1] > 0:
@@ -87,6 +93,6 @@ class CommandQueue:
         return None if peer is None else (peer, budget)
 
     def _asks_little(self, peer: Connection) -> bool:
-        """Returns whether a viewer may use the reserve."""
+        """Returns True if a viewer may use the reserve."""
         known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
         return known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW

@@ -10,25 +10,25 @@ from typing import Any
 from enliven.wire import ZmtpSession, head
 
 _HALVED_EVERY = 10.0
-"""Seconds in which a connection's recorded cost halves: a flood of the past is soon forgiven."""
+"""Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
 _AT_ONCE = 1 << 18
-"""Bytes that are handed to the system in one call."""
+"""Bytes that are passed to the system in one call."""
 MOST_PENDING = 32
-"""Orders of one connection that wait to be carried out; at that number nothing more is read from it."""
+"""Maximum number of pending orders of one connection. At this number nothing more is read from it."""
 
 
 class Connection:
-    """A peer and its queue; the server makes and closes it.
+    """A peer and its send queue. The server creates and closes it.
 
     Attributes:
-        address: the peer's, without the port.
-        session: how it is spoken.
-        introduced: whether a valid message was received; a connection without one in time is closed.
-        heard: monotonic second of its last message.
-        spoke: monotonic second when its last bytes were read.
-        moved: monotonic second when bytes last left, or when there were none to send.
-        streaming: whether it sends a long message, of which more is likely to be there.
-        pending: orders that wait to be carried out.
+        address: the peer's address, without the port.
+        session: the ZMTP session.
+        introduced: True after a valid message. A connection without one in time is closed.
+        heard: monotonic time of its last message, seconds.
+        spoke: monotonic time when its last bytes were read, seconds.
+        moved: monotonic time when bytes were last sent, or when the queue was last empty, seconds.
+        streaming: True if it sends a long message, so that more bytes are likely available.
+        pending: number of orders that wait to be carried out.
         state: data that the user of the server keeps about it.
     """
 
@@ -45,22 +45,23 @@ class Connection:
 
     @property
     def is_open(self) -> bool:
-        """Whether it has not been closed."""
+        """True until it is closed."""
         return self._socket is not None
 
     @property
     def served(self) -> float:
-        """Seconds from its beginning to its last message, or to the last bytes that it took."""
+        """Seconds from its start to its last message, or to the last bytes that it accepted."""
         return max(self.heard, self.moved) - self.opened
 
     @property
     def busy(self) -> bool:
-        """Whether nothing is read from it now: it does not take its replies, or many of its orders wait."""
+        """True if nothing is read from it now: it does not take its replies, or many of its orders are
+        pending."""
         return self.owed > 0 or self.pending >= MOST_PENDING
 
     @property
     def cost(self) -> float:
-        """Seconds of the edge's time that it took recently."""
+        """Seconds of the edge's time that it recently used."""
         return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _HALVED_EVERY)
 
     def charge(self, seconds: float) -> None:
@@ -68,14 +69,14 @@ class Connection:
         self._cost, self._weighed = self.cost + seconds, time.monotonic()
 
     def fileno(self) -> int:
-        """The descriptor, -1 once closed."""
+        """Returns the file descriptor, -1 once closed."""
         return self._socket.fileno() if self._socket is not None else -1
 
     def read(self, most: int) -> bytes | None:
-        """Returns received bytes, ``b""`` at the end, None where nothing has come.
+        """Returns received bytes, ``b""`` at the end, None if nothing has arrived.
 
         Raises:
-            OSError: where the connection is broken.
+            OSError: if the connection is broken.
         """
         if self._socket is None:
             return b""
@@ -93,14 +94,16 @@ class Connection:
             self.owed += len(piece)
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
-        """Queues a message of one part with its data in two pieces: a long one is shared, not copied."""
+        """Queues a message of one part with its data in two pieces. A long piece is shared, not copied."""
         self.queue(head(len(first) + len(rest)) + first, rest)
 
     def flush(self, until: float) -> None:
-        """Sends as much as the system takes now; of very much only until a monotonic second.
+        """Sends as much as the system accepts now.
+
+        A large piece is sent only until a monotonic time in seconds.
 
         Raises:
-            OSError: where the connection is broken.
+            OSError: if the connection is broken.
         """
         while self._outbox and self._socket is not None:
             piece = self._outbox[0]
@@ -120,7 +123,7 @@ class Connection:
         self.moved = time.monotonic()
 
     def close(self) -> None:
-        """Ends it; unsent bytes are lost."""
+        """Closes it. Unsent bytes are lost."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -1,4 +1,4 @@
-"""The edge's control port: checks requests and sends replies; it never waits."""
+"""The edge's control port: checks requests and sends replies without blocking."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _GONE_AFTER = 5.0
 
 @dataclass
 class Command:
-    """A request that only the stage can carry out; answer it once.
+    """A request that only the stage can carry out. It must be answered once.
 
     Attributes:
         request: an order such as :class:`~enliven.wire.requests.Possess`.
-        viewer: the name of the viewer that asks.
+        viewer: the name of the viewer that sent it.
         peer: its connection.
-        subject: a newer command of the viewer with an equal one replaces it; None: it counts in any case.
+        subject: a newer command of the viewer with an equal subject replaces this one. None: never replaced.
     """
 
     request: Order
@@ -50,7 +50,7 @@ class Command:
     subject: Hashable = None
 
     def reply(self, answer: Answer) -> None:
-        """Replies what came of it."""
+        """Sends the result to the viewer."""
         self._reply(answer)
 
 
@@ -59,8 +59,8 @@ class _Viewer:
     """The state of a connection, dropped with it.
 
     Attributes:
-        left: requests that it may still make at once.
-        filled: monotonic second up to which ``left`` was filled again.
+        left: number of requests that it may still send now (token bucket).
+        filled: monotonic time in seconds when ``left`` was last refilled.
     """
 
     left: float
@@ -74,9 +74,10 @@ class ControlSocket:
     """Answers the requests at a server.
 
     Args:
-        answer: returns the reply to a request that is no command: a message, or a packed one.
-        rate: requests a second of one viewer that are answered, and the size of a burst; more are refused.
-        budget: seconds a poll for reading and answering; the rest waits with its senders.
+        answer: returns the reply to a request that is not a command: a message, or a packed one.
+        rate: rate limit, answered requests per second of one viewer, and the size of a burst. More are
+            refused.
+        budget: seconds per poll for reading and answering. Further requests wait with their senders.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class ControlSocket:
         return sum(viewer.listening and viewer.heard > since for viewer in known)
 
     def poll(self) -> list[Command]:
-        """Answers requests as far as there is time; returns the commands among them."""
+        """Answers requests as far as time allows. Returns the commands among them."""
         until = time.monotonic() + self._budget
         found = (self._take(peer, parts) for peer, parts in self._server.messages(until))
         return [command for command in found if command is not None]
@@ -129,7 +130,7 @@ class ControlSocket:
         return Command(body, viewer.name, peer, lambda answer: self._reply(peer, request.id, answer))
 
     def _may(self, viewer: _Viewer, now: float) -> bool:
-        """Returns whether a viewer may make one more request now."""
+        """Returns True if a viewer may send one more request now."""
         viewer.left = min(viewer.left + (now - viewer.filled) * self._rate, self._rate)
         viewer.filled = now
         if viewer.left < 1:
@@ -138,7 +139,7 @@ class ControlSocket:
         return True
 
     def _refuse(self, peer: Connection, number: int) -> None:
-        """Refuses a viewer that asks too often: it is told each time, the log once."""
+        """Refuses a viewer that exceeds the rate limit. The viewer is told each time, the log only once."""
         self.refused += 1
         if self.refused == 1:
             log.warning(
@@ -155,6 +156,6 @@ class ControlSocket:
         self._send(peer, number, answer)
 
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
-        """Sends to a viewer; nothing is sent to one that is gone."""
+        """Sends to a viewer. Nothing is sent to a closed connection."""
         packed = answer if isinstance(answer, bytes) else payload(answer)
         self._server.send(peer, reply_head(number), packed)

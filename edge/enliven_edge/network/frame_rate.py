@@ -1,4 +1,4 @@
-"""Measures the edge's frames a second and latency over the last few seconds."""
+"""Measures the edge's frames per second and latency over the last few seconds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 _REMEMBERED = 150
-"""Frames of the statistics: five seconds at 30 Hz, enough for a steady percentile."""
+"""Number of frames in the statistics: five seconds at 30 Hz, enough for a steady percentile."""
 
 
 class FrameRate:
@@ -18,17 +18,20 @@ class FrameRate:
         self._done: deque[int] = deque(maxlen=_REMEMBERED)
 
     def took(self, read_ns: int, published_ns: int) -> None:
-        """Takes in one frame, read and published at these times of one clock, nanoseconds."""
+        """Adds one frame with the times at which it was read and published, nanoseconds of one clock."""
         self._latency.append((published_ns - read_ns) * 1e-6)
         self._done.append(published_ns)
 
     @property
     def fps(self) -> float:
-        """Frames a second; 0 before the second frame."""
+        """Frames per second. 0 before the second frame."""
         if len(self._done) < 2 or self._done[-1] == self._done[0]:
             return 0.0
         return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
 
     def latency_ms(self, percent: float) -> float:
-        """Returns a percentile of the latency from frame read to pose published, ms; at first 0."""
+        """Returns a percentile of the latency from frame read to pose published, ms.
+
+        0 before the first frame.
+        """
         return float(np.percentile(self._latency, percent)) if self._latency else 0.0

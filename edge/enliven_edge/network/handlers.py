@@ -1,4 +1,4 @@
-"""The table of handlers: what the edge does with each kind of order, how often, and for whom."""
+"""The table of handlers: the action of the edge for each kind of order, its rate, and the allowed viewers."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from enliven_edge.stage import Peer
 
 
 def _each(order: Any) -> Hashable:
-    """Returns None, the subject of orders that never replace one another."""
+    """Returns None, the subject of orders that never replace each other."""
     return None
 
 
 @dataclass(frozen=True)
 class Handler:
-    """How one kind of order is carried out.
+    """The handling of one kind of order.
 
     Attributes:
-        do: carries it out; returns the answer, None for "done"; raises an EnlivenError where it is refused.
-        takes_peer: whether ``do`` is called with the viewer, too.
-        newest: returns its subject: of a viewer's waiting orders on one subject only the newest is carried
-            out; None: this one counts in any case.
-        who: may give it, all viewers that may connect or those of this machine alone.
+        do: carries it out and returns the answer, None for "done". Raises an EnlivenError to refuse it.
+        takes_peer: True if ``do`` also gets the viewer.
+        newest: returns the order's subject. Of a viewer's waiting orders on one subject only the newest is
+            carried out. None: every order counts.
+        who: the viewers that may send it, all of them or only those of this machine.
     """
 
     do: Callable[..., Answer | None]
@@ -35,10 +35,10 @@ class Handler:
     takes_peer: bool = False
 
     def apply(self, order: Any, peer: Peer | None = None) -> Answer:
-        """Carries out an order of a viewer (None: of the edge itself); returns the answer.
+        """Carries out an order of a viewer (None: of the edge itself) and returns the answer.
 
         Raises:
-            EnlivenError: where it is refused.
+            EnlivenError: if it is refused.
         """
         return (self.do(order, peer) if self.takes_peer else self.do(order)) or Done()
 
@@ -47,11 +47,11 @@ Handlers = Mapping[type[Order], Handler]
 
 
 def carried_out(handlers: Handlers, order: Order, address: str, peer: Peer | None = None) -> Answer:
-    """Carries out an order; returns the answer, of an order that is refused the reason.
+    """Carries out an order and returns the answer, which contains the reason if the order is refused.
 
     Args:
-        address: the viewer's, without the port.
-        peer: the viewer, for handlers that count for each.
+        address: the viewer's address, without the port.
+        peer: the viewer, for handlers that need it.
     """
     handler = handlers.get(type(order))
     if handler is None:
@@ -65,7 +65,7 @@ def carried_out(handlers: Handlers, order: Order, address: str, peer: Peer | Non
 
 
 def subject_of(handlers: Handlers, order: Order) -> Hashable:
-    """Returns the key of an order that a newer order with the same key replaces; None where each counts."""
+    """Returns the key of an order. A newer order with the same key replaces it. None: never replaced."""
     handler = handlers.get(type(order))
     subject = None if handler is None else handler.newest(order)
     return None if subject is None else (type(order), subject)

@@ -1,4 +1,4 @@
-"""Opens a TCP port to listen on, for the connections that a process may have, and notices vanished peers."""
+"""Opens listening TCP ports, limits connections by file descriptors, and detects vanished peers."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ import sys
 from enliven.errors import InputError, ResourceError
 
 _ENOUGH = 65_536
-"""Descriptors at most: beyond it some systems allow a billion, and programs that close "all of them" hang."""
+"""Maximum number of descriptors. Some systems allow a billion, and programs that close "all of them" then
+hang."""
 _OTHERS = 128
 """Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
 _FEWEST = 4
-"""Connections of a server at least, where hardly any descriptors are allowed."""
+"""Minimum number of connections of a server, even if hardly any descriptors are allowed."""
 _UNKNOWN = 512
-"""Descriptors assumed where the system does not state them, such as Windows: its limit of ``select``."""
+"""Number of descriptors assumed if the system does not report a limit, such as Windows: its limit of
+``select``."""
 
 
 def raise_descriptor_limit() -> int:
-    """Raises the soft limit of open descriptors to the hard one; returns the limit from now on."""
+    """Raises the soft limit of open descriptors to the hard one. Returns the new limit."""
     if sys.platform == "win32":
         return _UNKNOWN
     import resource
@@ -38,7 +40,10 @@ def raise_descriptor_limit() -> int:
 
 
 def connections_allowed(most: int) -> int:
-    """Returns the connections that one of two servers may take, at most ``most``: some descriptors stay."""
+    """Returns the number of connections for one of two servers, at most ``most``.
+
+    Some descriptors stay reserved.
+    """
     if sys.platform == "win32":
         limit = _UNKNOWN
     else:
@@ -51,20 +56,20 @@ def connections_allowed(most: int) -> int:
 
 
 _BACKLOG = 4096
-"""Connections that the system holds until they are accepted, or fewer where it allows fewer: a newcomer in a
-flood waits for its turn instead of being turned away."""
+"""Maximum number of connections that the system queues until they are accepted (it may allow fewer). A
+newcomer in a flood waits in this queue instead of being rejected."""
 _PROBES: dict[str, int] = {
     "TCP_KEEPIDLE": 4,
     "TCP_KEEPINTVL": 2,
     "TCP_KEEPCNT": 3,
     "TCP_USER_TIMEOUT": 10_000,
 }
-"""Keep-alive: a peer that is silent for 4 s is asked every 2 s, and gone after 3 questions, or with data that
-it has not acknowledged for 10,000 ms."""
+"""TCP keep-alive: a peer that is silent for 4 s is probed every 2 s. It is dropped after 3 unanswered
+probes, or if data stays unacknowledged for 10,000 ms."""
 
 
 def _is_loopback(host: str) -> bool:
-    """Returns whether only programs of this machine reach an address; a name is resolved."""
+    """Returns True if only programs of this machine reach an address. A name is resolved."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -79,7 +84,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_open(host: str, open_to_all: bool) -> None:
-    """Refuses an address that other machines reach, unless that was asked for."""
+    """Refuses an address that other machines reach, unless ``open_to_all`` is set."""
     if open_to_all or _is_loopback(host):
         return
     raise InputError(
@@ -90,14 +95,14 @@ def check_open(host: str, open_to_all: bool) -> None:
 
 
 def listen(host: str, port: int, option: str) -> socket.socket:
-    """Returns a socket that listens and never blocks.
+    """Returns a listening, non-blocking socket.
 
     Args:
         host: an address or name of this machine; "" or "*" for all of IPv6 and IPv4.
-        option: of the command line that chooses the port, for the message.
+        option: the command line option of the port, for the message.
 
     Raises:
-        ResourceError: for a port in use, or an address that is not of this machine.
+        ResourceError: for a port in use, or an address that does not belong to this machine.
     """
     everywhere = host in ("", "*")
     dual = everywhere and socket.has_dualstack_ipv6()
@@ -121,7 +126,7 @@ def listen(host: str, port: int, option: str) -> socket.socket:
 
 
 def make_watchful(connection: socket.socket) -> None:
-    """Makes a socket non-blocking and immediate, and lets it end by itself when its peer has vanished."""
+    """Makes a socket non-blocking, without send delay, and closing by itself when its peer has vanished."""
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -132,7 +137,7 @@ def make_watchful(connection: socket.socket) -> None:
 
 
 def _refused(error: Exception, host: str, port: int, option: str) -> ResourceError:
-    """Returns the error that says why a port cannot be listened on."""
+    """Returns the error that explains why a port cannot be opened."""
     where = f"{host}:{port}"
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
         return ResourceError(

@@ -1,8 +1,8 @@
-"""Allows one edge of a name on a machine by a locked file in a folder that only its user may write to.
+"""Keeps an edge's name unique on a machine, by a locked file in a folder that only its user may write to.
 
-The operating system drops the lock with its process, however that ends, so no name stays taken. In a folder
-that all may write to a stranger could put a link in the file's place, and the file that it points to would be
-emptied.
+The operating system releases the lock with its process, however the process ends, so no name stays taken. The
+folder must be private. In a shared folder, a stranger could replace the file by a link, and the link's target
+would be emptied.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ else:
     import fcntl
 
 _LOCKED_BYTE = 1 << 30
-"""Byte that is locked, far behind the text: Windows refuses to read a locked range, and others are to read
-the holder."""
+"""Byte that is locked, far behind the text. Windows refuses to read a locked range, but other processes
+must be able to read the holder's text."""
 
 
 _LOCK_ATTEMPTS = 5
-"""Tries to lock a file that another start may be looking at."""
+"""Number of attempts to lock a file that another start may be checking."""
 _LOCK_PAUSE_S = 0.02
-"""Seconds between two tries: looking takes far less."""
+"""Seconds between two attempts: a check takes far less."""
 
 
 class NameLock:
     """Holds an edge's name until closed.
 
     Raises:
-        ResourceError: where a living edge of this machine has the name.
+        ResourceError: if a running edge of this machine has the name.
     """
 
     def __init__(self, name: str) -> None:
         readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
-        # Two names that read alike must not lock each other out.
+        # Two names with the same readable form must not lock each other out.
         suffix = "" if readable == name else "-" + name.encode().hex()
         folder = _own_folder()
         self._path = folder / f"enliven-edge-{readable}{suffix}.lock"
@@ -58,14 +58,14 @@ class NameLock:
                 where="edge",
                 mend="Stop it, or give this one another name with --name.",
             ) from None
-        # A full disk takes the text, not the name.
+        # If the disk is full the text is lost, but the name is still locked.
         with contextlib.suppress(OSError):
             os.ftruncate(self._handle, 0)
             os.lseek(self._handle, 0, os.SEEK_SET)
             os.write(self._handle, f"process {os.getpid()}".encode())
 
     def close(self) -> None:
-        """Releases the name and removes its file; a second call does nothing."""
+        """Releases the name and removes its file. A second call does nothing."""
         if self._handle >= 0:
             with contextlib.suppress(OSError):
                 if sys.platform == "win32":
@@ -79,10 +79,11 @@ class NameLock:
 def _locked(path: Path) -> int:
     """Returns a descriptor of the locked file, which is created if it is missing.
 
-    Another start removes unlocked files: a file that was removed between opening and locking is made again.
+    Another start removes unlocked files. A file that was removed between opening and locking is created
+    again.
 
     Raises:
-        BlockingIOError: with the holder's text, if a living process has it locked.
+        BlockingIOError: with the holder's text, if a running process has it locked.
     """
     for attempt in range(_LOCK_ATTEMPTS):
         handle = _opened(path)
@@ -91,7 +92,7 @@ def _locked(path: Path) -> int:
         except OSError:
             holder = _text(handle)
             os.close(handle)
-            # Without a text, another start only looks whether the file is locked.
+            # A file without text is locked by another start that only checks it.
             if holder or attempt == _LOCK_ATTEMPTS - 1:
                 raise BlockingIOError(errno.EAGAIN, holder) from None
             time.sleep(_LOCK_PAUSE_S)
@@ -103,7 +104,7 @@ def _locked(path: Path) -> int:
 
 
 def _is_file_at(handle: int, path: Path) -> bool:
-    """Returns whether an opened file still is the one at a path."""
+    """Returns True if an opened file still is the one at a path."""
     try:
         return os.path.samestat(os.fstat(handle), path.lstat())
     except OSError:
@@ -111,7 +112,7 @@ def _is_file_at(handle: int, path: Path) -> bool:
 
 
 def _remove_unlocked(folder: Path) -> None:
-    """Removes the lock files of edges that were killed; those of living ones are locked and stay."""
+    """Removes the lock files of edges that were killed. Those of running ones are locked and stay."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(OSError):
@@ -120,7 +121,8 @@ def _remove_unlocked(folder: Path) -> None:
                 handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
                 try:
                     _lock(handle)
-                    # The text goes before the file, so that waiting processes read no old holder.
+                    # The text is removed before the file, so that waiting processes do not read an old
+                    # holder.
                     os.ftruncate(handle, 0)
                     if _is_file_at(handle, path):
                         path.unlink()
@@ -129,7 +131,7 @@ def _remove_unlocked(folder: Path) -> None:
 
 
 def _own_folder() -> Path:
-    """Returns the user's folder for a session, or one in the temporary folder that only they may enter."""
+    """Returns the user's folder for a session, or a private one in the temporary folder."""
     temporary = Path(tempfile.gettempdir())
     if sys.platform == "win32":
         return temporary
@@ -149,7 +151,7 @@ def _own_folder() -> Path:
 
 
 def _is_own(folder: Path) -> bool:
-    """Returns whether it is a folder, no link, of this user, that no other user may write to."""
+    """Returns True for a real folder of this user, not a link, that no other user may write to."""
     try:
         found = folder.lstat()
     except OSError:
@@ -159,7 +161,7 @@ def _is_own(folder: Path) -> bool:
 
 
 def _opened(path: Path) -> int:
-    """Returns a descriptor of the file, created where it is missing, never through a link."""
+    """Returns a descriptor of the file, which is created if it is missing. Links are not followed."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     except OSError as error:
@@ -177,7 +179,7 @@ def _text(handle: int) -> str:
 
 
 def _lock(handle: int) -> None:
-    """Takes the lock or raises OSError at once."""
+    """Takes the lock, or raises OSError immediately."""
     if sys.platform == "win32":
         os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)

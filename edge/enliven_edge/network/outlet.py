@@ -1,4 +1,4 @@
-"""The edge's outlet: sends characters, poses, bodies, cues and heartbeats to viewers and to a take."""
+"""The edge's output: sends characters, poses, bodies, cues and heartbeats to viewers and to a take."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Tick
 
 _LAST_HEARTBEATS = 5
-"""Heartbeats that say the stream has ended: one may be lost on the way."""
+"""Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
 
 def need_free(wire: WireSettings) -> None:
-    """Checks that the name and the ports are free, before anything that takes long.
+    """Checks that the name and the ports are free, before any slow step.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
@@ -47,20 +47,20 @@ def need_free(wire: WireSettings) -> None:
 
 
 class Outlet(Closing):
-    """Publishes characters, poses and bodies, answers viewers, and writes the take where one was asked for.
+    """Publishes characters, poses and bodies, answers viewers, and writes the take if requested.
 
     Args:
         wire: name, host and ports.
         sensor: the sensor's identity, for the heartbeat.
         record: the file of the take, or None.
-        overwrite: whether an existing take may be replaced.
+        overwrite: True allows replacing an existing take.
 
     Attributes:
-        tells_picture: whether viewers are told of the camera.
+        tells_picture: True if viewers get the camera's pose and preview image.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
-        InputError: for a take that exists already, or an address that other machines reach without ``open``.
+        InputError: for a take that already exists, or an address that other machines reach without ``open``.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Outlet(Closing):
         """Announces the characters that are new or changed, by identity, and removes those that are gone.
 
         Args:
-            revisions: the lowest that a character may get, by id, as far as known.
+            revisions: the minimum revision of each character by id, as far as known.
         """
         for name, character in characters.items():
             if self._shown.get(name) is not character:
@@ -106,7 +106,7 @@ class Outlet(Closing):
                 self._take.remove(name)
 
     def introduce(self, character: Character, least: int = 1) -> None:
-        """Announces a new character, or a new revision of one; viewers fetch it by themselves."""
+        """Announces a new character, or a new revision of one. Viewers fetch it by themselves."""
         revision = self._publisher.set_character(character, least)
         self._stage_told = False
         self._shown[character.id] = character
@@ -114,7 +114,10 @@ class Outlet(Closing):
             self._take.introduce(character.id, character_to_message(character, revision))
 
     def publish(self, tick: Tick) -> None:
-        """Sends the result of one frame, poses first; before them what stands on the stage, if it changed."""
+        """Sends the result of one frame, poses first.
+
+        If the set of characters changed, that is sent before.
+        """
         if not self._stage_told:
             self._stage_told = True
             standing = [Revision(name, self._publisher.revision(name)) for name in self._shown]
@@ -125,19 +128,20 @@ class Outlet(Closing):
             self.send(message, tick.time_ns)
 
     def send(self, message: Any, time_ns: int) -> None:
-        """Sends a message of any topic to the viewers and to the take; poses go by :meth:`publish`."""
+        """Sends a message of any topic to the viewers and to the take. Poses are sent by :meth:`publish`."""
         if self._publisher.publish(message):
             self._write(message, time_ns)
 
     def forget(self, topic: str) -> None:
-        """Forgets the newest messages of a latched topic: viewers that come later are not told them."""
+        """Drops the newest messages of a latched topic, so that viewers that connect later do not get
+        them."""
         self._publisher.forget(topic)
 
     def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
-        """Sets the state of the edge for the heartbeat; a new phase is sent at once.
+        """Sets the state of the edge for the heartbeat. A new phase is sent immediately.
 
         Args:
-            sensor: its identity, where it was not known from the start; empty: as before.
+            sensor: its identity, if it was not known from the start. Empty: unchanged.
         """
         changed = phase != self._publisher.status.phase
         if changed or time.monotonic() - self._told > 0.25:
@@ -152,7 +156,7 @@ class Outlet(Closing):
             )
 
     def set_health(self, states: list[HealthState]) -> None:
-        """Sets the health states of the edge; a change is sent at once. The take's states are added."""
+        """Sets the health states of the edge, plus those of the take. A change is sent immediately."""
         take = self._take.health_states if self._take is not None else []
         health = health_to_messages(worst_first([*states, *take]))
         told = self._publisher.status.health
@@ -163,10 +167,10 @@ class Outlet(Closing):
             self._publisher.beat()
 
     def poll_requests(self, handlers: Handlers) -> None:
-        """Answers viewers' requests as far as there is time, and sends heartbeats that are due.
+        """Answers viewers' requests as far as time allows, and sends heartbeats that are due.
 
         Args:
-            handlers: by the class of an order; one that is not among them is refused.
+            handlers: by the class of an order. An order without a handler is refused.
         """
         for command in self._publisher.poll():
             command.subject = subject_of(handlers, command.request)
@@ -178,7 +182,7 @@ class Outlet(Closing):
         )
 
     def end(self, pace: FrameRate) -> None:
-        """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
+        """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
         self.report(pace, "ended", 0)
         for _ in range(_LAST_HEARTBEATS):
             self._publisher.beat()
@@ -192,13 +196,13 @@ class Outlet(Closing):
         self._publisher.close()
 
     def _write(self, message: Any, time_ns: int) -> None:
-        """Writes to the take what its topic says is recorded."""
+        """Writes a message to the take if its topic is recorded."""
         if self._take is not None and BY_TYPE[type(message)].recorded:
             self._take.write(message, time_ns)
 
 
 def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
-    """Yields the messages of a frame's result, but for the poses, which the publisher codes and numbers."""
+    """Yields the messages of a frame's result, except poses, which the publisher encodes and numbers."""
     at = tick.time_ns
     yield bodies_to_message(tick.bodies, at, tick.read_ns)
     for name, cue in tick.cues.items():

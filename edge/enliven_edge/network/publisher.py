@@ -1,4 +1,4 @@
-"""The edge's side of the wire: sends poses, bodies, cues and heartbeats, and takes requests."""
+"""The edge's side of the wire: sends poses, bodies, cues and heartbeats, and receives requests."""
 
 from __future__ import annotations
 
@@ -52,35 +52,35 @@ from enliven_edge.network.subscribers import Subscribers
 log = logging.getLogger(__name__)
 
 _BEATS_APART = 0.05
-"""Seconds at least between heartbeats that viewers may cause."""
+"""Minimum seconds between heartbeats that viewers may trigger."""
 
 
 class Publisher(Closing):
-    """One port for streams and one for requests; used from one thread, and never waits.
+    """One port for streams and one for requests. Used from one thread, without blocking.
 
-    Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
-    One that joins late is told the state, the characters and the newest pose and cues of each. Call
-    :meth:`poll` at least a few times a second: it answers viewers and sends the heartbeat. Use it as a
+    Viewers connect with libzmq's SUB and DEALER sockets. A slow or dead viewer loses messages, but no other
+    viewer does. A viewer that joins late gets the state, the characters and the newest pose and cues of each.
+    Call :meth:`poll` at least a few times per second: it answers viewers and sends the heartbeat. Use it as a
     context manager, or :meth:`close` it.
 
     Args:
-        name: of the edge; one of each on a machine.
+        name: name of the edge, unique on a machine.
         host: the address to listen on, "0.0.0.0" for all.
-        pose_port: of the streams; 0 picks a free one.
-        control_port: of the requests; 0 picks a free one.
-        open_to_all: whether an address that other machines reach may be listened on; there are no keys yet.
-        rate: requests a second that one viewer is answered.
-        budget_ms: milliseconds of a poll for reading and answering.
+        pose_port: port of the streams. 0 picks a free one.
+        control_port: port of the requests. 0 picks a free one.
+        open_to_all: True allows an address that other machines reach. There are no keys yet.
+        rate: rate limit, answered requests per second of one viewer.
+        budget_ms: milliseconds per poll for reading and answering.
 
     Attributes:
         name: as given.
-        instance: random, for this start of the edge.
-        endpoint: where viewers find it, with the actual ports.
-        clamped: transforms so far that were not finite or too large, and had to be changed.
+        instance: random number of this start of the edge.
+        endpoint: the address for viewers, with the actual ports.
+        clamped: total number of transforms that were not finite or too large, and had to be changed.
 
     Raises:
-        ResourceError: for a port in use, an address that is not of this machine, or a name in use.
-        InputError: for an address that other machines reach, where that was not asked for.
+        ResourceError: for a port in use, an address that does not belong to this machine, or a name in use.
+        InputError: for an address that other machines reach, unless ``open_to_all`` is set.
     """
 
     def __init__(
@@ -134,31 +134,31 @@ class Publisher(Closing):
         return self._status
 
     def set_character(self, character: Character, least: int = 1) -> int:
-        """Sets a new character, or a new version of the one with its id; viewers fetch it by themselves.
+        """Sets a new character, or a new version of the one with its id. Viewers fetch it by themselves.
 
         Args:
-            least: the lowest revision that it may get.
+            least: the minimum revision.
 
         Returns:
-            its revision: 1, 2, ...; that of a newcomer is above all that were removed, since it may be one of
-            them that comes back.
+            its revision: 1, 2, ... A new character gets a higher revision than all removed ones, since it may
+            be one of them that returns.
 
         Raises:
-            InputError: for a character that is larger than the wire carries; what was there stays.
+            InputError: for a character that is too large for the wire. The previous one stays.
         """
         codec = PoseCodec(character)
-        # The first use compiles the codec, which must not happen in the middle of a performance.
+        # The first use compiles the codec, which must not happen during a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
         revision = max(self.last_revision(character.id) + 1, least)
         if revision > MAX_REVISION:
-            revision = 1  # viewers fetch any revision that is not the one they hold
+            revision = 1  # viewers fetch any revision that differs from theirs
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._state_changed()
         return revision
 
     def remove_character(self, character: str) -> None:
-        """Removes a character and all that is kept about it; viewers drop it."""
+        """Removes a character and all data about it. Viewers drop it."""
         held = self._characters.pop(character, None)
         if held is None:
             return
@@ -171,11 +171,11 @@ class Publisher(Closing):
         self._state_changed()
 
     def revision(self, character: str) -> int:
-        """Returns the revision of a character, 0 where there is none of that id."""
+        """Returns the revision of a character, 0 for an unknown id."""
         return self._characters[character][0] if character in self._characters else 0
 
     def last_revision(self, character: str) -> int:
-        """Returns the revision of a character; if there is none of that id, the highest one removed."""
+        """Returns the revision of a character. For an unknown id, the highest removed revision."""
         return self.revision(character) or self._last_left
 
     def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
@@ -185,10 +185,10 @@ class Publisher(Closing):
             captured_ns: ``time.time_ns()`` when the frame was read.
 
         Returns:
-            what was sent, for a recorder.
+            the sent message, for a recorder.
 
         Raises:
-            InputError: where the pose has another number of transforms than its character.
+            InputError: if the pose has another number of transforms than its character.
             KeyError: for a character that was not set.
         """
         revision, codec = self._characters[pose.character]
@@ -216,7 +216,7 @@ class Publisher(Closing):
         return message
 
     def publish(self, message: Any) -> int:
-        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets.
+        """Sends a stream message (poses: :meth:`publish_pose`) and returns the bytes that a viewer gets.
 
         A message that viewers would refuse is counted and not sent: 0 bytes.
         """
@@ -226,26 +226,28 @@ class Publisher(Closing):
         except Malformed as error:
             self._unsent.add(error)
             return 0
-        # Messages about a character that has left are not latched: they would stay for ever.
+        # Messages about a removed character are not latched: they would stay for ever.
         if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
         self._streams.send(data)
         return len(data)
 
     def forget(self, topic: str) -> None:
-        """Forgets the newest messages of a latched topic."""
+        """Drops the newest messages of a latched topic."""
         self._latest = {key: data for key, data in self._latest.items() if key[0] != topic}
 
     def set_status(self, **fields: Any) -> None:
-        """Change fields of the heartbeat (sensor, phase, note, fps, latency_p50_ms, latency_p99_ms,
-        performers, dropped, health); a new phase goes out at once."""
+        """Changes fields of the heartbeat. A new phase is sent immediately.
+
+        The fields are sensor, phase, note, fps, latency_p50_ms, latency_p99_ms, performers, dropped and
+        health."""
         clean = {k: _clean(v) for k, v in fields.items()}
         before, self._status = self._status, msgspec.structs.replace(self._status, **clean)
         if before.phase != self._status.phase:
             self.beat()
 
     def poll(self) -> list[Command]:
-        """Answers viewers and sends a heartbeat that is due; returns the commands for the caller."""
+        """Answers viewers and sends a heartbeat that is due. Returns the commands for the caller."""
         if time.monotonic() - self._last_beat >= 1 / STATUS.rate_hz:
             self.beat()
         self._streams.poll()
@@ -259,7 +261,7 @@ class Publisher(Closing):
         self.publish(self._status)
 
     def close(self, linger: float = 1.0) -> None:
-        """Releases the ports and the name; queued bytes are still sent, for ``linger`` seconds at most."""
+        """Releases the ports and the name. Queued bytes are still sent, for ``linger`` seconds at most."""
         self._server.drain(linger)
         self._streams.drain(linger)
         self._server.close()
@@ -267,17 +269,17 @@ class Publisher(Closing):
         self._lock.close()
 
     def _state_changed(self) -> None:
-        """Tells viewers to ask again."""
+        """Notifies viewers that the state must be fetched again."""
         self._status = msgspec.structs.replace(self._status, revision=self._status.revision + 1)
         self.beat()
 
     def _let_hear(self, listening: bool) -> None:
-        """Sends a heartbeat to a viewer that the streams have not reached, as long as it is one of few."""
+        """Sends a heartbeat to a viewer that the streams have not reached yet, with a rate limit."""
         if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
             self.beat()
 
     def _answer(self, request: Ask) -> Answer | bytes:
-        """Returns the reply to a request that is no command."""
+        """Returns the reply to a request that is not a command."""
         match request:
             case Hello():
                 self._let_hear(request.listening)
@@ -296,7 +298,7 @@ class Publisher(Closing):
 
 
 def _clean(value: Any) -> Any:
-    """Returns a status field as the wire takes it: finite numbers, short strings."""
+    """Returns a status field in the form that the wire accepts: finite numbers, short strings."""
     if isinstance(value, float):
         return value if math.isfinite(value) else 0.0
     return value[:200] if isinstance(value, str) else value

@@ -1,8 +1,8 @@
 """A ZMTP server on one TCP port with a cost that does not depend on its peers.
 
 All work is done in :meth:`ZmtpServer.messages` and :meth:`ZmtpServer.send`, on the caller's thread and within
-the time that the caller gives. Unread bytes stay in the system's buffers and, when these are full, with the
-sender. A flood therefore costs the edge a fixed time a frame, and no memory.
+the caller's time limit. Unread bytes stay in the system's buffers and, when these are full, with the sender.
+A flood therefore costs the edge a fixed time per frame, and no memory.
 """
 
 from __future__ import annotations
@@ -23,55 +23,57 @@ from enliven_edge.network.listening import connections_allowed, listen, make_wat
 log = logging.getLogger(__name__)
 
 MOST_CONNECTIONS = 200
-"""Connections of one server: those of two servers stay below the limit of ``select`` on Windows (512)."""
+"""Maximum number of connections of one server: two servers stay below the limit of ``select`` on Windows
+(512)."""
 _INTRODUCED_WITHIN = 3.0
-"""Seconds from connecting to the first valid message; a connection without one is closed."""
+"""Maximum seconds from connecting to the first valid message. A connection without one is closed."""
 _STALLED_AFTER = 10.0
-"""Seconds after which a connection that takes none of its waiting bytes is closed."""
+"""Seconds after which a connection that accepts none of its waiting bytes is closed."""
 _QUIET_AFTER = 10.0
 """Seconds without a message (ten of a viewer's pings) after which a new peer may replace this one."""
 _IDLE_AFTER = 0.25
-"""Seconds without a byte after which a connection that began to introduce itself gives up its place."""
+"""Seconds without a byte after which a connection that has started its handshake loses its place."""
 _KNOWN_AFTER = 1.0
-"""Seconds of service after which a connection is known: newcomers without end do not keep it waiting."""
+"""Seconds of service after which a connection is known: endless newcomers do not keep it waiting."""
 _TRUSTED_AFTER = 60.0
-"""Seconds of service that count at most: a viewer of an hour is not read before one of a minute."""
+"""Maximum seconds of service that count: a viewer of an hour is not read before a viewer of a minute."""
 _RESERVED = 0.5
-"""Share of an address's places that stay with the connections that were served for longest."""
+"""Fraction of an address's places that stay with the connections that were served for longest."""
 _HEARD_ONCE = 0.05
-"""Seconds between the first and the last message of a connection below which it counts as heard once."""
+"""Seconds between the first and the last message. Connections below it count as heard once."""
 _ACCEPTED_AT_ONCE = 32
-"""Connections accepted in one poll, at most: the system holds the others until the next."""
+"""Maximum number of connections accepted in one poll. The system queues the others until the next."""
 _ACCEPTED_ANYHOW = 8
-"""Connections accepted in a poll even when its time is used up: under a flood of connections a new one keeps
-its place for six polls, and needs three to introduce itself."""
+"""Number of connections accepted in a poll even if its time is used up. In a flood of connections a new
+one keeps its place for six polls, and needs three for its handshake."""
 _TIDIED_EVERY = 0.25
 """Seconds between two searches for connections to close."""
 _READ_AT_ONCE = 4096
 """Bytes read from a connection before the next one's turn, or the rest of a longer message."""
 _FRAMES_A_TURN = 16
-"""Frames handled of a connection before the next one's turn."""
+"""Number of frames handled of a connection before the next one's turn."""
 
 
 class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
-    The peer with the least recent cost is read first, so that a flood does not delay the others. Where all
-    places are taken a new connection replaces one that has not introduced itself, else (for a ROUTER) the one
-    that was quiet longest, else one of the address with most connections. That may be the newcomer's own
-    address: connections that were served for longest keep their places.
+    The peer with the least recent cost is read first, so that a flood does not delay the others. If all
+    places are taken, a new connection replaces one without a complete handshake. If there is none, a ROUTER
+    drops the connection that was silent longest. Otherwise one of the address with most connections is
+    dropped. That may be the newcomer's own address: connections that were served for longest keep their
+    places.
 
     Args:
         host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
-        most_bytes: of a frame that is taken from a peer.
-        most: connections at most; fewer where the process may not open so many.
+        most_bytes: maximum bytes of a frame from a peer.
+        most: maximum number of connections. Fewer if the process may not open that number.
 
     Attributes:
-        port: that it listens on.
+        port: the port that it listens on.
 
     Raises:
-        ResourceError: for a port in use, or an address that is not of this machine.
+        ResourceError: for a port in use, or an address that does not belong to this machine.
     """
 
     def __init__(
@@ -100,13 +102,13 @@ class ZmtpServer:
         return self._open.keys()
 
     def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Yields the messages since the last call, as far as they can be read until a monotonic second.
+        """Yields the messages since the last call that can be read until a monotonic time in seconds.
 
-        The caller's time with a message before it takes the next counts for the message's sender.
+        The time that the caller spends on a message is charged to the message's sender.
         """
         self._tidy()
         readable = {key.fileobj for key, _ in self._selector.select(0)}
-        # Half of the time, so that one who fetches much and fast leaves some to those who ask.
+        # Spend at most half of the budget on sending, so that a fast reader cannot starve requests.
         now = time.monotonic()
         self._flush(now + 0.5 * (until - now))
         yield from self._read(readable, until)
@@ -128,7 +130,7 @@ class ZmtpServer:
             ready = again
 
     def send(self, connection: Connection, first: bytes, rest: bytes = b"") -> None:
-        """Sends a message of one part, in two pieces; it is dropped for a peer that has gone."""
+        """Sends a message of one part, in two pieces. It is dropped for a closed connection."""
         if connection.is_open:
             connection.queue_message(first, rest)
             self._push(connection, time.monotonic())
@@ -140,7 +142,7 @@ class ZmtpServer:
             self._push(connection, time.monotonic())
 
     def drain(self, seconds: float) -> None:
-        """Sends waiting bytes, for so many seconds at most."""
+        """Sends waiting bytes, for at most ``seconds``."""
         until = time.monotonic() + seconds
         while self._owing and time.monotonic() < until:
             self._flush(until)
@@ -154,7 +156,7 @@ class ZmtpServer:
         self._listener.close()
 
     def drop(self, connection: Connection) -> None:
-        """Ends a connection."""
+        """Closes a connection."""
         if self._open.pop(connection, None) is not None:
             self._selector.unregister(connection)
             self._owing.discard(connection)
@@ -202,7 +204,7 @@ class ZmtpServer:
             connection.session.answers.clear()
 
     def _push(self, connection: Connection, until: float) -> None:
-        """Sends what the system takes now; the rest waits for the next poll."""
+        """Sends as much as the system accepts now. The rest waits for the next poll."""
         if not connection.is_open:
             return
         try:
@@ -213,7 +215,7 @@ class ZmtpServer:
         (self._owing.add if connection.owed else self._owing.discard)(connection)
 
     def _flush(self, until: float) -> None:
-        """Sends waiting bytes, first to the peers of least cost."""
+        """Sends waiting bytes, first to the peers with the least cost."""
         for connection in sorted(self._owing, key=lambda c: c.cost):
             start = time.monotonic()
             self._push(connection, until)
@@ -222,7 +224,7 @@ class ZmtpServer:
                 return
 
     def _tidy(self) -> None:
-        """Closes connections that did not introduce themselves in time, or do not take what is sent."""
+        """Closes connections without a timely handshake, or that do not accept sent bytes."""
         now = time.monotonic()
         if now - self._tidied < _TIDIED_EVERY:
             return
@@ -237,7 +239,7 @@ class ZmtpServer:
             is_full = len(self._open) >= self._most
             if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
                 return
-            # Connections that are about to introduce themselves come first; the system queues the others.
+            # Connections in the middle of their handshake have priority. The system queues the others.
             if is_full and any(not c.introduced for c in self._open) and not self._idle():
                 return
             try:
@@ -250,7 +252,7 @@ class ZmtpServer:
             self._take_in(own, str(address[0]))
 
     def _take_in(self, own: socket.socket, address: str) -> None:
-        """Keeps an accepted connection where there is a place for it, or one can be made."""
+        """Keeps an accepted connection if a place is free or can be made."""
         if len(self._open) >= self._most:
             if not self._told_full:
                 log.warning("all %d places of port %d are taken; said once", self._most, self.port)
@@ -272,7 +274,7 @@ class ZmtpServer:
         self._push(connection, time.monotonic())
 
     def _leaving(self, address: str) -> Connection | None:
-        """Returns the connection that makes room for a newcomer from an address; None: none does."""
+        """Returns the connection that makes room for a newcomer from an address. None: none does."""
         idle = self._idle()
         if idle:
             crowd = Counter(c.address for c in idle)
@@ -290,15 +292,15 @@ class ZmtpServer:
         return self._least_served([c for c in self._open if c.address in crowded])
 
     def _idle(self) -> list[Connection]:
-        """Returns the connections that have not begun to introduce themselves, or stopped doing so."""
+        """Returns the connections that have not started their handshake, or stopped in the middle of it."""
         before = time.monotonic() - _IDLE_AFTER
         return [c for c in self._open if not c.introduced and (c.spoke == c.opened or c.spoke < before)]
 
     def _least_served(self, crowd: list[Connection]) -> Connection:
-        """Returns the one of an address's connections that gives up its place to a newcomer.
+        """Returns the connection of a crowded address that is dropped for a newcomer.
 
-        Those that were served for longest keep theirs. Of the others one that was heard only once leaves
-        first, then the oldest: so a newcomer stays for long enough to be served.
+        The connections that were served for longest stay. Of the others, one that was heard only once is
+        dropped first, then the oldest. So a newcomer stays long enough to be served.
         """
         kept = int(_RESERVED * len(crowd))
         others = sorted(crowd, key=lambda c: (-c.served, c.opened))[kept:]
@@ -308,9 +310,8 @@ class ZmtpServer:
 def _in_turn(ready: list[Connection]) -> list[Connection]:
     """Returns connections in reading order: known ones, recent ones and newcomers alternate.
 
-    Known and recent ones are read by least recent cost, known ones in proportion to how long they have been
-    served. Newcomers that have begun to introduce themselves
-    come before the others.
+    Known and recent ones are sorted by recent cost, known ones relative to their time of service. Newcomers
+    that have started their handshake come before the others.
     """
     known = [c for c in ready if c.served > _KNOWN_AFTER]
     known.sort(key=lambda c: c.cost / min(c.served, _TRUSTED_AFTER))

@@ -1,4 +1,4 @@
-"""The subscribers of the streams: each with its topics and a bounded queue."""
+"""The subscribers of the streams: each has its topics and a bounded queue."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from enliven.wire import MAX_STREAM_BYTES, STREAMS, framed
 from enliven_edge.network.server import ZmtpServer
 
 _MOST_SUBSCRIPTION = 64
-"""Bytes of a frame that a subscriber sends: "SUBSCRIBE" and the name of a topic are 23."""
+"""Maximum bytes of a subscriber's frame: "SUBSCRIBE" and the name of a topic have 23."""
 _MOST_OWED = 2 * MAX_STREAM_BYTES
-"""Bytes that wait for a subscriber beside the system's buffer; more are dropped for that one alone."""
+"""Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
+one only."""
 _READING = 0.00025
-"""Seconds a poll for reading subscriptions: they are short and rare."""
+"""Seconds per poll for reading subscriptions: they are short and rare."""
 
 
 class Subscribers:
@@ -26,10 +27,10 @@ class Subscribers:
         self.port, self.drain, self.close = self._server.port, self._server.drain, self._server.close
 
     def poll(self) -> None:
-        """Accepts connections, reads subscriptions and sends what is queued."""
+        """Accepts connections, reads subscriptions and sends queued bytes."""
         for peer, parts in self._server.messages(time.monotonic() + _READING):
             said = parts[0]
-            # A beginning that no topic has matches nothing, and is not kept.
+            # A prefix that matches no topic is ignored, and not stored.
             if len(parts) == 1 and any((name.encode() + b"\0").startswith(said[1:]) for name in STREAMS):
                 wanted: frozenset[bytes] = peer.state or frozenset()
                 if said[:1] == b"\x01":

@@ -1,4 +1,4 @@
-"""Loose boxes and balls that characters and performers push, by a physics engine (an extra)."""
+"""Physics simulation: rigid boxes and balls that characters and performers push (an optional extra)."""
 
 import lazy_loader
 

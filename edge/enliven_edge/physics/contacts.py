@@ -1,10 +1,11 @@
-"""Corrects the engine's contacts before it solves them: moving spheres push, and nothing is flung.
+"""Corrects the engine's contacts before the solver runs, so that moving spheres push and nothing is flung.
 
-MuJoCo moves a mocap body by setting its place; for the solver it stands still, so a fast sphere pushes by
-its depth alone: at 3 m/s a box is entered 6 cm deep, at 10 m/s passed through. The reference acceleration of
-a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model) with the relative velocity v of
-the bodies that the solver knows. The term of the sphere's own velocity is added here. The result is that of a
-body of great mass and of the same velocity (measured, and tested), but costs no degrees of freedom.
+MuJoCo moves a mocap body by setting its position. The solver treats it as static, so a fast sphere pushes
+only by penetration depth: at 3 m/s it enters a box by 6 cm, at 10 m/s it passes through. The reference
+acceleration of a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model). Here v is the
+relative velocity of the bodies that the solver knows. The term of the sphere's own velocity is added here.
+The result equals that of a body of great mass with the same velocity (measured, and tested), but costs no
+degrees of freedom.
 """
 
 from __future__ import annotations
@@ -14,17 +15,17 @@ import numpy as np
 from enliven.kernels import njit
 
 FLOOR = -2
-"""In place of a sphere's number: the floor."""
+"""Stands for the floor in place of a sphere's index."""
 NOTHING = -1
-"""In place of a sphere's number: no contact."""
+"""Stands for no contact in place of a sphere's index."""
 _SLOW = 0.5
-"""Metres a second: slower contacts do not bounce, so that balls come to rest."""
+"""Metres per second: slower contacts do not bounce, so that balls come to rest."""
 _CALM = 0.02
-"""Metres a second below which a prop is braked."""
+"""Metres per second below which a prop is damped."""
 _CALM_TURN = 0.1
-"""Radians a second below which a prop is braked."""
+"""Radians per second below which a prop is damped."""
 _BRAKE = 0.5
-"""Share of its velocity that a braked prop keeps at each step."""
+"""Fraction of its velocity that a damped prop keeps at each step."""
 
 
 @njit(cache=True, nogil=True)
@@ -44,26 +45,26 @@ def correct_contacts(
     step,
     touched,
 ):
-    """Adds the spheres' velocities to the contacts' reference, and bounds the speed at which depth is undone.
+    """Adds the spheres' velocities to the contacts' reference, and limits the depenetration speed.
 
-    Balls bounce here too: in the one step in which they meet something the reference is what turns the
-    speed -v into e v. (The engine's own springy contact would fling a ball that was entered deeply.)
+    Balls bounce here too. In the one step in which a ball meets something, the reference turns the speed -v
+    into e v. (The engine's own springy contact would fling a ball that was entered deeply.)
 
     Args:
-        geoms: (C, 2) geoms of each contact; its normal runs from the first to the second.
+        geoms: (C, 2) geoms of each contact. Its normal points from the first to the second.
         frames: (C, 9) normal and two tangents, rows.
-        distances: (C,) metres, negative where two things are inside each other.
-        addresses: (C,) first row of the contact, -1 where it has none.
-        dims: (C,) rows a contact.
-        reference: (R,) the rows' reference acceleration, changed.
+        distances: (C,) metres, negative if two objects penetrate.
+        addresses: (C,) first row of the contact, -1 if it has none.
+        dims: (C,) number of rows of the contact.
+        reference: (R,) the rows' reference acceleration, changed in place.
         impedance: (R, 4) stiffness, damping, impedance and its slope of each row.
-        approach: (R,) the rows' velocity without that of the spheres, changed.
-        owner: (G,) of each geom: sphere k as k, prop p as -3 - p, the floor as FLOOR.
-        velocities: (S, 3) of the spheres, metres a second.
-        bounce: (P,) speed after a bounce over the speed before.
-        push_out: metres a second.
+        approach: (R,) the rows' velocity without that of the spheres, changed in place.
+        owner: (G,) owner of each geom: k for sphere k, -3 - p for prop p, FLOOR for the floor.
+        velocities: (S, 3) velocities of the spheres, metres per second.
+        bounce: (P,) restitution: speed after a bounce divided by the speed before.
+        push_out: metres per second, maximum depenetration speed.
         step: seconds.
-        touched: (P,) changed: which sphere a prop touches, FLOOR, or kept.
+        touched: (P,) changed in place: the sphere that a prop touches, FLOOR, or the previous value.
     """
     for c in range(distances.shape[0]):
         row = addresses[c]
@@ -72,17 +73,18 @@ def correct_contacts(
         first, second = owner[geoms[c, 0]], owner[geoms[c, 1]]
         stiffness, damping, share = impedance[row, 0], impedance[row, 1], impedance[row, 2]
         if stiffness > 0.0:
-            # The depth at which stiffness and damping are in balance at the speed that is allowed.
+            # The depth at which stiffness and damping balance at the maximum depenetration speed.
             deepest = push_out * damping / (stiffness * share)
             if distances[c] < -deepest:
                 reference[row] += stiffness * share * (distances[c] + deepest)
+        # Record which sphere or floor a prop touches, and add the sphere's velocity to the contact rows.
         for side in range(2):
             mine, other = (first, second) if side == 0 else (second, first)
             if other <= -3 and mine > -3 and (mine >= 0 or touched[-3 - other] == NOTHING):
                 touched[-3 - other] = mine
             if mine < 0:
                 continue
-            # The relative velocity is that of the second less that of the first.
+            # The relative velocity is that of the second minus that of the first.
             sign = 1.0 if side == 0 else -1.0
             for r in range(min(dims[c], 3)):
                 along = 0.0
@@ -90,6 +92,7 @@ def correct_contacts(
                     along += frames[c, 3 * r + a] * velocities[mine, a]
                 reference[row + r] += sign * impedance[row + r, 1] * along
                 approach[row + r] -= sign * along
+        # Bounce: raise the normal row's reference, so that the approach speed v becomes -e v in one step.
         springy = 0.0
         for who in (first, second):
             if who <= -3:
@@ -100,10 +103,10 @@ def correct_contacts(
 
 @njit(cache=True, nogil=True)
 def limit_speeds(velocities, fastest, fastest_turn):
-    """Limits the rows of (P, 6) linear and angular velocities; returns False where one is not finite.
+    """Limits the rows of (P, 6) linear and angular velocities. Returns False if one is not finite.
 
-    Slow rows are braked as well: gravity is far faster, so nothing hangs, but a tower that would tremble by a
-    tenth of a millimetre for ever, as contacts come and go, stands still.
+    Slow rows are damped as well. Gravity is far faster, so nothing hovers. But contacts that come and go
+    would make a tower tremble by a tenth of a millimetre for ever; with damping it stands still.
     """
     for p in range(velocities.shape[0]):
         moving = velocities[p, 0] ** 2 + velocities[p, 1] ** 2 + velocities[p, 2] ** 2

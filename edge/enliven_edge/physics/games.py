@@ -15,13 +15,13 @@ from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _GAP = 0.003
-"""Metres between neighbours, which would otherwise rub against each other."""
+"""Metres between neighbouring boxes, which would otherwise rub against each other."""
 _STILL = 0.05
-"""Metres a second below which a box counts as still: the engine's own trembling is slower."""
+"""Metres per second below which a box counts as still: the engine's own jitter is slower."""
 _MOVED = 0.5
-"""Edges of a box that one must have gone to count as fallen."""
+"""Box edge lengths. A box that moved farther counts as fallen."""
 _CLEAR = 0.15
-"""Metres between a new tower and what stands beside it: a performer who takes hold sways by less."""
+"""Metres between a new tower and its neighbours: a performer that possesses a character sways by less."""
 _AROUND = np.array(
     [(0.0, 0.0)]
     + [
@@ -30,20 +30,20 @@ _AROUND = np.array(
         for turn in np.arange(24) * (2 * np.pi / 24)
     ]
 )
-"""(A, 2) metres by which a tower may be moved to where nothing is, the nearest first."""
+"""(A, 2) metres, candidate offsets that move a tower to free space, the nearest first."""
 _MOST = 200
-"""Boxes of all towers: more do not keep pace with a camera."""
+"""Maximum number of boxes of all towers: with more, physics does not keep pace with a camera."""
 _BLOCK_COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
 )
-"""sRGB of toy blocks, one a layer."""
+"""sRGB of toy blocks, one per layer."""
 
 
 def tower_props(settings: BoxesSettings) -> PropSpecs:
     """Returns the boxes of all towers, tower by tower, from below.
 
     Raises:
-        InputError: for more than the engine could follow.
+        InputError: for more boxes than the engine can simulate in time.
     """
     layer = np.repeat(np.arange(settings.high), settings.wide**2)
     count = len(settings.at) * len(layer)
@@ -53,7 +53,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
             where="physics.boxes",
             mend="Ask for fewer, lower or narrower towers.",
         )
-    # Neighbours and layers differ, so that a turn of a box is seen.
+    # Neighbours and layers differ in colour, so that a box's rotation is visible.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))
     return PropSpecs(
         np.full(count, BOX, np.uint8),
@@ -65,7 +65,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 
 def tower_places(settings: BoxesSettings) -> Float:
-    """Returns (P, 3) metres, the places of the boxes of :func:`tower_props`: beside, up and ahead."""
+    """Returns (P, 3) metres, the positions of the boxes of :func:`tower_props`: sideways, up and ahead."""
     pitch, half = settings.side + _GAP, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
@@ -78,12 +78,12 @@ def tower_places(settings: BoxesSettings) -> Float:
 
 
 def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
-    """Returns (P, 3) metres like :func:`tower_places`, towers moved aside from spheres and from each other.
+    """Returns (P, 3) metres as :func:`tower_places`, with towers moved away from spheres and each other.
 
-    A tower goes to the nearest of some places around its own; where none is free it stays.
+    A tower goes to the nearest free candidate position. If none is free it stays.
 
     Args:
-        spheres: (S, 3) metres: beside, up and ahead.
+        spheres: (S, 3) metres: sideways, up and ahead.
         radii: (S,) metres.
     """
     towers = tower_places(settings).reshape(len(settings.at), settings.high * settings.wide**2, 3)
@@ -97,14 +97,14 @@ def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float
         free = away.all(1)
         for other in placed:
             free &= np.abs(at - other).max(1) > 2 * half - _CLEAR
-        chosen = at[int(free.argmax())]  # the first of all where none is free
+        chosen = at[int(free.argmax())]  # the first of all if none is free
         placed.append(chosen)
         tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
     return towers.reshape(-1, 3)
 
 
 class Towers:
-    """The game of :class:`~enliven_edge.physics.playground.Playground` with nothing but boxes."""
+    """The game of :class:`~enliven_edge.physics.playground.Playground` with boxes only."""
 
     def __init__(self, settings: BoxesSettings) -> None:
         self.settings, self.props = settings, tower_props(settings)
@@ -113,10 +113,10 @@ class Towers:
         self._quiet = 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
-        """Puts every box in its place, each tower where no sphere is, near to where it was meant.
+        """Resets every box. Each tower stands as near to its configured place as the spheres allow.
 
         Args:
-            spheres: (S, 3) metres in the world; rows that are not finite are nothing.
+            spheres: (S, 3) metres in the world. Rows that are not finite are ignored.
             radii: (S,) metres.
         """
         known = np.isfinite(spheres).all(1)
@@ -127,7 +127,7 @@ class Towers:
         self._quiet = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """Rebuilds fallen towers once all boxes have long been still and their places are free."""
+        """Rebuilds fallen towers after all boxes have been still for long and their places are free."""
         gone = np.linalg.norm(world.positions - self._stand, axis=1) > _MOVED * self.settings.side
         still = bool((np.abs(world.velocities[:, :3]) < _STILL).all())
         self._quiet = self._quiet + seconds if still and gone.any() else 0.0
@@ -137,7 +137,7 @@ class Towers:
         return f"{int(gone.sum())} of {len(gone)} boxes down" if gone.any() else ""
 
     def _is_free(self, spheres: Float) -> bool:
-        """Returns whether no sphere is within a box's edge of the boxes' places."""
+        """Returns True if no sphere is within a box's edge length of the boxes' places."""
         known = spheres[np.isfinite(spheres).all(1)]
         if not len(known):
             return True
@@ -150,21 +150,23 @@ class Towers:
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
 """(4, 3) sRGB of the balls, in turn."""
 _ROOM = 0.7
-"""Metres between the target that a ball comes from and the ball, so that it does not start inside."""
+"""Metres between the target at the thrower's side and the ball, so that the ball does not start inside it."""
 _NEAREST = 0.8
-"""Metres of the shortest throw: a nearer one could not be seen coming."""
+"""Metres, the shortest throw: a ball from nearer could not be seen coming."""
 
 
 class Dodgeball:
-    """The game: balls lie ready, one after the other is thrown, each counts until it touches the floor.
+    """The dodgeball game: waiting balls are thrown one after the other.
 
-    With two targets or more a ball comes from the side of another one; with one, from ahead.
+    Each counts until it touches the floor.
+
+    With two targets or more, a ball comes from the direction of another target; with one, from ahead.
 
     Args:
-        gravity: metres a second squared, downwards.
+        gravity: metres per second squared, downwards.
 
     Attributes:
-        hits: by target, how often it was hit.
+        hits: number of hits by target.
     """
 
     def __init__(self, settings: DodgeballSettings, gravity: float = 9.81) -> None:
@@ -184,7 +186,7 @@ class Dodgeball:
         self._next, self._turn, self._wait = 0, 0, 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
-        """Puts the balls in a row on the floor beside the place of throwing; the score is kept."""
+        """Puts the balls in a row on the floor at the thrower's place. The score is kept."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
@@ -194,7 +196,7 @@ class Dodgeball:
         self._wait = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """Counts hits, and throws the next ball when it is due; returns the score."""
+        """Counts hits, and throws the next ball when it is due. Returns the score as text."""
         for ball, touched in enumerate(world.touched):
             if touched >= 0 and self._target[ball]:
                 self.hits[names[owners[touched]]] += 1
@@ -204,7 +206,7 @@ class Dodgeball:
         here = [
             name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
         ]
-        # A ball in flight is not taken out of the air.
+        # A flying ball is not thrown again.
         if here and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
             self._throw(world, here, spheres, names, owners)
@@ -212,7 +214,7 @@ class Dodgeball:
         return ", ".join(f"{n} hit {told.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _middle(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
-        """Returns (3,) the middle of a target's spheres, None where it has none."""
+        """Returns (3,) the centre of a target's spheres, None if it has none."""
         own = spheres[np.array(owners, np.int64) == names.index(name)]
         own = own[np.isfinite(own).all(1)]
         return None if not len(own) else np.asarray((own.min(0) + own.max(0)) / 2)
@@ -220,7 +222,7 @@ class Dodgeball:
     def _throw(
         self, world: World, here: list[str], spheres: Float, names: list[str], owners: list[int]
     ) -> None:
-        """Throws the next ball at the next target, so that it arrives at its middle."""
+        """Throws the next ball at the centre of the next target."""
         target = here[self._turn % len(here)]
         aim = self._middle(target, spheres, names, owners)
         assert aim is not None

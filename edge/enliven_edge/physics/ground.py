@@ -1,4 +1,4 @@
-"""Performers among loose things: the place where one stands, and the spheres that push for a body."""
+"""Performers in the physics world: the place of a standing performer, and the collision spheres of a body."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from enliven.person import BONES, Body, Joint
 from enliven.possession import facing
 
 _STILL = 0.12
-"""Metres that a person who stands still may sway."""
+"""Metres that a standing person may sway."""
 
 
 @dataclass(frozen=True)
 class WorldGround:
-    """The place and heading of a performer: +X to their left, +Z ahead.
+    """The place and heading of a performer: +X to the performer's left, +Z ahead.
 
     Attributes:
         at: (3,) metres, on the floor.
@@ -32,13 +32,13 @@ class WorldGround:
         return np.array([np.cos(self.yaw / 2), 0.0, np.sin(self.yaw / 2), 0.0])
 
     def to_world(self, points: Float) -> Float:
-        """Returns (..., 3) points beside, up and ahead, in the world."""
+        """Converts (..., 3) points from local coordinates (sideways, up, ahead) to the world."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         turned = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
         return np.asarray(turned + self.at)
 
     def from_world(self, points: Float) -> Float:
-        """Returns (..., 3) points of the world as beside, up and ahead."""
+        """Converts (..., 3) points from the world to local coordinates (sideways, up, ahead)."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.asarray((points - self.at) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]))
 
@@ -48,11 +48,11 @@ FIXED = WorldGround(np.zeros(3), 0.0)
 
 
 class StandingDetector:
-    """Finds the place where a person stands still: a person who walks in is not to get the world at the door.
+    """Finds the place of a person that stands still, so that the world is not placed at the door.
 
     Args:
-        seconds: of standing that it takes.
-        patience: seconds after which the middle of where a person was serves as well; 0: never.
+        seconds: how long the person must stand.
+        patience: seconds after which the mean position of a moving person is used instead. 0: never.
     """
 
     def __init__(self, seconds: float, patience: float = 0.0) -> None:
@@ -61,7 +61,7 @@ class StandingDetector:
         self._way: dict[int, list[tuple[WorldGround, int]]] = {}
 
     def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
-        """Returns the place of the first person who has stood still, or moved about, for long enough."""
+        """Returns the place of the first person that has stood still, or moved about, for long enough."""
         seen: dict[int, tuple[WorldGround, int]] = {}
         ways: dict[int, list[tuple[WorldGround, int]]] = {}
         for body in bodies:
@@ -88,7 +88,7 @@ def _middle(places: list[WorldGround]) -> WorldGround:
 
 
 def ground_under(body: Body) -> WorldGround | None:
-    """Returns the place of a performer; None while their hips are unknown."""
+    """Returns the place of a performer. None while the hips are unknown."""
     hip = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
         return None
@@ -96,7 +96,7 @@ def ground_under(body: Body) -> WorldGround | None:
 
 
 def _radii() -> Float:
-    """Returns (20,) metres around each joint of a person 1.75 m tall."""
+    """Returns (20,) metres, the radius around each joint of a person 1.75 m tall."""
     radii = np.full(len(Joint), 0.07)
     radii[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
     radii[[Joint.HIP_LEFT, Joint.HIP_RIGHT]] = 0.11
@@ -108,13 +108,13 @@ def _radii() -> Float:
 
 _RADII = _radii()
 _SHARES = np.array([1 / 3, 2 / 3])
-"""Shares of a bone's length at which its two spheres lie."""
+"""Relative positions of a bone's two spheres along its length."""
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:
-    """Returns (S, 3) centres and (S,) radii, metres: each joint, two along each bone.
+    """Returns (S, 3) centres and (S,) radii, metres: one sphere at each joint, two along each bone.
 
-    A joint that is not finite takes its spheres with it.
+    The spheres of a joint that is not finite are not finite either.
     """
     start, end = np.array(BONES).T
     size = float(np.clip(body.height / 1.75, 0.3, 1.6)) if np.isfinite(body.joints).all() else 1.0

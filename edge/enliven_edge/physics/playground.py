@@ -1,4 +1,4 @@
-"""The world of loose things for the service: one call a frame takes poses and bodies and returns props."""
+"""The physics world as the service uses it: one call per frame takes poses and bodies and returns props."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ from enliven_edge.physics.world import World
 from enliven_edge.stage import Tick
 
 _NEAR = 4
-"""Control points that move a vertex: as many as skin weights hold."""
+"""Number of control points that move a vertex: the limit of skin weights."""
 _SHARP = 3.0
-"""The power of the distance by which a control point's weight falls: nearest points dominate."""
+"""Exponent of the inverse distance weights: the nearest control points dominate."""
 
 
 def roughly_skinned(character: Character) -> Character:
-    """Returns a puppet with vertices that follow their nearest control points; other characters unchanged."""
+    """Returns a puppet with skin weights of its nearest control points.
+
+    Other characters are returned unchanged.
+    """
     if character.kind != "points" or len(character.pivots) < 2:
         return character
     near = min(_NEAR, len(character.pivots) - 1)
@@ -45,11 +48,11 @@ log = logging.getLogger(__name__)
 
 
 class Playground:
-    """Props, the spheres of characters and performers among them, and a game.
+    """Props, the collision spheres of characters and performers, and a game.
 
-    Nothing is there until the place is known: where a performer first stands still (or has moved about
-    for long), or at once where the settings say fixed. The same frames give the same props, as long as the
-    budget leaves nothing out.
+    The world is empty until its place is known. That is where a performer first stands still (or has moved
+    about for long), or immediately if the settings say "fixed". The same frames give the same props, as long
+    as the time budget skips nothing.
     """
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
@@ -75,20 +78,20 @@ class Playground:
             self.introduce(character)
 
     def introduce(self, character: Character) -> None:
-        """Adds a character, or a new version of one: its spheres are packed now, not when it first moves."""
+        """Adds a character, or a new version of one. Its spheres are packed now, not when it first moves."""
         proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
 
     def show(self, characters: Mapping[str, Character]) -> None:
-        """Introduces the characters that are new or changed, and forgets those that are gone."""
+        """Adds new and changed characters, and removes those that are gone."""
         for name, character in characters.items():
             if name not in self._proxies or self._proxies[name][0] is not character:
                 self.introduce(character)
         self._proxies = {name: known for name, known in self._proxies.items() if name in characters}
 
     def warm_up(self) -> None:
-        """Compiles what every frame needs, on a world of its own."""
+        """Compiles the code that every frame needs, on a separate world."""
         world = World(self.game.props, self.settings.engine)
         self.game.begin(world, FIXED, np.empty((0, 3)), np.empty(0))
         world.move(world.positions[:1].copy(), np.full(1, 0.05))
@@ -97,15 +100,15 @@ class Playground:
             proxies.centres(character.rest_pose())
 
     def step(self, tick: Tick) -> Props | None:
-        """Returns the props after a frame; None while the place of the world is not known.
+        """Returns the props after a frame. None while the place of the world is not known.
 
-        Poses of characters that were not introduced are passed over.
+        Poses of characters that were not introduced are ignored.
         """
         bodies, time_ns = tick.bodies, tick.time_ns
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
-            # A replay that begins again.
+            # A replay starts again.
             seconds, self._ground, self._standing = 0.0, None, self._detector()
         before = self._slots
         spheres, radii, names, owners = self._spheres(tick)
@@ -131,7 +134,7 @@ class Playground:
         return StandingDetector(self.settings.stand, self.settings.patience)
 
     def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
-        """Returns the place of the world, as soon as it is known."""
+        """Returns the place of the world, or None until it is known."""
         if self.settings.place == "fixed":
             return FIXED
         return self._standing.find(bodies, time_ns)
@@ -139,7 +142,7 @@ class Playground:
     def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
         """Returns the spheres of all characters and bodies: centres, radii, names, and owners' indices.
 
-        A character or body keeps its slots while it is present; afterwards they are free for others.
+        A character or body keeps its slots while it is present. Afterwards the slots are free for others.
         """
         made: dict[str, tuple[Float, Float]] = {}
         for pose in tick.poses:

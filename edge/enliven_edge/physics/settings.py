@@ -1,4 +1,4 @@
-"""The settings of the physics."""
+"""The settings of the physics simulation."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class DodgeballSettings:
 
 @dataclass(frozen=True)
 class PhysicsSettings:
-    """Settings of the world of loose things."""
+    """Settings of the physics world."""
 
     world: WorldName = setting("none", "'boxes' are towers to knock over; in 'dodgeball' balls are thrown.")
     place: Literal["performer", "fixed"] = setting(

@@ -1,4 +1,4 @@
-"""The physics of a running edge: switched on, off, or to other objects by a viewer's order."""
+"""Switches the physics of a running edge on, off, or to other objects on a viewer's request."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ log = logging.getLogger(__name__)
 _WHERE = "physics"
 """The part of the edge that errors name."""
 _MOST_LETTERS = 160
-"""Letters of a sentence that the wire carries."""
+"""Maximum number of characters of a sentence in a wire message."""
 
 
 class _Preparation(threading.Thread):
-    """Loads the engine and packs characters into spheres while the frames go on."""
+    """Loads the engine and packs characters into spheres in the background."""
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character]) -> None:
         super().__init__(name="preparation of the physics", daemon=True)
@@ -53,12 +53,13 @@ class _Preparation(threading.Thread):
 
 
 class PhysicsSwitch:
-    """The loose objects of an edge; there may be none.
+    """The physics objects of an edge, if any.
 
     Args:
-        settings: of the engine and its objects; viewers choose ``world`` later.
-        live: whether frames come in real time; a recording gives the same objects each time.
-        playground: what is on from the start; None for nothing.
+        settings: of the engine and its objects. Viewers choose ``world`` later.
+        live: True if frames come in real time. A recording must give the same objects each time, so no time
+            budget applies.
+        playground: the world at the start. None: no objects.
     """
 
     def __init__(
@@ -103,7 +104,7 @@ class PhysicsSwitch:
         self._preparation.start()
 
     def show(self, characters: Mapping[str, Character]) -> None:
-        """Introduces the characters that are on the stage; call once a frame."""
+        """Adds the characters that are on the stage. Call once per frame."""
         self._characters = dict(characters)
         if self._preparation is not None and (result := self._preparation.result) is not None:
             self._preparation = None
@@ -112,7 +113,7 @@ class PhysicsSwitch:
             self._playground.show(characters)
 
     def step(self, tick: Tick) -> Props | None:
-        """Returns the objects after a frame; no objects once after they were removed; None without any."""
+        """Returns the objects after a frame. Empty once after they were removed, then None."""
         if self._playground is not None:
             self._clears = False
             return self._playground.step(tick)
@@ -132,7 +133,7 @@ class PhysicsSwitch:
         return replace(self._settings, world=world)
 
     def _begin(self, result: Playground | EnlivenError) -> None:
-        """Puts the prepared objects on the stage, or keeps the reason why there are none."""
+        """Puts the prepared objects on the stage, or stores the reason of the failure."""
         if isinstance(result, EnlivenError):
             what, mend = result.what[:_MOST_LETTERS], (result.mend or "")[:_MOST_LETTERS]
             self._state = PhysicsMessage(self._state.world, "failed", what, mend)
@@ -142,7 +143,7 @@ class PhysicsSwitch:
 
 
 def _nothing(time_ns: int) -> Props:
-    """Returns no objects at a moment: viewers remove the last ones."""
+    """Returns an empty set of objects, so that viewers remove the last ones."""
     return Props(
         time_ns,
         np.arange(0),

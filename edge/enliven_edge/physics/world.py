@@ -1,4 +1,4 @@
-"""Free boxes and balls on a floor, and moved spheres among them; MuJoCo does the physics."""
+"""Rigid boxes and balls on a floor, and kinematic spheres among them, simulated by MuJoCo."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limi
 from enliven_edge.physics.settings import EngineSettings
 
 log = logging.getLogger(__name__)
-# The engine would write a file MUJOCO_LOG.TXT wherever the program was started.
+# The engine would otherwise write a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
 
 _PROP = 1
-"""Contact bit of props, which meet everything."""
+"""Collision bit of props, which collide with everything."""
 _SPHERE = 2
-"""Contact bit of spheres, which meet props only."""
+"""Collision bit of spheres, which collide with props only."""
 _FLOOR = 4
-"""Contact bit of the floor, which meets props only."""
+"""Collision bit of the floor, which collides with props only."""
 _PARKED = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
-"""Spheres by which the model grows at a time: rebuilding takes time, so a few newcomers do not cause it."""
+"""Number of spheres that the model grows by. Rebuilding takes time, so a few newcomers must not cause it."""
 _FASTEST_TURN = 40.0
-"""Radians a second of a prop: a faster turn is an error of a contact."""
+"""Maximum radians per second of a prop: a faster rotation is a contact error."""
 _FARTHEST = 500.0
-"""Metres from the origin: a farther prop has been flung by an error."""
+"""Maximum metres from the origin: a prop farther away was flung by an error."""
 
 
 @dataclass(frozen=True)
 class PropSpecs:
-    """The properties of the loose things, fixed when they are made.
+    """The fixed properties of the props.
 
     Attributes:
         shapes: (P,) uint8, BOX or BALL.
-        sizes: (P, 3) metres: half edges of a box, the radius three times for a ball.
+        sizes: (P, 3) metres: half edges of a box; for a ball the radius, three times.
         masses: (P,) kilograms.
         colours: (P, 3) uint8 sRGB.
-        bounce: (P,) speed after a bounce over the speed before.
+        bounce: (P,) restitution: speed after a bounce divided by the speed before.
     """
 
     shapes: UInt8
@@ -56,11 +56,11 @@ class PropSpecs:
 
 
 class World:
-    """Props in motion: :meth:`move` places the spheres, :meth:`advance` lets time pass.
+    """The simulation state of the props. :meth:`move` places the spheres, :meth:`advance` advances time.
 
     Attributes:
-        touched: (P,) what each prop touched in the last :meth:`advance`: a sphere's number, FLOOR or NOTHING.
-        left_out: seconds so far that the budget left out.
+        touched: (P,) contact of each prop in the last :meth:`advance`: a sphere's index, FLOOR or NOTHING.
+        left_out: total seconds that the time budget skipped.
     """
 
     def __init__(self, props: PropSpecs, settings: EngineSettings | None = None) -> None:
@@ -83,18 +83,18 @@ class World:
 
     @property
     def velocities(self) -> Float:
-        """(P, 6) metres a second, and radians a second in the prop's own frame."""
+        """(P, 6) metres per second, and radians per second in the prop's own frame."""
         return self._data.qvel.reshape(-1, 6)
 
     def put(
         self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0
     ) -> None:
-        """Places props at once.
+        """Sets positions, rotations and speeds of props.
 
         Args:
-            positions: (K, 3).
-            turns: (K, 4), upright where None.
-            speeds: (K, 3) metres a second.
+            positions: (K, 3) metres.
+            turns: (K, 4) quaternions. None: upright.
+            speeds: (K, 3) metres per second.
         """
         self.positions[which] = positions
         self.turns[which] = (1.0, 0.0, 0.0, 0.0) if turns is None else turns
@@ -106,7 +106,7 @@ class World:
         """Sets the spheres' places at the end of the next :meth:`advance`.
 
         Args:
-            centres: (S, 3); a row that is not finite takes its sphere away.
+            centres: (S, 3) metres. A row that is not finite removes its sphere.
             radii: (S,) metres.
         """
         there = np.isfinite(centres).all(1) & np.isfinite(radii) & (radii > 0)
@@ -118,7 +118,7 @@ class World:
         self._radii = np.zeros(len(self._to))
         self._radii[:count][there] = radii[there]
         self._from, self._to = self._to.copy(), target
-        # What appears anew comes from nowhere, and pushes by no speed.
+        # A sphere that has just appeared has no previous place and therefore no speed.
         fresh = (was == 0) != (self._radii == 0)
         self._from[fresh] = self._to[fresh]
         self._resize(np.flatnonzero(np.abs(self._radii - was) > 1e-3 * was))
@@ -130,11 +130,11 @@ class World:
         self._data.mocap_pos[:] = self._to
 
     def appear(self, numbers: slice) -> None:
-        """Marks spheres as new at their places: they have no velocity from before."""
+        """Marks spheres as new at their places, without a velocity."""
         self._from[numbers] = self._to[numbers]
 
     def advance(self, seconds: float) -> str:
-        """Lets time pass; returns what was wrong where the props cannot be trusted any more, else ''."""
+        """Advances time. Returns an error text if the props are no longer valid, else ""."""
         self.touched[:] = NOTHING
         whole, settings = min(max(seconds, 0.0), self.settings.catch_up), self.settings
         count = math.ceil(whole / settings.substep - 1e-6)
@@ -147,7 +147,7 @@ class World:
         speeds = path / max(seconds, whole)
         began = time.perf_counter()
         for k in range(count):
-            # After a long pause only its end is played.
+            # After a long pause only its end is simulated.
             self._data.mocap_pos[:] = self._to - speeds * (whole - k * step)
             trouble = self._substep(speeds)
             if trouble:
@@ -160,12 +160,12 @@ class World:
         return "" if far < _FARTHEST else "a prop was flung out of the world"
 
     def _substep(self, speeds: Float) -> str:
-        """Does one step of the engine; returns what was wrong, or ''."""
+        """Runs one step of the engine. Returns an error text, or ""."""
         model, data = self._model, self._data
         try:
             mujoco.mj_step1(model, data)
             contact = data.contact
-            # Strided, unless there is one contact at most: of one layout for the kernel.
+            # MuJoCo's arrays are strided if there are several contacts; the kernel needs one memory layout.
             columns = contact.geom, contact.frame, contact.dist, contact.efc_address, contact.dim
             correct_contacts(
                 *map(np.ascontiguousarray, columns),
@@ -187,7 +187,7 @@ class World:
         return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
 
     def _build(self, spheres: int) -> None:
-        """Builds the model for so many spheres; moving props keep their motion."""
+        """Builds the model for at least ``spheres`` spheres. Moving props keep their motion."""
         count = -(-spheres // _SPARE) * _SPARE
         before = getattr(self, "_data", None)
         self._model = _model(self.props, count, self.settings)
@@ -206,7 +206,7 @@ class World:
         self._data.mocap_pos[:] = self._to
 
     def _resize(self, numbers: Int) -> None:
-        """Sets spheres' radii; a sphere of radius 0 touches nothing."""
+        """Sets the radii of spheres. A sphere of radius 0 collides with nothing."""
         if not len(numbers):
             return
         model, geoms, radii = self._model, self._geoms[numbers], self._radii[numbers]
@@ -220,7 +220,7 @@ class World:
 
 
 def _longer(rows: Float, count: int, fill: Float) -> Float:
-    """Returns (count, 3) the rows, and ``fill`` after them."""
+    """Returns (count, 3) the rows, padded with ``fill``."""
     return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
 
 
@@ -233,7 +233,8 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Rest needs three, with two a tower flies apart; in a crash more than five cost a frame and show nothing.
+    # Resting contacts need three iterations; with two a tower bursts. More than five slow a crash down
+    # without visible gain.
     option.iterations = 5
     common: dict[str, Any] = {
         "solref": [settings.stiffness, 1.0],
@@ -250,7 +251,7 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
         kind = mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX
         made = {"contype": _PROP, "conaffinity": everything, **common}
         if ball:
-            made["condim"] = 6  # so that a ball rolls out in the end
+            made["condim"] = 6  # rolling friction, so that a ball stops rolling in the end
         body.add_geom(
             name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **made
         )

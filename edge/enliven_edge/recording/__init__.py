@@ -1,4 +1,4 @@
-"""The take of a performance: in a new part after a full disk."""
+"""The take of a performance. After a full disk it continues in a new part."""
 
 import lazy_loader
 

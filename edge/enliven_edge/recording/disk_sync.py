@@ -1,4 +1,4 @@
-"""Hands a file that grows to the disk at even intervals, on a thread of its own."""
+"""Syncs a growing file to the disk periodically, on its own thread."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import threading
 from enliven.errors import ResourceError
 
 SYNC_EVERY = 5.0
-"""Seconds between two calls of fsync: the part of a recording that a power cut may cost. A disk of a small
-computer takes up to a second for one, which the frame loop must not wait for."""
+"""Seconds between two calls of fsync: the part of a recording that a power cut may cost. The disk of a
+small computer takes up to a second for one call, which must not block the frame loop."""
 _LAST = 1.0
-"""Seconds for which closing waits for the last call."""
+"""Seconds that closing waits for the last call."""
 _NOT_THERE = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 """Errors of a file system without fsync."""
 
 
 class DiskSync:
-    """Calls :func:`os.fsync` for a file at even intervals on a thread of its own.
+    """Calls :func:`os.fsync` for a file periodically on its own thread.
 
     Args:
-        descriptor: of the open file; it may be closed at any time.
+        descriptor: of the open file. It may be closed at any time.
         every: seconds between two calls.
 
     Attributes:
-        count: how many calls have returned.
+        count: number of completed calls.
     """
 
     def __init__(self, descriptor: int, every: float = SYNC_EVERY) -> None:
@@ -38,7 +38,7 @@ class DiskSync:
         self._thread.start()
 
     def check(self) -> None:
-        """Raises ResourceError where the disk refused written data."""
+        """Raises ResourceError if the disk refused written data."""
         if self._failure is not None:
             raise ResourceError(
                 f"what was written does not reach the disk ({self._failure.strerror})",
@@ -46,7 +46,7 @@ class DiskSync:
             )
 
     def close(self) -> None:
-        """Calls it a last time, and waits a little for that; a second call does nothing."""
+        """Calls fsync a last time, and waits a little for it. A second call does nothing."""
         self._ended.set()
         if self._thread is not threading.current_thread():
             self._thread.join(_LAST)

@@ -1,4 +1,4 @@
-"""A recording in parts: after a full disk it goes on in a new file as soon as there is room again."""
+"""A recording in parts: after a full disk it continues in a new file as soon as there is room again."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from enliven_edge.recording.disk_sync import DiskSync
 log = logging.getLogger(__name__)
 
 FIRST_RETRY_S = 5.0
-"""Seconds from a failed write to the first try to go on: a deleted file has freed its room by then."""
+"""Seconds from a failed write to the first retry: a deleted file has freed its space by then."""
 MAX_RETRY_S = 60.0
-"""Seconds between two tries at most. Each part that is full at once doubles the wait up to that."""
+"""Maximum seconds between two retries. Each part that fills immediately doubles the wait up to this limit."""
 MIN_FREE_BYTES = 1 << 17
-"""Free bytes on the disk before a new part is begun: less would be full at once."""
+"""Minimum free bytes on the disk before a new part is started: less would be full immediately."""
 _MAX_NUMBER = 1_000_000
-"""Numbers that are tried for a free name: a service that restarts each minute needs two years for them."""
+"""Maximum number that is tried for a free name: a service that restarts each minute needs two years for
+them."""
 _PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 """A placeholder in a file name."""
 
 
 def free_path(pattern: Path) -> Path:
-    """Returns the path to record to: placeholders in its file name are filled in.
+    """Returns the path to record to, with the placeholders in its file name filled in.
 
-    ``{time}`` is the local time, as in 20261128-094500. ``{number}`` is the lowest number from 001 for which
-    no file exists. A name with ``{time}`` that exists gets ``-2``, ``-3`` ... at its end. A name without
+    ``{time}`` is the local time, as in 20261128-094500. ``{number}`` is the lowest number from 001 without an
+    existing file. A name with ``{time}`` that exists gets ``-2``, ``-3`` ... at its end. A name without
     placeholders is returned unchanged.
 
     Raises:
@@ -60,25 +61,25 @@ def free_path(pattern: Path) -> Path:
 
 
 class PartedRecorder(Closing):
-    """A :class:`~enliven.recording.Recorder` that goes on in a new part after writing has failed.
+    """A :class:`~enliven.recording.Recorder` that continues in a new part after writing has failed.
 
-    A failed write never raises: ``failure`` says why nothing is written. When there is room again, the next
-    write begins a new part, ``NAME-part2.mcap`` next to ``NAME.mcap``.
+    A failed write never raises: ``failure`` contains the reason. When there is room again, the next write
+    starts a new part, ``NAME-part2.mcap`` next to ``NAME.mcap``.
 
     Args:
-        path: of the first part, with placeholders as of :func:`free_path`.
-        overwrite: whether an existing file may be replaced.
+        path: path of the first part, with placeholders as in :func:`free_path`.
+        overwrite: True allows replacing an existing file.
         compression_level: that of ``encode_depth``.
 
     Attributes:
         paths: the parts, oldest first.
-        failure: why nothing can be written now; None while it can.
-        lost: how many messages were not written because of failures.
-        begun: called after each later part has begun, to write what every part needs.
+        failure: why nothing can be written now. None while writing works.
+        lost: number of messages that were not written because of failures.
+        begun: called after each later part has started, to write the data that every part needs.
 
     Raises:
-        InputError: where the file exists already, or its folder does not.
-        ResourceError: where the first part cannot be made.
+        InputError: if the file already exists, or its folder does not.
+        ResourceError: if the first part cannot be created.
     """
 
     def __init__(self, path: Path, *, overwrite: bool = False, compression_level: int = 1) -> None:
@@ -121,12 +122,12 @@ class PartedRecorder(Closing):
         self._carry_out(lambda recorder: recorder.add_metadata(name, values))
 
     def sync(self) -> None:
-        """Hands everything written so far to the operating system, as whole chunks."""
+        """Passes everything written to the operating system, as complete chunks."""
         if self._recorder is not None:
             self._carry_out(lambda recorder: recorder.sync())
 
     def close(self) -> None:
-        """Writes the index and closes the file; a second call does nothing."""
+        """Writes the index and closes the file. A second call does nothing."""
         recorder, self._recorder = self._recorder, None
         self._retry_at = float("inf")
         if recorder is None:
@@ -138,7 +139,7 @@ class PartedRecorder(Closing):
         self._disk.close()
 
     def _carry_out(self, step: Callable[[Recorder], None]) -> None:
-        """Runs a step on the current part, or on a new one if it is time for it."""
+        """Runs a step on the current part, or on a new one if a retry is due."""
         if self._recorder is None and time.monotonic() >= self._retry_at:
             self._begin()
         if self._recorder is None:
@@ -152,7 +153,7 @@ class PartedRecorder(Closing):
             self._pause(error)
 
     def _pause(self, error: ResourceError) -> None:
-        """Closes the current part after a failed write, and plans the next try."""
+        """Closes the current part after a failed write, and schedules the next retry."""
         is_short = time.monotonic() - self._began < MAX_RETRY_S and len(self.paths) > 1
         self._wait_s = min(2 * self._wait_s, MAX_RETRY_S) if is_short else FIRST_RETRY_S
         until, self.failure = self._wait_s, error
@@ -161,7 +162,7 @@ class PartedRecorder(Closing):
         log.warning("%s It goes on in a new file when there is room.", error)
 
     def _begin(self) -> None:
-        """Begins the next part, if the disk has room; else plans another try."""
+        """Starts the next part if the disk has room. Otherwise schedules another retry."""
         self._retry_at = time.monotonic() + self._wait_s
         first = self.paths[0]
         path = _next_part(first)

@@ -1,4 +1,4 @@
-"""Writes the take of a performance: a full disk pauses the take and not the show."""
+"""Writes the take of a performance: a full disk pauses the take, but not the show."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from enliven_edge.tracking.health import HEALTH_MESSAGES
 log = logging.getLogger(__name__)
 
 CHARACTER_EVERY = 60.0
-"""Seconds of the take's clock after which every character is written again: a damaged part of the file then
-costs no more than its own messages, because poses are read by any copy of their character."""
+"""Seconds of the take's clock after which every character is written again. A damaged part of the file
+then costs only its own messages, because poses can be read with any copy of their character."""
 _ENCODER = msgspec.msgpack.Encoder()
 
 
 class Take:
-    """Writes messages as they are sent, and every character at the start, each minute and at the end.
+    """Writes all sent messages, and every character at the start, each minute and at the end.
 
-    While nothing can be written, a health state says so. When there is room again, the take goes on in a new
-    part, which begins with every character.
+    While nothing can be written, a health state reports it. When there is room again, the take continues in a
+    new part, which starts with every character.
 
     Args:
-        path: of the first part; see :func:`~enliven_edge.recording.parts.free_path` for its placeholders.
-        overwrite: whether an existing file may be replaced.
+        path: path of the first part. See :func:`~enliven_edge.recording.parts.free_path` for its
+            placeholders.
+        overwrite: True allows replacing an existing file.
 
     Raises:
-        InputError: where the file exists already, or its folder does not.
-        ResourceError: where it cannot be made.
+        InputError: if the file already exists, or its folder does not.
+        ResourceError: if it cannot be created.
     """
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
@@ -53,16 +54,16 @@ class Take:
         return list(self._health_states.values())
 
     def introduce(self, name: str, character: CharacterMessage) -> None:
-        """Adds a new character, or a new revision of one, from the last written moment on."""
+        """Adds a new character, or a new revision of one, at the last written time."""
         self._characters[name] = character
         self._put(character, self._now_ns)
 
     def remove(self, name: str) -> None:
-        """Takes a character away: it is not written again."""
+        """Removes a character: it is not written again."""
         self._characters.pop(name, None)
 
     def write(self, message: Any, time_ns: int) -> None:
-        """Appends a message with its JSON schema; a failure is reported by :attr:`health_states`."""
+        """Appends a message with its JSON schema. A failure is reported by :attr:`health_states`."""
         self._put(message, time_ns)
         self._now_ns = max(self._now_ns, time_ns)
         if self._told_ns is None:
@@ -71,13 +72,13 @@ class Take:
             self._repeat_characters(time_ns)
 
     def close(self) -> None:
-        """Writes the characters again and the index, and closes the file; a second call does nothing."""
+        """Writes the characters again and the index, and closes the file. A second call does nothing."""
         if self._told_ns is not None:
             self._repeat_characters(self._now_ns)
         self._parts.close()
 
     def _begin_part(self) -> None:
-        """Begins a new part with every character, and reports the gap between the parts."""
+        """Starts a new part with every character, and reports the gap between the parts."""
         self._repeat_characters(self._now_ns)
         self._health_states.pop(HealthKind.TAKE_ENDED, None)
         facts = {"count": self._parts.lost, "path": self._parts.path.name}
@@ -101,7 +102,7 @@ class Take:
             self._say(HealthKind.TAKE_ENDED, self._parts.failure.what)
 
     def _say(self, kind: HealthKind, why: str, **facts: object) -> None:
-        """What is wrong from now on; logged once."""
+        """Sets a health state, and logs it the first time."""
         message = HEALTH_MESSAGES[kind]
         what = message.what.format(why=why, **facts)
         before = self._health_states.get(kind)

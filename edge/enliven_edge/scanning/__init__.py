@@ -1,4 +1,4 @@
-"""A scan as its user sees it: what happened, what to do better, and pictures of the mesh."""
+"""The user's view of a scan: a log of events, advice for a better scan, and views of the mesh."""
 
 import lazy_loader
 

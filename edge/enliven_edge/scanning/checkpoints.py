@@ -1,4 +1,4 @@
-"""Earlier states of a scan, to which it can go back."""
+"""Checkpoints of a scan, which "undo" returns to."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections import deque
 from typing import Generic, TypeVar
 
 _EVERY = 2.0
-"""Seconds of the sensor's clock between two states that are kept."""
+"""Seconds of the sensor's clock between two checkpoints."""
 _KEPT = 3
-"""States that are kept: six seconds, in which a mistake is noticed."""
+"""Number of checkpoints: six seconds, in which users notice a mistake."""
 _MEGABYTES = 1200.0
-"""Of the states together; of a scan that is larger fewer are kept, and at last none."""
+"""Memory limit of all checkpoints. Fewer are kept of a larger scan, and none of a very large one."""
 
 State = TypeVar("State")
 
@@ -23,7 +23,7 @@ class Checkpoints(Generic[State]):
         self._kept: deque[tuple[int, State]] = deque()
 
     def offer(self, state: State, time_ns: int, megabytes: float) -> None:
-        """Keep a copy of a state, where the newest copy is old enough and there is memory."""
+        """Keeps a copy of a state if the newest copy is old enough and memory is left."""
         most = min(_KEPT, int(_MEGABYTES / max(megabytes, 1e-9)))
         newest = self._kept[-1][0] if self._kept else None
         if newest is not None and 0 <= time_ns - newest < _EVERY * 1e9:
@@ -34,12 +34,15 @@ class Checkpoints(Generic[State]):
             self._kept.append((time_ns, copy.deepcopy(state)))
 
     def seconds(self, now_ns: int) -> float:
-        """Returns how many seconds :meth:`back` would take back; 0 where nothing is kept."""
+        """Returns how many seconds :meth:`back` would undo, or 0 if no checkpoint is old enough."""
         found = self._meant(now_ns)
         return 0.0 if found is None else (now_ns - self._kept[found][0]) * 1e-9
 
     def back(self, now_ns: int) -> State | None:
-        """Returns the state of at least a moment ago, and forgets it and all later ones; None without."""
+        """Returns the newest checkpoint that is old enough, and drops it and all later ones.
+
+        None if there are none.
+        """
         found = self._meant(now_ns)
         if found is None:
             return None
@@ -49,6 +52,6 @@ class Checkpoints(Generic[State]):
         return state
 
     def _meant(self, now_ns: int) -> int | None:
-        """Returns which state is gone back to: the newest that is half as old as they lie apart."""
+        """Returns the index of the newest checkpoint that is at least half an interval old."""
         old = [k for k, (at, _) in enumerate(self._kept) if now_ns - at >= 0.5e9 * _EVERY]
         return old[-1] if old else None

@@ -1,4 +1,4 @@
-"""What happened in a scan: how far the camera went, where it was lost, and what to do better."""
+"""Scan log: length of the camera path, lost frames, and advice for a better scan."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.person import PersonScanner
 
 _STILL = 0.05
-"""Metres of the camera's way below which it showed one side only."""
+"""Metres. A shorter camera path showed the object from one side only."""
 _OFTEN = 0.2
-"""Share of frames from which on a trouble is worth a word."""
+"""Minimum fraction of frames with a problem before the user is told about it."""
 _QUICK = 1.0
-"""Metres a second beyond which images smear and the camera is lost: a brisk walk."""
+"""Metres per second. Faster cameras blur images and lose tracking: a brisk walk."""
 
 
 class ScanDiary:
-    """Counts what became of the frames of a scan."""
+    """Counts the frames of a scan by tracking result."""
 
     def __init__(self) -> None:
         self.counts: Counter[ScanState] = Counter()
@@ -32,11 +32,11 @@ class ScanDiary:
 
     @property
     def frames(self) -> int:
-        """Frames so far."""
+        """Total number of frames."""
         return sum(self.counts.values())
 
     def add(self, step: ScanStep, time_ns: int) -> None:
-        """Note what became of a frame."""
+        """Adds the result of one frame."""
         self.counts[step.state] += 1
         self.full = self.full or not step.room
         if step.state is not ScanState.SCANNING:
@@ -56,10 +56,11 @@ class ScanDiary:
         return f"{self.way:.1f} m of way" + (f", lost in {lost}" if lost else "")
 
     def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
-        """Say why there is nothing to make a mesh of.
+        """Raises an error that says why no mesh can be made.
 
         Raises:
-            InputError: where no frame could be used, or the camera hardly moved, unless about a person.
+            InputError: if no frame could be used, or the camera hardly moved. A scan of a person needs no
+                camera motion.
         """
         if isinstance(scanner, PersonScanner):
             scanner.refuse(where)
@@ -80,7 +81,7 @@ class ScanDiary:
             raise InputError(what, where=where, mend="Carry it round the thing.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
-        """Returns a sentence for each thing that would make the scan better."""
+        """Returns one sentence for each problem that can be avoided in the next scan."""
         if isinstance(scanner, PersonScanner):
             return scanner.advice(self.frames)
         total, said = max(self.frames, 1), []

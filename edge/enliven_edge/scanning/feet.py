@@ -1,4 +1,4 @@
-"""The feet of a person who is scanned: the pixels just above the floor that the tracker leaves out."""
+"""The feet of a scanned person: the pixels just above the floor, which the tracker leaves out."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
 
 _SEEN = 0.5
-"""Confidence from which a joint's place counts."""
+"""Minimum confidence of a joint that is used."""
 _FOOT = 0.16
-"""Metres in plan about ankles and toes in which what lies low is a foot: half its length."""
+"""Metres, horizontal distance from ankles and toes: low pixels within it belong to a foot. Half a foot's
+length."""
 LOW = 0.12
-"""Metres above the floor up to which it may be, for the tracker leaves out what is so near the floor."""
+"""Metres above the floor: maximum height of foot pixels. The tracker leaves out pixels this near the
+floor."""
 _SOLE = 0.02
 """Metres above the floor that count as the floor: its noise at two to three metres."""
 
 
 def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:
-    """Returns (H, W) the pixels just above the floor about the ankles and toes that are seen."""
+    """Returns a mask (H, W) of the pixels just above the floor and near the visible ankles and toes."""
     ray, z = rays(frame.intrinsics), frame.depth[..., None] * 1e-3
     rows = np.flatnonzero((frame.depth > 0).any(1))
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]

@@ -1,4 +1,5 @@
-"""What becomes of a scan: what is meant is cut out, of few triangles, in a file, and on an edge's stage."""
+"""Finishes a scan: cuts out the wanted part, decimates it, writes it to a file, and puts it on an edge's
+stage."""
 
 from __future__ import annotations
 
@@ -34,30 +35,30 @@ from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.person import PersonScanner, ScannedPerson
 
 PROJECT = ".enliven"
-"""Ending of a project; the scan is a character in it that can be possessed."""
+"""File suffix of a project. The scan is a character of it that can be possessed."""
 ENDINGS = (*WRITABLE, PROJECT)
-"""Endings of the files that a scan is written to."""
+"""File suffixes that a scan can be written to."""
 _BEFORE = 120
-"""Images of the place before at most: those of a way round it lie 3 degrees apart."""
+"""Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
 
 _AS_SEEN = "; no floor was found, so the box lay as the first camera did"
-"""What is said of a box where no floor tells what is upright."""
+"""Note added to a cut by a box if no floor was found that defines the upright direction."""
 
 
 _AS_FIRST = "all as it was before the thing was moved"
-"""What is said of a room in which a thing was moved: it is another one afterwards."""
+"""Note added to a whole-room scan with a moved object: only the room before the move is kept."""
 
 
 @dataclass(frozen=True)
 class Keep:
-    """What is kept of a scan.
+    """The part of a scan that is kept.
 
     Attributes:
-        what: "thing": what stands on the floor; "alone": the largest part, of which no floor was seen; "all";
-            "box": what is in a box; "new": what was not there in the first images.
+        what: "thing": what stands on the floor. "alone": the largest part, for scans without a visible floor.
+            "all". "box": the content of a box. "new": what is missing in the first images.
         low, high: (3,) metres, the corners of the box in the scan's upright frame.
-        upright_from_world: (4, 4) that frame; None: as the finished scan shows it.
-        before: for "new", how many images, as the scanner numbers them, show the place before.
+        upright_from_world: (4, 4) pose of that frame. None: that of the finished scan.
+        before: for "new": images with a smaller number show the place without the object.
     """
 
     what: Literal["thing", "alone", "all", "box", "new"] = "thing"
@@ -73,9 +74,9 @@ class Made:
 
     Attributes:
         mesh: upright, on y = 0, metres.
-        most: metres that it is within of the full scan; 0 where no triangle was taken from it.
-        said: what was cut out, for people; empty where there is nothing to say.
-        person: whom it shows, where a person was scanned.
+        most: metres, maximum distance to the full scan. 0 if it was not decimated.
+        said: describes the cut for users. Empty if there is nothing to describe.
+        person: the scanned person, if a person was scanned.
     """
 
     mesh: Mesh
@@ -85,10 +86,10 @@ class Made:
 
 
 def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> Made:
-    """Returns what is kept of a scan, of at most so many triangles; 0 keeps all.
+    """Returns the kept part of a scan, decimated to ``triangles`` triangles. 0 keeps all triangles.
 
     Raises:
-        InputError: where there is nothing.
+        InputError: if nothing is left.
     """
     scanner.close_loops()
     person = scanner.person() if isinstance(scanner, PersonScanner) else None
@@ -98,7 +99,7 @@ def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: 
 
 
 def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
-    """Returns what is kept, of all triangles, and what to say of it."""
+    """Returns the kept part with all triangles, and its description for users."""
     cut = scanner.settings.cut_out
     if keep.what == "thing":
         try:
@@ -117,7 +118,7 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     if keep.what == "alone":
         return largest_part(mesh), ""
     ground: Ground | None = None
-    with contextlib.suppress(InputError):  # Without a floor it lies as the first camera saw it.
+    with contextlib.suppress(InputError):  # Without a floor the first camera's orientation stays.
         ground = find_ground(mesh, settings=cut)
     if keep.what == "new":
         out = cut_what_is_new(mesh, list(_known(scanner, keep.before)), ground, cut)
@@ -133,13 +134,13 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
 
 
 def _parts(out: CutOut, whole: Mesh, where: str) -> str:
-    """Returns what was cut out, in words."""
+    """Returns a description of the cut-out part for users."""
     parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
     return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
 
 
 def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
-    """Yields the images of the place before, as many as tell it."""
+    """Yields images of the empty place, as many as needed."""
     numbers = [number for number in scanner.history.numbers if number < before]
     chosen = numbers[:: max(len(numbers) // _BEFORE, 1)]
     for number, frame in scanner.history.frames(chosen):
@@ -148,10 +149,12 @@ def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]
 
 
 def write_scan(made: Made, path: Path) -> None:
-    """Writes a scan as a mesh, or as a project of one character; where it cannot, into another folder.
+    """Writes a scan as a mesh, or as a project with one character.
+
+    Falls back to another folder if that fails.
 
     Raises:
-        ResourceError: where it cannot be written; it says where the scan is instead.
+        ResourceError: if the path cannot be written. The message names the folder that was used instead.
     """
     try:
         _write(made, path)
@@ -164,7 +167,7 @@ def write_scan(made: Made, path: Path) -> None:
 
 
 def _elsewhere(made: Made, path: Path) -> Path | None:
-    """Writes a mesh into a folder of another disk; returns the file, or None where none can be written."""
+    """Writes a mesh into a folder on another disk. Returns the file, or None if no folder can be written."""
     for folder in (Path.home(), Path(tempfile.gettempdir())):
         other = folder / f"{path.stem}.saved{path.suffix}"
         with contextlib.suppress(ResourceError):
@@ -181,7 +184,7 @@ def _write(made: Made, path: Path) -> None:
 
     project = project_of_mesh(made.mesh, path.stem)
     if made.person is not None:
-        # Limb drives limb by these, and nothing has to be found in the mesh.
+        # With known ends and joints each limb drives its limb, and no person has to be found in the mesh.
         (one,) = project.characters.values()
         known = one.with_changes(ends=made.person.ends, joints=made.person.bones)
         project = project.with_characters(known)
@@ -192,7 +195,7 @@ def stage_command() -> EntryPoint:
     """Returns the command that puts characters on the stage of a running edge.
 
     Raises:
-        ResourceError: where the viewer, which brings it, is not installed.
+        ResourceError: if the viewer, which contains the command, is not installed.
     """
     found = list(entry_points(group="enliven.commands", name="stage"))
     if not found:
@@ -205,7 +208,7 @@ def put_on_stage(path: Path, edge: str) -> None:
     """Puts a written scan on the stage of a running edge, as ``enliven stage put`` does.
 
     Raises:
-        EnlivenError: where no edge answers, or it refuses.
+        EnlivenError: if no edge answers, or the edge refuses.
     """
     command = typer.main.get_command(stage_command().load())
     command.main(["put", str(path), "--edge", edge], standalone_mode=False)

@@ -1,4 +1,4 @@
-"""The growing surface of a scan as messages: pieces that changed, as many as the network is to carry."""
+"""Live preview of a scan: sends the surface pieces that changed, limited to the network's bandwidth."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from enliven.scanning import PIECE_STEPS, DistanceVolume, PieceSums, ScanPiece, 
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _CHANGED = 0.25
-"""How much a piece changed before it is sent again: its weights grew by a fifth, or a fourth of it is new."""
+"""Minimum change before a piece is sent again: its weights grew by a fifth, or a quarter of it is new."""
 _MOST_PIECES = 2000
-"""Pieces of a scan that are shown: a hall at 1 cm; a viewer that comes late gets all of them at once."""
+"""Maximum number of pieces that are shown: a hall at 1 cm. A viewer that connects late gets all of them at
+once."""
 
 Place = tuple[int, int, int]
 
 
 class GrowingSurface:
-    """What viewers were sent of the surface of one scan.
+    """The state of the preview surface that viewers have received of one scan.
 
     Args:
-        number: of the scan.
+        number: the scan's number.
     """
 
     def __init__(self, number: int) -> None:
@@ -28,11 +29,12 @@ class GrowingSurface:
         self._sent: dict[Place, tuple[int, float]] = {}
 
     def anew(self) -> None:
-        """Sends every piece once more, as where another surface takes the place of the one before."""
+        """Sends every piece again, because another surface replaces the current one."""
         self._sent = dict.fromkeys(self._sent, (0, 0.0))
 
     def changes(self, volume: DistanceVolume, most: int) -> list[ScanPieceMessage]:
-        """Returns the pieces that changed most since they were returned, of so many bytes in all about."""
+        """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
+        total."""
         sums = piece_sums(volume)
         now = [_place(row) for row in sums.places]
         found = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(now)]
@@ -50,24 +52,24 @@ class GrowingSurface:
         return found
 
     def _much(self, places: list[Place], sums: PieceSums) -> Float:
-        """Returns (P,) how much the pieces changed: by doublings of their weights, and parts of them."""
+        """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""
         before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
         grown = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
         return np.asarray(grown + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0]))
 
     def _gone(self, place: Place, voxel: float) -> ScanPieceMessage:
-        """Returns the message of a piece without a surface."""
+        """Returns the message that removes a piece without a surface."""
         del self._sent[place]
         return ScanPieceMessage(self._number, place, PIECE_STEPS, voxel)
 
 
 def _place(row: Int) -> Place:
-    """Returns a row of places as numbers that a message takes."""
+    """Returns a row of block indices as Python integers for a message."""
     return int(row[0]), int(row[1]), int(row[2])
 
 
 def as_message(piece: ScanPiece, number: int) -> ScanPieceMessage:
-    """Returns a piece as it is sent; of one that is far too rich the first faces."""
+    """Returns a piece as a message. A piece beyond the message limits is truncated to its first faces."""
     faces = piece.faces[(piece.faces < MAX_PIECE_VERTICES).all(1)][:MAX_PIECE_FACES]
     kept = slice(0, MAX_PIECE_VERTICES)
     return ScanPieceMessage(

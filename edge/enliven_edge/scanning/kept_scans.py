@@ -1,4 +1,4 @@
-"""Scans that are kept beside what they became, so that more can be added: their images, with their poses."""
+"""Scans stored next to their mesh so that they can be continued: the images and their poses."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.sources import recorded_images
 
 KEPT = ".scan.mcap"
-"""Ending of the recording of a kept scan."""
+"""File suffix of the recording of a stored scan."""
 _FACT = "kept scan"
-"""The record of a recording that says that its poses are those of a scan."""
+"""Name of the metadata record that marks a recording with poses of a scan."""
 _SYNC = 10.0
-"""Seconds between two writes to the disk; the recording is written under another name until it is whole."""
+"""Seconds between two syncs to disk. The recording has a temporary name until it is complete."""
 
 
 def kept_beside(path: Path) -> Path:
-    """Returns where the scan of a mesh or a project is kept."""
+    """Returns the path of the stored scan of a mesh or a project."""
     return path.with_name(path.stem + KEPT)
 
 
 def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> None:
     """Writes the images of a scan with their poses, as a recording that any program of this project opens.
 
-    Of an object that was moved it is the scan until then.
+    If the object was moved, only the scan before the move is written.
 
     Args:
-        since: number of the first one.
+        since: number of the first image.
 
     Raises:
-        ResourceError: where it cannot be written; nothing is left behind.
+        ResourceError: if it cannot be written. No partial file is left.
     """
     with (
         replace_file(path) as part,
@@ -49,13 +49,13 @@ def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> No
 
 
 def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
-    """Brings an earlier scan back, or scans a recording, as the first part of a scan; returns its images.
+    """Loads an earlier scan, or scans a recording, as the first part of a scan. Returns the number of images.
 
     Args:
-        path: a mesh or a project beside which its scan was kept, or a recording.
+        path: a mesh or a project with a stored scan next to it, or a recording.
 
     Raises:
-        InputError: where nothing was kept of it, or nothing can be scanned in it.
+        InputError: if no scan is stored for it, or it contains nothing that can be scanned.
     """
     source = path if path.suffix.lower() == ".mcap" else kept_beside(path)
     if path.exists() and not source.exists():
@@ -79,13 +79,13 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
 
 
 def refuse_unseen(found: int, path: Path) -> None:
-    """Says that nothing of an earlier scan was seen again.
+    """Raises an error if no new image could be registered to the earlier scan.
 
     Args:
-        found: images that were laid onto it.
+        found: number of registered images.
 
     Raises:
-        InputError: where none was.
+        InputError: if the number is 0.
     """
     if not found:
         what = "nothing of it was seen again, so there is nothing to lay the new images onto"

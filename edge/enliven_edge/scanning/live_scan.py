@@ -1,4 +1,5 @@
-"""A scan beside the edge's loop: a thread fuses the newest image, and tells viewers how it goes."""
+"""A scan in the background of the edge's loop: a thread fuses the newest image and reports progress to
+viewers."""
 
 from __future__ import annotations
 
@@ -31,26 +32,26 @@ from enliven_edge.scanning.things import said_of_places
 log = logging.getLogger(__name__)
 
 _TOLD_EVERY = 0.1
-"""Seconds between two messages of how it goes: lost is seen at once."""
+"""Seconds between two progress messages, so that lost tracking shows at once."""
 _SHOWN_EVERY = 0.25
-"""Seconds between two looks for pieces that changed."""
+"""Seconds between two searches for pieces that changed."""
 _BYTES = 400_000
-"""Bytes a second of pieces at most: a wireless network carries them beside the poses."""
+"""Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
 _WAITS = 0.03
-"""Seconds that an image of a recording waits before the edge's loop looks after other things: a frame."""
+"""Seconds that an image of a recording waits at most before the edge's loop continues: one frame."""
 _TRIANGLES = 50_000
-"""Of the mesh that the scan becomes: a chair keeps within a millimetre."""
+"""Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
-"""The phase that begins with an order, as soon as it is heard."""
+"""The phase that starts as soon as an order arrives."""
 Cast = Callable[[Mesh, str, ScannedPerson | None], Any]
-"""Makes a character's actor of a mesh, its id and the person that it shows."""
+"""Makes a character's actor from a mesh, its id and the person that it shows."""
 
 
 @dataclass
 class ScanRun:
-    """What "undo" takes back: the surface, and what is told of it and of a thing that is moved."""
+    """The state that "undo" restores: the surface, the scan log, and the state of a moved object."""
 
     scanner: Scanner | MovedScanner
     diary: ScanDiary
@@ -58,7 +59,7 @@ class ScanRun:
 
 
 def scan_settings(order: Scan) -> ScanSettings:
-    """Returns the settings of a scan that a viewer asked for."""
+    """Returns the settings of a scan that a viewer requested."""
     volume = VolumeSettings(voxel=order.voxel)
     if order.person:
         return alone_within(replace(volume, reach=FARTHEST), FARTHEST)
@@ -66,7 +67,7 @@ def scan_settings(order: Scan) -> ScanSettings:
 
 
 def _scanner_of(order: Scan) -> Scanner | MovedScanner:
-    """Returns what fuses the images of a scan."""
+    """Returns the scanner that fuses the images of a scan."""
     settings = scan_settings(order)
     if order.person:
         return PersonScanner(settings)
@@ -76,15 +77,15 @@ def _scanner_of(order: Scan) -> Scanner | MovedScanner:
 
 
 class LiveScan(threading.Thread):
-    """One scan: images are offered from the edge's loop, messages are taken there.
+    """One scan. The edge's loop offers images and takes messages.
 
     Args:
-        number: of the scan.
-        order: how it is begun; with the name of the character that it becomes.
-        cast: makes the actor, in this scan's own thread.
+        number: the scan's number.
+        order: the viewer's request, with the name of the resulting character.
+        cast: makes the actor, on this scan's own thread.
 
     Attributes:
-        actor: what was scanned, for the stage, once it is done; the loop takes it.
+        actor: the scanned character for the stage, once it is done. The loop takes it.
     """
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
@@ -106,10 +107,10 @@ class LiveScan(threading.Thread):
         self._ends, self._joints = list[float](), list[float]()
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
-        """Gives the newest image; one that was not looked at yet is passed over, or waited for a moment.
+        """Offers the newest image. It replaces an image that was not used yet, or waits for a moment.
 
         Returns:
-            False where it is to be given again, since the one before still waits.
+            False if the caller must offer it again, because the previous image still waits.
         """
         with self._wake:
             waits = waits and self.phase == "scanning"
@@ -120,10 +121,10 @@ class LiveScan(threading.Thread):
         return True
 
     def ask(self, order: Scan) -> None:
-        """Carries out a viewer's order, soon.
+        """Queues a viewer's order.
 
         Raises:
-            InputError: where it cannot be done now.
+            InputError: if it cannot be done now.
         """
         if self.phase == "finishing":
             raise InputError("the mesh is being made", where="scan", mend="Wait until it stands there.")
@@ -131,7 +132,7 @@ class LiveScan(threading.Thread):
             raise InputError("there is nothing to take back", where="scan", mend="Cancel it, or scan on.")
         after = _PHASE_AFTER.get(order.do)
         if after is not None and (order.do != "pause" or self.phase == "scanning"):
-            # At once, and not when the thread comes to it, which may look at a large surface for seconds.
+            # Immediately, since the thread may be busy with a large surface for seconds.
             self.phase, self._note = after, ("", "")
             self._messages.append(self._message())
         with self._wake:
@@ -140,20 +141,20 @@ class LiveScan(threading.Thread):
             self._wake.notify()
 
     def messages(self) -> list[ScanMessage | ScanPieceMessage]:
-        """Returns what is to be told to viewers since the last call."""
+        """Returns the messages for viewers since the last call."""
         found = []
         while self._messages:
             found.append(self._messages.popleft())
         return found
 
     def end(self) -> None:
-        """Ends it, soon; what was scanned is forgotten."""
+        """Ends the thread soon and discards the scan."""
         with self._wake:
             self._ended = True
             self._wake.notify()
 
     def run(self) -> None:
-        """Fuses images and carries out orders, until it is ended."""
+        """Fuses images and carries out orders, until the scan is ended."""
         while True:
             with self._wake:
                 self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _TOLD_EVERY)
@@ -169,7 +170,7 @@ class LiveScan(threading.Thread):
                     self._fuse(frame)
             except EnlivenError as error:
                 self._fail(error)
-            except Exception as error:  # the edge's loop goes on, and the scan says why it does not
+            except Exception as error:  # The edge's loop goes on, and the scan reports the error.
                 log.exception("the scan failed")
                 mend = "Cancel it and scan again; the log of the edge says more."
                 self._fail(InputError(f"the scan failed{place_of(error)}", where="scan", mend=mend))
@@ -189,18 +190,18 @@ class LiveScan(threading.Thread):
             self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
 
     def _moved(self, added: MovedStep, time_ns: int) -> ScanStep:
-        """Notes what became of a thing that is moved; returns what became of the image."""
+        """Updates the state of a moved object. Returns the result of the image."""
         thing, places = self._run.thing, self._run.thing.places
         thing.take(added, time_ns)
         if thing.places != places:
-            self._shown = 0.0  # The camera is in another room now: where that stands is told with it.
+            self._shown = 0.0  # The camera is in another room frame now: its placement must be sent with it.
         known = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if known else None
         self._run.diary.add(added.told, time_ns)
         return added.told
 
     def _obey(self, order: Scan) -> None:
-        """Does what a viewer asked for."""
+        """Carries out a viewer's order."""
         self._note = ("", "")
         if order.do == "undo":
             before = self._checkpoints.back(self._now_ns)
@@ -224,7 +225,7 @@ class LiveScan(threading.Thread):
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:
-        """Returns what is kept, as a viewer wants it."""
+        """Returns the part that is kept, as the viewer requested."""
         if order.box:
             low, high = np.array(order.box, float).reshape(2, 3)
             frame = np.vstack([np.array(order.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
@@ -232,13 +233,13 @@ class LiveScan(threading.Thread):
         return Keep("all" if order.whole else "thing" if self.order.within is None else "alone")
 
     def _fail(self, error: EnlivenError) -> None:
-        """Says what is wrong; the scan goes on where it is asked to."""
-        # In a window it is a button, and no option of a command.
+        """Reports an error. The scan goes on if the viewer asks for it."""
+        # In a window this is a button, not an option of a command.
         self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 
     def _tell(self) -> None:
-        """Tells how it goes, and the pieces that changed."""
+        """Sends progress and the pieces that changed."""
         now, scanner = time.monotonic(), self._run.scanner
         if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
             since, self._shown = min(now - self._shown, 1.0), now
@@ -280,6 +281,6 @@ class LiveScan(threading.Thread):
 
 
 def _note(said: list[str], otherwise: str) -> tuple[str, str]:
-    """Returns the first of some things to say as a note and what to do about it."""
+    """Returns the first of several sentences, split into a note and its remedy."""
     note, _, mend = (said[0] if said else otherwise).partition(". ")
     return note[:160], mend[:160]

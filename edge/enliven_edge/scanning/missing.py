@@ -1,4 +1,4 @@
-"""The next best view: from where most of what a scan still lacks would be seen."""
+"""The next best view: the camera position that would see most of the missing surface."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from enliven.meshes import Mesh
 from enliven.scanning import Ground
 
 _NEAR = 0.75
-"""Metres about the point that was looked at within which a gap counts; a floor ends beyond it anyway."""
+"""Metres around the focus: gaps within it count. A floor always ends somewhere beyond it."""
 _AROUND = 16
-"""Directions about the thing that are compared, each also from two heights."""
+"""Number of compared directions around the object, each at two elevations."""
 _RAISED = (0.3, 0.9)
-"""Radians above the horizon: as a person carries a camera, and from above."""
+"""Radians above the horizon: camera carried by a person, and view from above."""
 _REACH = 0.04
-"""Metres that the surface would go on beyond a gap's rim, to tell how much is missing: a few cells."""
+"""Metres, assumed width of the missing surface beyond a boundary edge, to estimate its area: a few cells."""
 _LOW = 0.05
-"""Metres above the floor below which a rim is the floor's own."""
+"""Metres above the floor: lower boundary edges belong to the floor itself."""
 _ENOUGH = 0.1
-"""Share that may be missing where nothing more is asked for."""
+"""If less than this fraction is missing, no further view is suggested."""
 
 
 @dataclass(frozen=True)
 class NextView:
-    """What is missing.
+    """The missing part of a scan.
 
     Attributes:
-        missing: share of the surface near the focus that was not seen, 0..1.
-        eye: (3,) from where most of it would be seen, metres, the scan's world; None where little is missing.
+        missing: fraction of the surface near the focus that was not seen, 0..1.
+        eye: (3,) metres, scan's world: camera position that would see most of it. None if little is missing.
     """
 
     missing: float
@@ -42,18 +42,18 @@ class NextView:
 def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView:
     """Returns the next best view of a scan.
 
-    A surface that ends in the middle of nothing goes on there: it bends away from where it was seen, and is
-    seen from the side to which its rim points.
+    A surface with an open boundary continues there: it bends away from the views that saw it. A camera
+    on the side that its boundary points to sees the continuation.
 
     Args:
-        mesh: the surface so far, coarse, metres, the scan's world.
-        focus: (3,) what was looked at.
-        away: metres from which it is looked at.
+        mesh: the current surface, coarse, metres, the scan's world.
+        focus: (3,) the point that the camera looked at.
+        away: metres, distance of the suggested camera from the focus.
     """
     middles, outward, lengths = _rims(mesh)
     heights = ground.heights(middles) if len(middles) else np.empty(0)
     near = np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _NEAR)) if len(middles) else heights
-    # The rim of the floor about the thing is its shadow: what hides it is looked at from behind.
+    # The floor's boundary around the object is its shadow: the occluder should be seen from behind.
     worth = lengths * near * np.where(heights > _LOW, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2
@@ -69,7 +69,7 @@ def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView
 
 
 def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
-    """Returns (E, 3) the middles of sides with one face, (E, 3) unit vectors out of it, (E,) lengths."""
+    """Returns midpoints (E, 3) of boundary edges, outward unit vectors (E, 3) and edge lengths (E,)."""
     faces = mesh.faces.astype(np.int64)
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     across = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
@@ -85,7 +85,7 @@ def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
 
 
 def _ways(up: Float) -> Float:
-    """Returns (W, 3) unit vectors from the thing to where a camera may be."""
+    """Returns (W, 3) unit vectors from the object to possible camera positions."""
     upright = rotation.to_matrix(rotation.swing(np.array([0.0, 1.0, 0.0]), up))
     found = [
         [math.cos(high) * math.sin(a), math.sin(high), math.cos(high) * math.cos(a)]

@@ -1,4 +1,4 @@
-"""A scan of a person before a camera that stands still: who turns once round, or holds still for one side."""
+"""Scans a person in front of a fixed camera. The person turns around once, or holds still for one side."""
 
 from __future__ import annotations
 
@@ -30,29 +30,31 @@ from enliven_edge.scanning.feet import LOW, feet_pixels
 from enliven_edge.tracking import Tracker
 
 FARTHEST = 3.5
-"""Metres beyond which a person is too far: a pixel is 6 mm wide there, and depth is off by 2 cm."""
+"""Metres: maximum distance of a person. A pixel is 6 mm wide there, and the depth error is 2 cm."""
 PERSON_VOXEL = 0.008
-"""Metres of a voxel's side that suits a person at two metres: a pixel and a Kinect's noise are as wide there,
-and in smaller voxels it is often not clear how they are turned."""
+"""Metres, voxel size for a person at a distance of two metres: a pixel and a Kinect's noise have this size
+there. With smaller voxels the person's rotation is often ambiguous."""
 _SIDES = 12
-"""Directions about a person, of 30 degrees each, that are told apart."""
+"""Number of directions around a person that are counted separately, of 30 degrees each."""
 _FACING = np.deg2rad(50.0)
-"""Radians of the turn from the first image up to which joints count: from behind, left and right may be
-exchanged."""
+"""Radians of rotation since the first image. Beyond it joints are ignored: from behind, the tracker may
+swap left and right."""
 _SEEN = 0.5
-"""Confidence from which a joint's place counts."""
+"""Minimum confidence of a joint that is used."""
 _HELD = 0.12
-"""Metres that a joint may be away from its place on the body before it is said that the limb moved."""
+"""Metres. A limb counts as moved if a joint is farther than this from its place on the body."""
 _OFTEN = 0.2
-"""Share of the images in which it must be."""
+"""Minimum fraction of images with a moved joint before the user is told."""
 _FEWEST = 5
-"""Images that tell where a joint is."""
+"""Minimum number of images to estimate a joint."""
 _RIM = 0.04
-"""Metres above the floor at which feet are cut: what is lower is seen in some images only."""
+"""Metres above the floor at which feet are cut: lower parts are seen in some images only."""
 _CROWN = 0.6
-"""Metres of the rim of a hole that is closed: a level camera does not see a crown from above."""
+"""Metres, maximum boundary size of holes that are filled: a level camera does not see the crown from
+above."""
 _UNSURE = 0.25
-"""Metres by which the camera's place about a person may be off: at two metres a turn of 7 degrees."""
+"""Metres, tolerated position uncertainty of the camera around a person: 7 degrees of rotation at two
+metres."""
 _UP = np.array([0.0, 1.0, 0.0])
 _LIMBS = {
     "left arm": (Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
@@ -60,12 +62,12 @@ _LIMBS = {
     "left leg": (Joint.KNEE_LEFT, Joint.ANKLE_LEFT),
     "right leg": (Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 }
-"""The joints by which it is seen that a limb moved."""
+"""The joints that are checked for limb motion."""
 _ENDS = (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
-"""The joints at the ends by which a mesh is held limb by limb, in the order of :class:`ActorSettings`."""
+"""The end joints that drive a mesh limb by limb, in the order of :class:`ActorSettings`."""
 
 _TRUNK = (Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""The joints without which it is not known where the others are: hip and neck first."""
+"""The joints that must be known to estimate missing ones: hip and neck first."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,8 @@ class ScannedPerson:
     """A person as a mesh.
 
     Attributes:
-        mesh: upright, on y = 0, facing +Z as they first faced the camera, metres.
-        joints: (20, 3) metres in the mesh, NaN where a joint was not seen.
+        mesh: upright, on y = 0, metres. +Z is the direction in which the person first faced the camera.
+        joints: (20, 3) metres in the mesh, NaN for joints that were not seen.
     """
 
     mesh: Mesh
@@ -82,7 +84,7 @@ class ScannedPerson:
 
     @property
     def ends(self) -> Float:
-        """(5, 3) the ends of head, hands and feet; (0, 3) where one of them was not seen."""
+        """(5, 3) the ends of head, hands and feet. (0, 3) if one of them was not seen."""
         ends = self.joints[list(_ENDS)].copy()
         if not np.isfinite(ends).all():
             return np.empty((0, 3))
@@ -91,7 +93,10 @@ class ScannedPerson:
 
     @property
     def bones(self) -> Float:
-        """(20, 3) all joints, those that were not seen as of a person who stands; (0, 3) without a trunk."""
+        """(20, 3) all joints.
+
+        Joints that were not seen are those of a standing person. (0, 3) without a trunk.
+        """
         joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
         if not np.isfinite(joints[list(_TRUNK)]).all():
             return np.empty((0, 3))
@@ -104,14 +109,13 @@ class ScannedPerson:
 
 
 class PersonScanner(Scanner):
-    """Fuses one person; the body is the world, so as they turn the camera goes round them.
+    """Fuses one person. The body is the world frame, so the camera orbits around a turning person.
 
-    The project's tracker says which pixels are theirs, and where their joints are. Who is found first is
-    meant.
+    The project's tracker provides the person's pixels and joints. The first person found is scanned.
 
     Attributes:
-        absent: images in which they were not in view, from the first one that showed them on.
-        lost: images in which they were in view, and it was not found how they were turned.
+        absent: number of images without the person, since the person first appeared.
+        lost: number of images with the person, but with unknown rotation.
     """
 
     def __init__(self, settings: ScanSettings | None = None, tracker: Tracker | None = None) -> None:
@@ -124,7 +128,7 @@ class PersonScanner(Scanner):
         self.absent = self.lost = 0
 
     def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
-        """Find the person in a frame, and fuse what shows them; see :meth:`Scanner.add`."""
+        """Finds the person in a frame, and fuses the person's pixels. See :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
         body = self._meant(bodies)
         if body is None or (own := self._pixels(frame, body)) is None:
@@ -139,7 +143,7 @@ class PersonScanner(Scanner):
         return step
 
     def __deepcopy__(self, memo: dict[int, Any]) -> PersonScanner:
-        """Copies what was scanned; the tracker, which knows where the person is now, is the same."""
+        """Copies the scan. The tracker is shared, since it knows the person's current place."""
         made = type(self).__new__(type(self))
         memo[id(self)], memo[id(self._people)] = made, self._people
         made.__dict__.update({name: copy.deepcopy(value, memo) for name, value in vars(self).items()})
@@ -147,25 +151,25 @@ class PersonScanner(Scanner):
 
     @property
     def missing(self) -> float:
-        """Share of the directions about the person from which they were not scanned yet, 0..1."""
+        """Fraction of the directions around the person that were not scanned yet, 0..1."""
         angles = [np.arctan2(pose[0, 2], pose[2, 2]) for _, pose in self.poses]
         return 1.0 - len({int(angle // (2 * np.pi / _SIDES)) % _SIDES for angle in angles}) / _SIDES
 
     def person(self) -> ScannedPerson:
-        """Returns the person.
+        """Returns the scanned person.
 
         Raises:
-            InputError: where nothing of them was scanned.
+            InputError: if no part of the person was scanned.
         """
         surface, joints = self.surface(), self._median()
         if not len(surface.faces):
             mend = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # They are cut off above the rims of their soles, and what the cut took is given back to them; so is
-        # what is not seen of feet from before, or where the image ends.
+        # The mesh is cut off above the boundary of the soles, and the removed part is closed down to the
+        # floor. The same fills feet that were hidden or outside the image.
         cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN, drawn=LOW)
-        # Where no floor is seen they stand on the lowest of what is.
+        # If no floor is visible, the lowest visible point serves as the floor.
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:
@@ -180,10 +184,10 @@ class PersonScanner(Scanner):
         return ScannedPerson(mesh, joints - np.array([middle[0], floor.offset, middle[2]]))
 
     def refuse(self, where: str) -> None:
-        """Say why there is nothing to make a mesh of.
+        """Raises an error that says why no mesh can be made.
 
         Raises:
-            InputError: where no person was seen.
+            InputError: if no person was seen, or not enough of the person.
         """
         if self._person is None:
             mend = "Stand one to three metres before the camera, which stands still, with nothing before you."
@@ -193,7 +197,7 @@ class PersonScanner(Scanner):
             raise InputError("too little of the person was seen", where=where, mend=mend)
 
     def advice(self, frames: int) -> list[str]:
-        """Returns a sentence for each thing that would make the scan better."""
+        """Returns one sentence for each problem that can be avoided in the next scan."""
         said = []
         if self.absent:
             said.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
@@ -209,7 +213,7 @@ class PersonScanner(Scanner):
         return said
 
     def limbs_moved(self) -> dict[str, float]:
-        """Returns by how many metres limbs were away from their place on the body, those that were often."""
+        """Returns, for limbs that often moved, the distance in metres from their place on the body."""
         median, moved = self._median(), {}
         for limb, joints in _LIMBS.items():
             ways = [
@@ -228,12 +232,12 @@ class PersonScanner(Scanner):
 
     @property
     def on_floor(self) -> bool:
-        """Whether the floor was seen, and they stand on it."""
+        """True if the floor was seen, so that the person stands on it."""
         state = self._people.state
         return state is not None and state.floor_known
 
     def _meant(self, bodies: list[Body]) -> Body | None:
-        """Returns the person who is scanned; the nearest one at first."""
+        """Returns the scanned person: the one with the most pixels in the first image."""
         if self._person is None and bodies:
             counts = Counter(self._people.owner[self._people.owner >= 0].tolist())  # type: ignore[index]
             order = [index for index, _ in counts.most_common()]
@@ -242,7 +246,7 @@ class PersonScanner(Scanner):
         return next((body for body in bodies if body.id == self._person), None)
 
     def _pixels(self, frame: DepthFrame, body: Body) -> Bool | None:
-        """Returns (H, W) the pixels of the person, feet included; None where there are none."""
+        """Returns a mask (H, W) of the person's pixels, including feet. None if there are none."""
         owner, pose = self._people.owner, self._people.world_from_camera
         index = next((k for k, one in enumerate(self._people.performers) if one.id == body.id), -1)
         if owner is None or pose is None or index < 0 or not (owner == index).any():
@@ -254,14 +258,14 @@ class PersonScanner(Scanner):
         return own | feet_pixels(frame, body, pose) if self.on_floor else own
 
     def _note(self, body: Body, object_from_room: Float) -> None:
-        """Keeps where the joints are on the body, while it faces about as at first."""
+        """Stores the joints in the body frame while the person faces about the same way as at first."""
         turned = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
         if turned < _FACING:
             places = body.joints @ object_from_room[:3, :3].T + object_from_room[:3, 3]
             self._joints.append((places, body.confidence))
 
     def _median(self) -> Float:
-        """Returns (20, 3) the middle of each joint's places, NaN where it was seen too seldom."""
+        """Returns (20, 3) the median position of each joint, NaN if it was seen too rarely."""
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
             places = [place[joint] for place, sure in self._joints if sure[joint] >= _SEEN]

@@ -1,4 +1,4 @@
-"""A sheet of views of a mesh: one look tells whether a scan is good."""
+"""A contact sheet of six views of a mesh, to judge the quality of a scan at a glance."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from enliven.meshes import Mesh
 from enliven.scanning import draw_mesh
 
 _SIDE = 360
-"""Pixels of each view's side."""
+"""Pixels, width and height of each view."""
 _LENS = 1.6
-"""Focal length in sides of a view: 35 degrees across, which bends little."""
+"""Focal length as a multiple of the image width: 35 degrees field of view, with little perspective
+distortion."""
 _AROUND = (0.5, 2.1, 3.7, 5.3)
 """Radians about +Y of the views from a little above."""
 _RAISED = (0.35, 0.35, 0.35, 0.35, 1.3, -0.5)
-"""Radians above the horizon: four from around, one from above and one from below."""
+"""Radians above the horizon: four views from around, one from above and one from below."""
 _BACK = np.array([110, 40, 40])
-"""sRGB of faces seen from inside: where it shows, the mesh is open."""
+"""sRGB of back faces. Where they show, the mesh is open."""
 _PLAIN = np.array([205, 205, 200])
 """sRGB of a mesh without colours."""
 _GROUND = np.array([28, 30, 34])
-"""sRGB of what is behind."""
+"""sRGB of the background."""
 _AMBIENT = 0.45
-"""Share of the light that comes from everywhere."""
+"""Fraction of ambient light."""
 
 
 def sheet_of(mesh: Mesh) -> UInt8:
@@ -38,7 +39,7 @@ def sheet_of(mesh: Mesh) -> UInt8:
 
 
 def _view(mesh: Mesh, angle: float, up: float) -> UInt8:
-    """Returns (S, S, 3) one view, from ``angle`` radians about +Y and ``up`` above the horizon."""
+    """Returns one view (S, S, 3), from ``angle`` radians about +Y and ``up`` radians above the horizon."""
     low, high = mesh.bounds
     radius = float(np.linalg.norm(high - low)) / 2 or 1.0
     away = np.array([math.cos(up) * math.sin(angle), math.sin(up), math.cos(up) * math.cos(angle)])

@@ -1,4 +1,4 @@
-"""What viewers see of a scan: which surface grows, in which room, and where a thing is that is moved."""
+"""The view of a running scan for viewers: the growing surface, its room, and the state of a moved object."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
 
 _NEWS = 4.0
-"""Seconds of the sensor's clock for which it is said that a thing was found again."""
+"""Seconds of the sensor's clock for which a re-found object is reported as found."""
 
 _STILL = 0.4
-"""Seconds of it for which something must stand still before it is said that it does."""
+"""Seconds of the sensor's clock that an object must stand still before it is reported as standing."""
 
 
 @dataclass(frozen=True)
 class ShownScan:
-    """The part of a scan that is shown.
+    """The visible part of a scan.
 
     Attributes:
-        volume: of the surface that grows.
-        coarse: with voxels four times as large.
-        room: the scan of the room as it is now, None while it is not known how the thing lies in it.
+        volume: TSDF volume of the growing surface.
+        coarse: the same with voxels four times as large.
+        room: the scan of the current room. None while the pose of the object in it is not known.
         shown_from_room: (4, 4) from that room to the frame of the surface.
-        alone: whether the surface is the thing's alone, without a floor.
-        places: the number of places in which the thing was found.
-        ground: the floor in the room's frame, where it is known though the surface does not show it.
+        alone: True if the surface shows the object only, without a floor.
+        places: the number of places in which the object was found.
+        ground: the floor in the room's frame, if it is known although the surface does not show it.
     """
 
     volume: DistanceVolume
@@ -49,7 +49,8 @@ class ShownScan:
 
 
 def shown_of(scanner: Scanner | MovedScanner) -> ShownScan:
-    """Returns what is shown of a scan: the room with the thing, from its first move on the thing alone."""
+    """Returns the visible part of a scan: the room with the object, or the object only after its first
+    move."""
     if isinstance(scanner, PersonScanner):
         floor = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.on_floor else None
         return ShownScan(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), True, 1, floor)
@@ -63,13 +64,13 @@ def shown_of(scanner: Scanner | MovedScanner) -> ShownScan:
 
 
 class ThingTold:
-    """Where a thing is that is moved while it is scanned, in a word of :class:`enliven.wire.ScanMessage`.
+    """State of an object that is moved while it is scanned, as a word of :class:`enliven.wire.ScanMessage`.
 
     Attributes:
-        word: "" where it is not told apart from the room, "person" where one is scanned; else "stands",
+        word: "" if it is not separated from the room, "person" if a person is scanned. Otherwise "stands",
             "carried", "settling", "sought", "found", "turning" or "lost".
-        seconds: of the sensor's clock for which it was, or is, looked for.
-        places: in which it was found.
+        seconds: seconds of the sensor's clock that the search for the object took or takes.
+        places: number of places in which it was found.
     """
 
     def __init__(self, word: ThingWord = "") -> None:
@@ -79,13 +80,13 @@ class ThingTold:
         self._found_ns: int | None = None
 
     def take(self, step: MovedStep, time_ns: int) -> None:
-        """Takes in what became of an image."""
+        """Updates the state from the result of an image."""
         if step.rests > self.places:
             self.places, self._found_ns = step.rests, time_ns
         if step.state is ObjectState.SETTLING:
             self._still_ns = time_ns if self._still_ns is None else self._still_ns
             self.seconds = (time_ns - self._still_ns) * 1e-9
-            # What is carried slowly seems to stand still for an image or two.
+            # An object that is carried slowly seems to stand still for an image or two.
             looked_for: ThingWord = "sought" if step.sought else "settling"
             self.word = looked_for if self.seconds >= _STILL else "carried"
             return

@@ -1,4 +1,4 @@
-"""Where a scan's images come from: a recording, or a sensor that is read until it is told to stop."""
+"""The image sources of a scan: a recording, or a sensor that is read until ``stop`` is set."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from enliven_edge.tracking.frame import flaw_of
 log = logging.getLogger(__name__)
 
 _PATIENCE = 0.25
-"""Seconds to wait for a frame before an end is looked for."""
+"""Seconds to wait for a frame before checking whether to stop."""
 
 
 def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
     """Yields the depth images of a recording, until ``stop`` is set.
 
     Raises:
-        InputError: where there are none in it.
+        InputError: if the recording has no depth images.
     """
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
@@ -37,7 +37,7 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
 
 
 def sensor_images(name: str, options: list[str], stop: threading.Event) -> Iterator[DepthFrame]:
-    """Yields the depth images of a sensor, which is opened again where it fails, until ``stop`` is set."""
+    """Yields the depth images of a sensor until ``stop`` is set. A sensor that fails is opened again."""
     with kept_open(sensor_opener(name, **sensor_options(options))) as stream:
         while not stop.is_set():
             try:
@@ -45,7 +45,7 @@ def sensor_images(name: str, options: list[str], stop: threading.Event) -> Itera
             except TimeoutError:
                 continue
             except (SensorFault, InputError) as error:
-                # It is opened again; what was scanned is kept.
+                # The sensor is opened again, and the current scan is kept.
                 log.warning("%s", error)
                 continue
             if frame is None:

@@ -1,4 +1,4 @@
-"""Where a scan stands on the stage while it grows: on the floor that it shows, its middle over the origin."""
+"""Placement of a growing scan on the stage: its floor at y = 0, its centre above the origin."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from enliven_edge.scanning.missing import next_view
 from enliven_edge.scanning.shown import ShownScan
 
 _LOOKED_EVERY = 1.0
-"""Seconds between two looks at the whole of it, each 0.15 s."""
+"""Seconds between two searches in the whole scan. Each takes 0.15 s."""
 _CARRIED = 1.2
-"""Metres above the floor at which a camera is carried, until the floor is seen."""
+"""Metres above the floor: assumed camera height until the floor is seen."""
 _MOVED = 0.03
-"""Metres by which the floor or the middle must move before the picture follows: it is not to tremble."""
+"""Metres. The placement follows only if floor or centre move farther, so that the view does not jitter."""
 _SETTLED = 30
-"""Images from which on the middle stays where it is; before that the camera may still come to the thing."""
+"""Number of images until the centre is fixed. Before that the camera may still approach the object."""
 
 
 class ScanPlace:
-    """The floor, the middle and what is missing of a scan, looked for now and then.
+    """Floor, centre and missing part of a scan, updated periodically.
 
     Attributes:
-        stage_from_scan: (4, 4) from the room as it is now, in which the camera is, to the stage.
-        missing: share of the surface near the middle that was not seen.
-        view: six metres on the stage, from where most of it is seen and what to look at; or empty.
+        stage_from_scan: (4, 4) from the current room, which contains the camera, to the stage.
+        missing: fraction of the surface near the centre that was not seen.
+        view: six metres on the stage: camera position and target of the next best view. Empty if none.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class ScanPlace:
         self._room_from_shown: Float = np.eye(4)
 
     def look(self, shown: ShownScan) -> None:
-        """Looks for the floor, the middle and the next best view, where the last look is old."""
+        """Updates floor, centre and next best view if the last update is old."""
         now, scanner = time.monotonic(), shown.room
         another = shown.places != self._places
         if scanner is None or not scanner.poses or (now - self._looked < _LOOKED_EVERY and not another):
@@ -65,7 +65,8 @@ class ScanPlace:
             self.view = [*self._on_stage(found.eye), *self._on_stage(focus)]
 
     def rows(self, pose: Float | None = None) -> list[float]:
-        """Returns the twelve numbers of a pose (4, 4) in the room, or of the shown surface, on the stage."""
+        """Returns twelve numbers: the pose (4, 4) of the room, or of the shown surface if None, on the
+        stage."""
         whole = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
         return [float(x) for x in whole[:3].ravel()]
 
@@ -73,11 +74,11 @@ class ScanPlace:
         return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
 
     def _follow(self, ground: Ground, focus: Float, images: int) -> None:
-        """Puts the floor at y = 0 and the middle above the origin, where they moved."""
+        """Moves the floor to y = 0 and the centre above the origin, if they moved."""
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]
         if self._found and images > _SETTLED:
-            # The middle is where it was; only the floor is followed.
+            # The centre stays fixed, and only the floor is followed.
             kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
             wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)

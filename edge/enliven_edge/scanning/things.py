@@ -1,4 +1,4 @@
-"""What is said of the things in a scan: which was taken, which others there are, where it was put."""
+"""Messages about the objects in a scan: which one was taken, which others exist, and where it was found."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ _NOT_SEEN_TO_TURN = (
     "It was not seen to move: the mesh shows it as it stood. Let the floor about it and some of the room be "
     "in view, and turn it once in ten seconds or more."
 )
-"""What is said where an object was to be followed while it turned, and did not."""
+"""Message if an object should have been tracked while it turned, but did not turn."""
 _COARSE = 1
-"""Number of the volume, with voxels of 16 mm, in which things are counted: it takes a tenth of a second."""
+"""Index of the volume with voxels of 16 mm, which is used to count objects: this takes a tenth of a
+second."""
 
 
 def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
-    """Returns sentences about a scan's things: which of several was taken, and where it was found."""
+    """Returns sentences about a scan's objects: which of several was taken, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
-    # What moved is the thing then, whichever was looked at most.
+    # Then the object is the part that moved, even if the camera looked more at another one.
     told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
     said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
@@ -31,7 +32,7 @@ def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
 
 
 def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
-    """Returns sentences about where a thing was found that was moved, and where it was not."""
+    """Returns sentences about the places in which a moved object was found, and about failed searches."""
     if not isinstance(scanner, MovedScanner):
         return []
     said: list[str] = []
@@ -51,7 +52,7 @@ def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
 
 
 def _of_several(scanner: Scanner) -> list[str]:
-    """Returns a sentence that names the things about the focus, largest first, where there are several."""
+    """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
     mesh, cut = surface_of(scanner.volumes[_COARSE]), scanner.settings.cut_out
     try:
         ground = find_ground(mesh, settings=cut)

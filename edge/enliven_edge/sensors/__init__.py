@@ -1,7 +1,7 @@
-"""Sensors: everything that delivers frames, by name, with reopening, health and recordings in place of
+"""Sensors: all sources of frames, opened by name, with reopening, health checks and recordings in place of
 devices.
 
-:func:`open_sensor` opens one by its name; other packages add sensors by the entry-point group
+:func:`open_sensor` opens a sensor by its name. Other packages add sensors by the entry-point group
 ``enliven.sensors``.
 """
 

@@ -1,4 +1,4 @@
-"""Depth cameras on USB as the system shows them, and their libraries, imported when a driver needs them."""
+"""Lists depth cameras on USB, and imports their libraries when a driver needs them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from typing import Any
 from enliven.errors import ResourceError
 
 DEVICES, NODES = Path("/sys/bus/usb/devices"), Path("/dev/bus/usb")
-"""Where Linux lists what is on USB, and the files by which it is opened."""
+"""Linux's list of USB devices, and the device files that open them."""
 _SLOW_MBIT = 480.0
-"""Megabits a second of USB 2."""
+"""Megabits per second of USB 2."""
 FORBIDDEN = "your user may not open it"
-"""What is said of a camera that the system keeps from the user."""
+"""Message about a camera that the user has no permission to open."""
 ALLOW = (
     "Type: sudo cp firmware_configs/udev/60-enliven-cameras.rules /etc/udev/rules.d/ "
     "&& sudo udevadm control --reload && sudo udevadm trigger"
 )
-"""What lets an ordinary user open the cameras."""
+"""Advice that gives ordinary users permission to open the cameras."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +30,16 @@ class CameraKind:
     """One make of camera on USB.
 
     Attributes:
-        name: what people call it.
+        name: the common name.
         vendor: USB's vendor id, four hexadecimal digits.
         products: the product ids, a regular expression.
-        title: what the device's own name contains; a vendor such as Intel makes much else.
-        sensor: the driver's name in enliven; empty where there is none.
+        title: text that the device's own name must contain, since a vendor such as Intel makes many other
+            devices.
+        sensor: the driver's name in enliven. Empty if there is none.
         package: its library on PyPI.
-        pip: what pip installs it by, where no extra of that name can have it.
+        pip: argument of pip install, if the library cannot be part of an extra.
         bad: versions of the library that do not work, regular expressions, each with the reason.
-        boots: whether it has these ids only until its firmware is loaded, on a link that is slow anyway.
+        boots: True if it has these ids only until its firmware is loaded; that link is always slow.
     """
 
     name: str
@@ -76,9 +77,9 @@ class Attached:
 
     Attributes:
         kind: its make.
-        title: what it calls itself, and its serial number where it tells.
-        mbit: megabits a second of its link.
-        node: the file by which it is opened.
+        title: its own name, and its serial number if it reports one.
+        mbit: megabits per second of its link.
+        node: the device file that opens it.
     """
 
     kind: CameraKind
@@ -87,7 +88,7 @@ class Attached:
     node: Path
 
     def troubles(self) -> list[tuple[str, str]]:
-        """What is wrong, and what to do, for each thing that is."""
+        """Returns each problem with its remedy."""
         return [trouble for trouble in (self._driver(), self._permission(), self._link()) if trouble]
 
     def _driver(self) -> tuple[str, str] | None:
@@ -111,14 +112,17 @@ class Attached:
 
 
 def pip_line(sensor: str, pip: str = "") -> str:
-    """What installs the library of a sensor, in a version that works; ``pip`` where no extra can have it."""
+    """Returns the advice that installs the library of a sensor in a working version.
+
+    ``pip`` replaces the extra.
+    """
     if pip:
         return f"Type: pip install {pip}"
     return f'Type: pip install "enliven-edge[{sensor}]"; in a checkout: pip install "./edge[{sensor}]"'
 
 
 def unsupported(package: str, installed: str) -> str:
-    """Why a version of a camera's library is not used; empty where it is."""
+    """Returns why a version of a camera's library is not supported. Empty if it is."""
     for kind in KINDS:
         for pattern, why in kind.bad if kind.package == package else ():
             if re.match(pattern, installed):
@@ -127,7 +131,7 @@ def unsupported(package: str, installed: str) -> str:
 
 
 def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:
-    """The depth cameras on USB, sorted by name."""
+    """Returns the depth cameras on USB, sorted by name."""
     found = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
     return sorted(found, key=lambda camera: (camera.kind.name, camera.title))
 
@@ -145,7 +149,7 @@ def _camera(device: Path, nodes: Path) -> Attached | None:
 
 
 def _said(device: Path, part: str) -> str:
-    """What the system says of a device; empty where it says nothing."""
+    """Returns an attribute of a device from the system. Empty if it has none."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -153,14 +157,13 @@ def _said(device: Path, part: str) -> str:
 
 
 def library(module: str, sensor: str, pip: str = "") -> Any:
-    """A camera's library.
+    """Imports a camera's library.
 
     Args:
-        pip: what pip is to install where no extra of that name can have it.
+        pip: argument of pip install, if the library cannot be part of an extra.
 
     Raises:
-        ResourceError: where it is not installed, is of a version that does not work, or does not load on
-            this machine.
+        ResourceError: if it is not installed, its version does not work, or it does not load on this machine.
     """
     where, mend = f"sensor {sensor}", pip_line(sensor, pip)
     try:

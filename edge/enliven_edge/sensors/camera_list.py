@@ -1,4 +1,4 @@
-"""Every camera that this machine shows: depth cameras on USB, camera ports, time of flight, webcams."""
+"""Lists all cameras of this machine: depth cameras on USB, camera ports, time of flight, webcams."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from enliven_edge.sensors.attached_cameras import Attached, attached
 from enliven_edge.sensors.drivers import listed_cameras
 
 VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
-"""Where Linux lists video devices, and the files by which they are opened."""
+"""Linux's list of video devices, and the device files that open them."""
 _TOF = re.compile(r"arducam|pivariety", re.IGNORECASE)
-"""Names of the drivers of Arducam's time-of-flight camera."""
+"""Driver names of Arducam's time-of-flight camera."""
 _OWN = re.compile(r"realsense|orbbec|oak|luxonis|bcm2835|rpi|pisp|unicam|loopback codec", re.IGNORECASE)
 """Names of video devices that belong to depth cameras and to the processors of camera ports."""
 _BY_SERIAL = {"realsense": "serial", "oak": "device"}
-"""The option of a driver that chooses among several cameras of one make."""
+"""The option of a driver that selects one of several cameras of the same make."""
 _EXTRA = 'Type: pip install "enliven-edge[colour]"; in a checkout: pip install "./edge[colour]"'
 
 
@@ -30,12 +30,12 @@ class FoundCamera(msgspec.Struct, frozen=True):
     """One camera.
 
     Attributes:
-        title: what people call it.
-        sensor: the driver's name in enliven; empty if there is none.
-        options: of the driver, by their names.
-        trouble, mend: what keeps it from being used, and what to do; empty if nothing does.
-        hint: what is worth knowing though it can be used, such as a slow link; or empty.
-        depth: whether it measures depth, so that a picture of it can be made.
+        title: the common name.
+        sensor: the driver's name in enliven. Empty if there is none.
+        options: options of the driver, by name.
+        trouble, mend: the problem that prevents its use, and the remedy. Empty if it can be used.
+        hint: a note about a usable camera, such as a slow link, or empty.
+        depth: True if it measures depth, so that a preview image can be made.
     """
 
     title: str
@@ -48,12 +48,12 @@ class FoundCamera(msgspec.Struct, frozen=True):
 
 
 def found_cameras() -> list[FoundCamera]:
-    """Returns every camera of this machine, depth cameras first."""
+    """Returns all cameras of this machine, depth cameras first."""
     return [*_on_usb(attached()), *_at_ports(), *video_cameras()]
 
 
 def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
-    """Returns the depth cameras on USB; among several of one make each is chosen by its serial number."""
+    """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
     makes = Counter(camera.kind.sensor for camera in cameras)
     found = []
     for camera in cameras:
@@ -75,7 +75,7 @@ def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
 
 
 def _at_ports() -> list[FoundCamera]:
-    """Returns the cameras that libcamera lists, or what keeps it from listing them."""
+    """Returns the cameras that libcamera lists, or the problem that prevents listing them."""
     try:
         return [
             FoundCamera(f"{seen.model} at camera port {number}", "libcamera", {"left": str(number)})
@@ -86,7 +86,7 @@ def _at_ports() -> list[FoundCamera]:
 
 
 def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamera]:
-    """Returns time-of-flight cameras and webcams, by the names of their drivers."""
+    """Returns time-of-flight cameras and webcams, recognised by the names of their drivers."""
     found = []
     for device in sorted(devices.glob("video*"), key=lambda path: int("0" + re.sub(r"\D", "", path.name))):
         name, first = _told(device, "name"), _told(device, "index") in ("", "0")
@@ -106,7 +106,7 @@ def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamer
 
 
 def _checked(camera: FoundCamera, node: Path | None, module: str) -> FoundCamera:
-    """Returns a camera with what keeps it from being used: the system's leave, or its library."""
+    """Returns a camera with the problem that prevents its use, if any: missing permission or library."""
     if node is not None and not os.access(node, os.R_OK | os.W_OK):
         mend = "Type: sudo usermod -aG video $USER, and log in again."
         return msgspec.structs.replace(camera, trouble="your user may not open it", mend=mend)
@@ -117,7 +117,7 @@ def _checked(camera: FoundCamera, node: Path | None, module: str) -> FoundCamera
 
 
 def _told(device: Path, part: str) -> str:
-    """Returns what the system says of a device; empty if it says nothing."""
+    """Returns an attribute of a device from the system. Empty if it has none."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

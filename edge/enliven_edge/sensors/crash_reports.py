@@ -1,6 +1,6 @@
-"""Reports of crashes, of a camera's own program and of its library, in the user's state folder.
+"""Crash reports of camera firmware and camera libraries, in the user's state folder.
 
-The doctor lists them. Nothing is sent anywhere by itself.
+The doctor lists them. Nothing is sent automatically.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from enliven.files import own_folder
 log = logging.getLogger(__name__)
 
 MOST_KEPT = 20
-"""Reports that are kept, the newest."""
+"""Maximum number of stored reports. The newest are kept."""
 MOST_BYTES = 64 << 20
-"""Bytes of all reports together; the oldest go first."""
+"""Maximum bytes of all reports together. The oldest are removed first."""
 _ADDRESS = re.compile(r"0x[0-9a-f]+|\d{4,}")
-"""What is different in every report of the same crash: addresses and numbers of threads."""
+"""Text that differs between reports of the same crash: addresses and numbers of threads."""
 _SEEN = re.compile(r"^seen (\d+) times", re.MULTILINE)
 _MAKERS = {
     "oak": ("depthai", "https://github.com/luxonis/depthai-core/issues"),
     "realsense": ("pyrealsense2", "https://github.com/IntelRealSense/librealsense/issues"),
     "orbbec": ("pyorbbecsdk2", "https://github.com/orbbec/pyorbbecsdk/issues"),
 }
-"""The library of a sensor, and where its makers take reports."""
+"""The library of each sensor, and the address of its makers for reports."""
 _FIRMWARE = "https://discuss.luxonis.com"
-"""Where Luxonis asks for the dumps of its cameras' own programs."""
+"""The address of Luxonis for dumps of its cameras' firmware."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class CrashReport:
 
     Attributes:
         path: the file.
-        when: seconds since 1970 of the crash, the last one where it was seen several times.
-        what: what crashed.
-        whereto: where its makers take reports.
+        when: seconds since 1970 of the crash; of the last one if it occurred several times.
+        what: the component that crashed.
+        whereto: the address of its makers for reports.
     """
 
     path: Path
@@ -60,17 +60,20 @@ class CrashReport:
 
 
 def folder() -> Path:
-    """Where reports are kept."""
+    """Returns the folder of the reports."""
     return own_folder() / "crashes"
 
 
 def reports() -> list[CrashReport]:
-    """The reports that are kept, the newest first."""
+    """Returns the stored reports, the newest first."""
     return [_report(path, when) for when, _, path in _files()]
 
 
 def keep_text(sensor: str, text: str, signal: int) -> None:
-    """Keeps what Python said of a crash of a sensor's process; the same crash is kept once, and counted."""
+    """Stores Python's traceback of a crash of a sensor's process.
+
+    The same crash is stored once, and counted.
+    """
     steps = [_ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))]
     mark = hashlib.sha256("\n".join([str(signal), *steps]).encode()).hexdigest()[:8]
     path = folder() / f"{_plain(sensor)}-driver-{mark}.txt"
@@ -88,13 +91,13 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
 
 
 def keep_dump(device: str, write: Callable[[Path], None]) -> None:
-    """Keeps the dump of an OAK's own program, a .tar.gz that ``write`` makes at the path that it is given."""
+    """Stores the firmware dump of an OAK, a .tar.gz that ``write`` creates at the given path."""
     now = time.strftime("%Y%m%d-%H%M%S")
     _keep(folder() / f"oak-firmware-{_plain(device)}-{now}.tar.gz", write)
 
 
 def tidy() -> None:
-    """Removes the oldest reports beyond the limits, those that a library wrote into the folder too."""
+    """Removes the oldest reports beyond the limits, including those that a library wrote into the folder."""
     total = 0
     for number, (_, size, path) in enumerate(_files()):
         total += size
@@ -104,7 +107,7 @@ def tidy() -> None:
 
 
 def _keep(path: Path, write: Callable[[Path], None]) -> None:
-    """Writes a report whole or not at all; what the disk refuses is logged, and stops nothing."""
+    """Writes a report completely or not at all. Disk errors are logged and otherwise ignored."""
     passing = path.with_name(f".{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -120,7 +123,7 @@ def _keep(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def _files() -> list[tuple[float, int, Path]]:
-    """(time, bytes, path) of each report, the newest first."""
+    """Returns (time, bytes, path) of each report, the newest first."""
     found = []
     with contextlib.suppress(OSError):
         for path in folder().rglob("*"):
@@ -132,7 +135,7 @@ def _files() -> list[tuple[float, int, Path]]:
 
 
 def _report(path: Path, when: float) -> CrashReport:
-    """What a file is, by its name: a library's own dumps have names of theirs."""
+    """Returns the report of a file, judged by its name. A library's own dumps have other names."""
     sensor = path.name.split("-")[0]
     if "-driver-" in path.name:
         return CrashReport(path, when, f"the library of {sensor}", _MAKERS.get(sensor, ("", "its makers"))[1])
@@ -140,5 +143,5 @@ def _report(path: Path, when: float) -> CrashReport:
 
 
 def _plain(name: str) -> str:
-    """A name as a part of a file's name."""
+    """Returns a name in a form that suits a file name."""
     return re.sub(r"[^\w.]+", "_", name)[:60]

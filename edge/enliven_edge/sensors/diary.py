@@ -1,7 +1,7 @@
-"""The diary of a live sensor in a recording: its conditions and losses, beside its frames.
+"""The event log of a live sensor in a recording: its conditions and losses, in addition to its frames.
 
-Two topics hold it as JSON: :data:`CONDITION_TOPIC`, before the first frame to which a condition applies, and
-:data:`EVENTS_TOPIC`, after the last frame before an event; both at the time of that frame.
+Two topics hold it as JSON. :data:`CONDITION_TOPIC` precedes the first frame to which a condition applies.
+:data:`EVENTS_TOPIC` follows the last frame before an event. Both carry the time of that frame.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ CONDITION_TOPIC = "/sensor/condition"
 EVENTS_TOPIC = "/sensor/events"
 """Topic of the messages :class:`SensorEvent`."""
 _MOST_HELD = 100
-"""Events before the first frame that are kept, the newest: a camera that sends nothing fills no memory."""
+"""Maximum number of kept events before the first frame, the newest: bounds the memory if a camera sends no
+frame."""
 
 
 @dataclass(frozen=True)
 class SensorEvent:
-    """Something that happened in place of a frame.
+    """An event that occurred instead of a frame.
 
     Attributes:
         kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
-        after: seconds since the frame before, by the wall clock.
-        what, where, mend: of the error; empty where the sensor is back.
+        after: seconds since the previous frame, by the wall clock.
+        what, where, mend: text of the error. Empty if the sensor is back.
     """
 
     kind: Literal["lost", "back", "bad frame"]
@@ -50,7 +51,7 @@ class SensorEvent:
 
     @property
     def error(self) -> SensorFault | InputError | None:
-        """The error that the sensor raised; None where it raised none."""
+        """The error that the sensor raised. None if it raised none."""
         if self.kind == "back":
             return None
         made = SensorFault if self.kind == "lost" else InputError
@@ -61,7 +62,7 @@ class Diary:
     """Writes a live sensor's frames into a recording, with its conditions and events.
 
     Args:
-        recorder: a :class:`~enliven.recording.Recorder`, or one in parts.
+        recorder: a :class:`~enliven.recording.Recorder`, or a recorder in parts.
     """
 
     def __init__(self, recorder: Any) -> None:
@@ -73,11 +74,11 @@ class Diary:
         self._lost = False
 
     def frame(self, frame: Frame, condition: Condition | None) -> None:
-        """Writes one frame, and the device's condition where it has changed.
+        """Writes one frame, and the device's condition if it has changed.
 
         Raises:
-            InputError: for a frame that a recording cannot hold; nothing is written of it.
-            ResourceError: where it cannot be written.
+            InputError: for a frame that a recording cannot hold. No part of it is written.
+            ResourceError: if it cannot be written.
         """
         for event in self._held:
             self._write(EVENTS_TOPIC, event, frame)
@@ -92,10 +93,10 @@ class Diary:
         self._last, self._heard, self._lost = frame, time.monotonic(), False
 
     def failed(self, error: EnlivenError) -> None:
-        """Writes an error that the sensor raised in place of a frame.
+        """Writes an error that the sensor raised instead of a frame.
 
         Raises:
-            ResourceError: where it cannot be written.
+            ResourceError: if it cannot be written.
         """
         bad = isinstance(error, InputError)
         after = 0.0 if self._last is None else time.monotonic() - self._heard
@@ -114,12 +115,12 @@ class Diary:
 
 @dataclass(frozen=True)
 class DiaryEntry:
-    """One entry of a sensor's diary: a frame or an error, with the device's condition.
+    """One entry of a sensor's event log: a frame or an error, with the device's condition.
 
     Attributes:
-        time_ns: the sensor's clock; for an error, the last frame's time plus the elapsed wall-clock time.
+        time_ns: the sensor's clock. For an error, the last frame's time plus the elapsed wall-clock time.
         said: the frame, or the error.
-        condition: the device's; None where it has reported none.
+        condition: the device's condition. None if it has reported none.
     """
 
     time_ns: int
@@ -128,12 +129,12 @@ class DiaryEntry:
 
 
 class DiaryEntries:
-    """Iterates over the diary entries of a recording, in their order; an older recording has only frames.
+    """Iterates over the log entries of a recording, in order. An older recording has only frames.
 
-    ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
+    ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
 
     Args:
-        file: the recording's, open; None opens it.
+        file: the open file of the recording. None opens it.
     """
 
     def __init__(self, recording: Recording, file: BinaryIO | None = None) -> None:
@@ -158,7 +159,7 @@ class DiaryEntries:
 
 
 def _understood(kind: type[T], data: bytes) -> T | None:
-    """The message, or None where it is damaged: a damaged diary never costs a frame."""
+    """Returns the message, or None if it is damaged: a damaged log must not cost a frame."""
     try:
         return msgspec.json.decode(data, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:

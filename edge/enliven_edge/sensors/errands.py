@@ -1,4 +1,4 @@
-"""A worker thread for calls that may block: one call at a time, with a timeout for the caller."""
+"""A worker thread for blocking calls: one call at a time, with a timeout for the caller."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ log = logging.getLogger(__name__)
 
 
 class Errands:
-    """Runs one call at a time on a daemon thread; the caller waits for the answer with a timeout.
+    """Runs one call at a time on a daemon thread. The caller waits for the answer with a timeout.
 
-    The thread begins a call only when it is asked, so that no answer is older than without it.
+    The thread starts a call only on request, so that answers are as recent as without a thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -27,33 +27,33 @@ class Errands:
 
     @property
     def busy(self) -> bool:
-        """Whether a call has been asked and its answer not been taken."""
+        """True if a call was started and its answer was not taken yet."""
         return self._since is not None
 
     @property
     def alive(self) -> bool:
-        """Whether the thread runs."""
+        """True while the thread runs."""
         return self._thread.is_alive()
 
     @property
     def waited(self) -> float:
-        """Seconds since the open call was asked; 0 without one."""
+        """Seconds since the current call was started. 0 without one."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def ask(self, call: Callable[[], Any]) -> None:
-        """Starts a call; the answer to the one before must have been taken."""
+        """Starts a call. The answer of the previous call must have been taken."""
         self._since = time.monotonic()
         self._calls.put(call)
 
     def answer(self, timeout: float | None) -> Any:
-        """The result of the call.
+        """Returns the result of the call.
 
         Returns:
-            None where the thread was ended before.
+            None if the thread was ended before.
 
         Raises:
-            TimeoutError: where it has not ended within ``timeout`` seconds; the answer may come later.
-            Exception: what the call raised.
+            TimeoutError: if it has not ended within ``timeout`` seconds. The answer may come later.
+            Exception: the exception of the call.
         """
         try:
             result, error = self._answers.get(timeout=timeout)
@@ -69,10 +69,10 @@ class Errands:
 
         Args:
             last: called on the thread at its end, with the answers that were not taken.
-            timeout: seconds to wait for that.
+            timeout: seconds to wait for the end.
 
         Returns:
-            whether the thread has ended.
+            True if the thread has ended.
         """
         self._calls.put(lambda: last(self._left()))
         self._calls.put(None)
@@ -93,5 +93,5 @@ class Errands:
                 log.debug("%s", self._thread.name, exc_info=True)
                 answer = None, error
             self._answers.put(answer)
-        # An answer that is still waited for may have been among those left over.
+        # ``finish`` may have discarded an answer that a caller still waits for; this one releases the caller.
         self._answers.put((None, None))

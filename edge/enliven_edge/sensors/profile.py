@@ -1,4 +1,4 @@
-"""The typical lens and range of known depth cameras, of ``firmware_configs/sensors/*.toml``."""
+"""The typical intrinsics and range of known depth cameras, from ``firmware_configs/sensors/*.toml``."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class TypicalCamera:
     """One camera model.
 
     Attributes:
-        camera: the lens, at the size of the image.
-        near, far: metres between which it reports depth.
+        camera: the intrinsics, at the size of the image.
+        near, far: metres, range of valid depth.
     """
 
     camera: Intrinsics
@@ -25,7 +25,8 @@ class TypicalCamera:
 
 
 def profiles_folder() -> Path:
-    """The folder of the shipped profiles: inside an installed wheel, or beside the packages in a checkout."""
+    """Returns the folder of the shipped profiles: inside an installed wheel, or next to the packages in a
+    checkout."""
     package = Path(__file__).resolve().parent.parent
     places = [root / "firmware_configs" / "sensors" for root in (package, package.parent.parent)]
     for place in places:
@@ -36,12 +37,12 @@ def profiles_folder() -> Path:
 
 
 def profile_names() -> list[str]:
-    """The names of the shipped profiles, sorted."""
+    """Returns the names of the shipped profiles, sorted."""
     return sorted(path.stem for path in profiles_folder().glob("*.toml"))
 
 
 def typical_camera(profile: str) -> TypicalCamera:
-    """The camera model of a shipped profile, such as "kinect1"."""
+    """Returns the camera model of a shipped profile, such as "kinect1"."""
     told = read_toml(profiles_folder() / f"{profile}.toml")
     lens, reach = told["camera"], told["range"]
     known = {key: lens[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}

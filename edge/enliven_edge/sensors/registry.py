@@ -1,4 +1,4 @@
-"""The registry of sensors: opens any of them by name, with options as words of a command line say them."""
+"""The registry of sensors: opens any of them by name, with options in the form of command line words."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.sensors.isolation import IsolatedOpener
 
 
 def sensor_options(settings: list[str]) -> dict[str, Any]:
-    """KEY=VALUE words as a mapping; numbers and true/false become what they look like.
+    """Returns KEY=VALUE words as a mapping. Numbers and true/false are converted.
 
     Raises:
         InputError: for a word without '='.
@@ -42,7 +42,7 @@ def _value(text: str) -> Any:
 
 
 ENTRY_POINTS = "enliven.sensors"
-"""Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
+"""Other packages add sensors through this group: an entry point names a class that creates a Sensor."""
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",
@@ -53,38 +53,40 @@ _BUILT_IN = {
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
 _IN_PACKAGES = {"synthetic": "enliven-synthesis"}
-"""Sensors of packages that may not be installed, by the name of the package."""
+"""Sensors of packages that may not be installed, with the name of the package."""
 
 
 def sensor_names() -> list[str]:
-    """The names that :func:`open_sensor` takes, sorted."""
+    """Returns the names that :func:`open_sensor` accepts, sorted."""
     return sorted({*_BUILT_IN, *(entry.name for entry in entry_points(group=ENTRY_POINTS))})
 
 
 def open_sensor(name: str, **options: Any) -> Sensor:
-    """The sensor called ``name``, opened.
+    """Opens the sensor called ``name``.
 
     Args:
         name: one of :func:`sensor_names`.
-        options: what the sensor's class takes.
+        options: arguments of the sensor's class.
 
     Raises:
-        InputError: for an unknown name or option, naming the nearest known one.
-        ResourceError: where the device is missing or taken.
+        InputError: for an unknown name or option. The message suggests the nearest known one.
+        ResourceError: if the device is missing or in use.
     """
     return sensor_opener(name, **options)()
 
 
 def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Callable[[], Sensor]:
-    """A function that opens the sensor ``name``, also again; in a helper process where it is isolated.
+    """Returns a function that opens the sensor ``name``, also repeatedly.
+
+    Isolated sensors run in a helper process.
 
     Args:
-        every_frame: frames wait for a slow reader, for a recording, in place of the newest alone, for a live
-            performance; a rehearsal's always wait, as those of a replay do.
-        options: what the sensor's class takes.
+        every_frame: frames wait for a slow reader, as a recording needs. False keeps only the newest, for a
+            live performance. Frames of a rehearsal or replay always wait.
+        options: arguments of the sensor's class.
 
     Raises:
-        InputError: for an unknown name or option, naming the nearest known one.
+        InputError: for an unknown name or option. The message suggests the nearest known one.
     """
     kind = _checked(name, options)
     if getattr(kind, "isolated", False):
@@ -93,7 +95,7 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
 
 
 def _checked(name: str, options: dict[str, Any]) -> Any:
-    """The class of a sensor that takes these options."""
+    """Returns the class of a sensor after checking its options."""
     kind = _kind(name)
     known = inspect.signature(kind).parameters
     for option in options:
@@ -110,7 +112,10 @@ def _checked(name: str, options: dict[str, Any]) -> Any:
 
 
 def _kind(name: str) -> Any:
-    """The class of a sensor; imported only now, so that a missing camera library stops no other sensor."""
+    """Returns the class of a sensor.
+
+    It is imported only now, so that a missing library stops no other sensor.
+    """
     if name in _BUILT_IN:
         module, _, kind = _BUILT_IN[name].partition(":")
         return getattr(import_module(module), kind)
@@ -121,7 +126,7 @@ def _kind(name: str) -> Any:
 
 
 def sensor_advice(name: str) -> str:
-    """Returns what to do about a sensor that is not there: the package that has it, or names near to it."""
+    """Returns the advice for an unknown sensor: the package that contains it, or similar names."""
     package = _IN_PACKAGES.get(name)
     return f"Install it: pip install {package}" if package else _nearest(name, sensor_names())
 

@@ -1,7 +1,7 @@
-"""A live sensor that never ends: it is read on its own thread and reopened with back-off when it fails.
+"""A live sensor that never ends: it is read on its own thread and reopened with back-off after failures.
 
-A driver is one small class that opens, reads and closes. This module handles, for all drivers, a device
-that is lost, hangs, comes back, or comes back with another clock.
+A driver is one small class that opens, reads and closes. This module handles, for all drivers, a device that
+is lost, hangs, comes back, or comes back with another clock.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ from enliven_edge.sensors.errands import Errands
 log = logging.getLogger(__name__)
 
 FIRST_WAIT = 0.1
-"""Seconds before a sensor that failed is opened anew for the first time."""
+"""Seconds before the first attempt to reopen a sensor that failed."""
 LONGEST_WAIT = 0.5
-"""Seconds between two attempts at most; each doubles the one before. A device that is back is used within a
-second, opening included."""
+"""Maximum seconds between two attempts. Each interval is twice the previous one. A device that is back is
+used within a second, opening included."""
 GOOD_FRAMES = 30
-"""Good frames, one second of them, after which the next failure counts as the first again."""
+"""Number of good frames, one second, after which the back-off starts again."""
 BAD_FRAMES = 30
-"""Unusable frames in a row after which the device is opened anew."""
+"""Number of unusable frames in a row after which the device is reopened."""
 _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
-"""Seconds after which a call of a driver counts as hanging and is abandoned; opening may load firmware."""
+"""Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
 _TURN = 0.25
-"""Seconds that one call may wait for a frame; the device can be closed between two calls."""
+"""Maximum seconds that one call waits for a frame. The device can be closed between two calls."""
 _LEFT_TO_THEMSELVES = 4
-"""Threads that may hang in a driver at once; after that no further attempt is made until one returns."""
+"""Maximum number of threads that hang in a driver. No further attempt is made until one returns."""
 _CLOSING = 0.25
-"""Seconds that closing waits for the device: after that it closes in the background."""
+"""Seconds that closing waits for the device. After that it closes in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
-"""Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""
+"""Nanoseconds that a clock may be ahead after its device was reopened, and still count as the same clock."""
 _CLOCK_FRAMES = 5
-"""Frames; the median over them is the offset between the stream's clock and this machine's, so that one
-wrong time does no harm."""
+"""Number of frames of a median: the offset between the stream's clock and this machine's. A single wrong
+time does no harm."""
 
 
 class ReopeningSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
 
     ``read`` raises a device's error once, as a :class:`SensorFault`, and then keeps reopening the device. A
-    frame that cannot be used (an InputError) does not end the stream. Times rise from one device to the next:
-    where a device's clock starts elsewhere, the elapsed wall-clock time is added.
+    frame that cannot be used (an InputError) does not end the stream. Times increase from one device to the
+    next: if a device's clock starts elsewhere, the elapsed wall-clock time is added.
 
     Args:
-        open_device: opens the device; called here the first time, on a thread later.
+        open_device: opens the device. The first call is made here, later ones on a thread.
         first: the device, if it is open already.
-        awaited: the sensor's name, to open it at the first read; empty opens it now.
+        awaited: the sensor's name, to open it at the first read. Empty opens it now.
 
     Raises:
-        Exception: what the first opening raises.
+        Exception: the error of the first opening.
     """
 
     def __init__(
@@ -108,14 +108,14 @@ class ReopeningSensor(Sensor):
         return None
 
     def condition(self) -> Condition | None:
-        """The condition of the device, as far as it reports one; None without an open device."""
+        """Returns the condition of the device, as far as it reports one. None without an open device."""
         device = self._device
         return None if device is None else condition_of(device)
 
     def close(self) -> None:
-        """Closes the device, in the background where it hangs; a second call does nothing.
+        """Closes the device, in the background if it hangs. A second call does nothing.
 
-        It may be called while another thread reads, which then returns None.
+        It may be called while another thread reads. ``read`` then returns None.
         """
         if not self._closed:
             self._closed = True
@@ -124,10 +124,10 @@ class ReopeningSensor(Sensor):
                 log.warning("%s does not let its device go", self.name)
 
     def _begin(self, timeout: float | None) -> None:
-        """Asks the thread for a frame, or to open the device when its next attempt is due.
+        """Asks the thread for a frame, or to open the device if the next attempt is due.
 
         Raises:
-            TimeoutError: where it is not due within ``timeout`` seconds.
+            TimeoutError: if it is not due within ``timeout`` seconds.
         """
         if self._device is not None:
             turn = _TURN if timeout is None else min(timeout, _TURN)
@@ -141,7 +141,7 @@ class ReopeningSensor(Sensor):
         self._ask("open", self._open)
 
     def _use(self, device: Sensor) -> None:
-        """Takes an opened device; the first gives the stream its name."""
+        """Takes an opened device. The first device gives the stream its name."""
         self._device, self.fps = device, getattr(device, "fps", None)
         self.made_up = not is_device(device)
         if not self._known:
@@ -152,7 +152,7 @@ class ReopeningSensor(Sensor):
         self._errands.ask(call)
 
     def _received(self, frame: Frame | None) -> Frame | None:
-        """A frame of the device, with its time in the stream's clock."""
+        """Returns a frame of the device, with its time in the stream's clock."""
         self._bad = 0
         self._good += 1
         if self._good >= GOOD_FRAMES:
@@ -171,7 +171,8 @@ class ReopeningSensor(Sensor):
     def _shift(self, time_ns: int, now_ns: int) -> int:
         """Returns the nanoseconds to add to the times of a device that was just opened.
 
-        They are the same as before, or none, if times then go on rising; else this machine's clock decides.
+        The previous shift, or 0, is used if times then continue to increase. Otherwise this machine's clock
+        decides.
         """
         ahead_ns = statistics.median_low(self._ahead_ns)
         # On a busy machine the last frame may have arrived with less delay than usual.
@@ -182,7 +183,7 @@ class ReopeningSensor(Sensor):
         return max(now_ns + ahead_ns, after_ns + 1) - time_ns
 
     def _failed(self, error: Exception) -> Exception:
-        """The error to raise where the device raised ``error``."""
+        """Returns the error to raise after the device raised ``error``."""
         if self._doing == "read" and isinstance(error, InputError) and self._bad < BAD_FRAMES:
             self._bad += 1
             return error
@@ -195,10 +196,10 @@ class ReopeningSensor(Sensor):
         return SensorFault(why, where=self.name, mend=mend)
 
     def _give_up_what_hangs(self) -> None:
-        """Abandons a call that hangs; its device is closed when the call returns.
+        """Abandons a call that hangs. Its device is closed when the call returns.
 
         Raises:
-            SensorFault: where a call was abandoned.
+            SensorFault: if a call was abandoned.
         """
         limit = _LONGEST[self._doing]
         self._left = [errands for errands in self._left if errands.alive]
@@ -223,10 +224,10 @@ class ReopeningSensor(Sensor):
 
 
 def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
-    """An opened sensor; a live one is reopened for ever, a recording ends.
+    """Returns an opened sensor. A live sensor is reopened for ever, a recording ends.
 
     Args:
-        awaited: the name of a live sensor that may be missing at first; empty: it must be there.
+        awaited: the name of a live sensor that may be missing at first. Empty: it must be present.
     """
     if awaited:
         return ReopeningSensor(open_sensor, awaited=awaited)

@@ -1,4 +1,4 @@
-"""A recording, played back in place of a sensor."""
+"""A recording that is played back in place of a sensor."""
 
 from __future__ import annotations
 
@@ -23,32 +23,33 @@ from enliven_edge.sensors.diary import DiaryEntries, DiaryEntry
 log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
-"""Nanoseconds between two loops of a recording with a single frame: a step at 30 frames a second."""
+"""Nanoseconds between two loops of a recording with a single frame: the interval of 30 frames per second."""
 CAPTURES = (".bvh", ".txt")
-"""Endings of motion captures."""
+"""File suffixes of motion captures."""
 
 
 class ReplaySensor(Sensor):
-    """Delivers every frame of a recording, none dropped, at the recorded pace or another.
+    """Delivers every frame of a recording without drops, at the recorded pace or another.
 
-    A recording of a live sensor repeats its sequence numbers, its device's conditions and its losses, each
-    raised where it happened.
+    A recording of a live sensor repeats its sequence numbers, its device's conditions and its losses. Each
+    loss is raised at its recorded time.
 
-    The pace is kept against a monotonic clock from the first frame on: a late reader gets the next frames at
-    once until it has caught up. When looping, times go on from the last one, one usual step later.
+    The pace follows a monotonic clock from the first frame on. A late reader gets the next frames immediately
+    until it has caught up. In a loop, times continue from the last frame, one usual interval later.
 
     Args:
         path: a recording of enliven, or a motion capture (BVH, CMU's tables), which is imported first.
-        speed: 1 as recorded, 2 twice as fast, 0 as fast as it goes.
-        loop: begin again at the end.
-        longest_pause: seconds of a pause at most; longer ones are shortened, but the frames keep their times.
+        speed: 1 for the recorded pace, 2 twice as fast, 0 without waiting.
+        loop: start again at the end.
+        longest_pause: maximum seconds of a pause. Longer pauses are shortened, but the frames keep their
+            times.
 
     Raises:
-        InputError: where the file is no recording, holds no frames, or the speed is not possible.
+        InputError: if the file is not a recording, has no frames, or the speed is invalid.
     """
 
     recorded = True
-    """Whether its frames may wait for those of another recording."""
+    """True if its frames may wait for those of another recording."""
 
     def __init__(
         self, path: str | Path, speed: float = 1.0, loop: bool = False, longest_pause: float = math.inf
@@ -65,7 +66,7 @@ class ReplaySensor(Sensor):
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
         self._speed = speed
-        # Held open, so that a lack of descriptors later on cannot end a loop.
+        # Kept open, so that a lack of file descriptors cannot end a loop later.
         self._file = open_file(self.recording.path)
         entries = functools.partial(DiaryEntries, self.recording, self._file)
         self._entries: Iterator[DiaryEntry] = _Endless(entries) if loop else entries()
@@ -102,7 +103,7 @@ class ReplaySensor(Sensor):
         return entry.said
 
     def condition(self) -> Condition | None:
-        """The device's condition at the last frame that was read; None where it was not recorded."""
+        """Returns the device's condition at the last frame that was read. None if it was not recorded."""
         return self._condition
 
     def close(self) -> None:
@@ -112,19 +113,19 @@ class ReplaySensor(Sensor):
         self._made.cleanup()
 
     def _due(self, entry: DiaryEntry) -> float:
-        """The monotonic second at which a entry has come."""
+        """Returns the monotonic time in seconds at which an entry is due."""
         if self._started is None:
             self._started = time.monotonic()
         passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._too_long(entry)
         return self._started + passed_ns * 1e-9 / self._speed
 
     def _too_long(self, entry: DiaryEntry) -> int:
-        """Nanoseconds by which the silence before a entry is longer than it may be."""
+        """Returns the nanoseconds that the silence before an entry exceeds the maximum."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
 
 def _imported(path: Path, folder: Path) -> Path:
-    """The path of a recording; that of a motion capture is made of it, in a folder that is there."""
+    """Returns the path of a recording. A motion capture is converted into one in ``folder``."""
     if path.suffix.lower() not in CAPTURES or not path.is_file():
         return path
     recording = folder / f"{path.stem}.mcap"
@@ -135,14 +136,14 @@ def _imported(path: Path, folder: Path) -> Path:
 
 
 def _rate(info: RecordingInfo) -> float | None:
-    """Frames a second as they were recorded; None where there are too few to tell."""
+    """Returns the recorded frames per second. None if there are too few frames to estimate it."""
     counts = [topic.count for name, topic in info.topics.items() if name in (DEPTH_TOPIC, BODIES_TOPIC)]
     frames = max(counts, default=0) / max(1, len(info.sensors))
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
 def _up_to_first_frame(entries: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
-    """The entries up to the first frame that can be used; empty where there is none."""
+    """Returns the entries up to the first usable frame. Empty if there is none."""
     ahead: deque[DiaryEntry] = deque()
     while True:
         try:
@@ -158,7 +159,7 @@ def _up_to_first_frame(entries: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
 
 
 class _Endless:
-    """The entries again and again, with times that go on rising; a frame that cannot be used costs itself."""
+    """Repeats the entries endlessly, with increasing times. Frames that cannot be used are skipped."""
 
     def __init__(self, entries: Callable[[], Iterator[DiaryEntry]]) -> None:
         self._again, self._entries = entries, entries()

@@ -1,4 +1,4 @@
-"""A plain webcam, or a film: bodies from colour alone, as far away as their height makes them."""
+"""A plain webcam, or a film: bodies from colour images alone, with distances derived from their height."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ _MENDS = {
     errno.EACCES: "Let your user use cameras (sudo usermod -aG video $USER), and log in again.",
     errno.EBUSY: "Another program uses it: close that.",
 }
-"""What to do where the system refuses a camera, by its number of the error."""
+"""Advice if the system refuses a camera, by errno."""
 
 
 class WebcamSensor(Sensor):
-    """Delivers the bodies that a :class:`~enliven_edge.landmarks.source.LandmarkSource` sees in a video.
+    """Delivers the bodies that a :class:`~enliven_edge.landmarks.source.LandmarkSource` detects in a video.
 
-    Distances are those of people of ``body_height``; who is shorter seems farther away.
+    Distances assume people of ``body_height``: a shorter person appears to be farther away.
 
     Args:
         device: a camera such as "/dev/video0", or the path of a film, which is played once at its own pace.
-        python: the Python that has mediapipe; empty: this one.
-        model: a pose landmarker's .task file, where mediapipe brings none.
-        view: degrees that the camera sees from left to right.
-        height: metres of the camera above the floor.
+        python: the Python that has mediapipe. Empty: this one.
+        model: a pose landmarker's .task file, if mediapipe contains none.
+        view: degrees, horizontal field of view of the camera.
+        height: metres, height of the camera above the floor.
         tilt: degrees that it looks down.
-        body_height: metres of the performers.
-        source: finds the landmarks, in place of MediaPipe.
+        body_height: metres, height of the performers.
+        source: detects the landmarks, in place of MediaPipe.
 
     Raises:
         InputError: for a film that cannot be read.
-        ResourceError: for a camera that cannot be opened, or where PyAV or MediaPipe are missing.
+        ResourceError: for a camera that cannot be opened, or if PyAV or MediaPipe are missing.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class WebcamSensor(Sensor):
             self._eye.close()
 
     def _next_image(self) -> Any:
-        """The next image, None at the end."""
+        """Returns the next image, None at the end."""
         import av
 
         try:
@@ -108,17 +108,17 @@ class WebcamSensor(Sensor):
             raise InputError("the film is damaged", where=self.name) from None
 
     def _due(self, seconds: float) -> float:
-        """The monotonic second at which a film's image is to be delivered."""
+        """Returns the monotonic time in seconds at which a film's image is due."""
         if self._first is None:
             self._first = (time.monotonic(), seconds)
         return self._first[0] + seconds - self._first[1]
 
 
 def _refuse_absent(device: str) -> None:
-    """Refuses a camera that is not there, and names those that are.
+    """Raises an error for a missing camera, with the names of the existing ones.
 
     Raises:
-        ResourceError: where the system lists its cameras as files, and this one is not among them.
+        ResourceError: if the system lists its cameras as files, and this one is not among them.
     """
     if not device.startswith("/dev/") or Path(device).exists():
         return

@@ -1,7 +1,7 @@
-"""The stage holds the characters that performers take hold of, drive and let go, frame by frame.
+"""The stage holds the characters that performers possess, drive and release, frame by frame.
 
-:class:`Stage` has one actor for each character. This room has the actor of a possessed mesh, the room ``rig``
-has the actor of a rigged model, and ``puppet`` has the actor of a mesh that example poses move.
+:class:`Stage` has one actor for each character. This package has the actor of a possessed mesh. The package
+``rig`` has the actor of a rigged model, and ``puppet`` has the actor of a mesh that is animated by key poses.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""An actor that has performers choose a part before they drive it."""
+"""Base class of actors that let performers choose a part before they drive it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from enliven.possession import Actor
 
 
 class ChosenActor(Actor):
-    """An actor that has performers choose a part by posing before they drive them."""
+    """An actor that lets performers choose a part by posing, before they drive that part."""
 
     view: ScreenView
-    """The direction from which the viewer sees it: poses are matched as they look on the screen."""
+    """The viewer's direction of view: poses are matched as they look on the screen."""
 
     def browse(self, step: int) -> None:
-        """Shows another match; step 0 follows the pose again."""
+        """Shows another match. Step 0 makes the shown match follow the pose again."""
         raise NotImplementedError
 
     def board(self) -> Board:
-        """Returns the matches to choose from, or the chains that are driven, for viewers."""
+        """Returns the list of matches to choose from, or the driven chains, for viewers."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Casting makes an actor on the stage from a mesh file or from a mesh that ships."""
+"""Character setup: builds an actor of the stage from a mesh file or from a mesh that ships."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ from enliven.samples import load_sample
 log = logging.getLogger(__name__)
 
 MADE: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
-"""The meshes that ship, by name instead of by path."""
+"""The meshes that ship with enliven, which are given by name instead of by path."""
 _OWN_PARTS = {"lamp": "hip and right arm"}
-"""The parts of the body that a shipped mesh is made to be held with; others are held with all."""
+"""The body parts that a shipped mesh is designed for. Other meshes are held with all parts."""
 
 
 def cast(
     spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: Axis | None = None, name: str = ""
 ) -> EmbeddedActor:
-    """The actor of a mesh file, or of a mesh that ships.
+    """Returns the actor of a mesh file, or of a mesh that ships.
 
-    A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
-    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled, in
-    metres.
+    A mesh that meets its performer is scaled to a person's height and moved to where a standing person fits
+    into it. Triangles that are too large to bend are refined. A mesh that stays fixed keeps its modelled
+    position and size, in metres.
 
     Args:
         spec: a path, or a name of :data:`MADE`.
-        nodes: of the deformation graph.
-        up: the mesh's own axis that points up; None guesses it.
-        name: the character's id; empty: the file's stem.
+        nodes: number of nodes of the deformation graph.
+        up: the axis of the mesh that points up. If None, it is guessed.
+        name: the character's id. If empty, the file's stem is used.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -72,14 +72,15 @@ def cast_mesh(
     joints: Float | None = None,
     like: EmbeddedActor | None = None,
 ) -> EmbeddedActor:
-    """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
+    """Returns the actor of a mesh, as :func:`cast` does. Without ``fit`` the mesh keeps its modelled place.
 
     Args:
-        ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot
-            where they are known; else the settings' are taken.
-        joints: (20, 3) metres of the mesh as given, of the person that it shows, where they are known.
-        like: the actor of the mesh as it was before an edit. Where no person was found in that, none is
-            looked for in a mesh of the same faces: an edit that moves vertices makes none.
+        ends: (5, 3) metres, in the coordinates of the given mesh: the ends of head, left and right hand, left
+            and right foot. If None, those of the settings are used.
+        joints: (20, 3) metres, in the coordinates of the given mesh: the joints of the person that it shows,
+            if known.
+        like: the actor of the mesh before an edit. If no person was found in that mesh and the faces are
+            unchanged, the search is skipped: moving vertices does not turn a mesh into a person.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -88,7 +89,7 @@ def cast_mesh(
     mesh, settings = made.mesh, made.settings
     none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
     seeks = seeks_person(settings) and not settings.joints and not none_there
-    with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
+    with ThreadPoolExecutor(1) as beside:  # in parallel: both take about as long
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         found = None if person is None else person.result
@@ -102,21 +103,22 @@ def cast_mesh(
 
 
 def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
-    """Returns the person that an actor of the mesh finds in it, which has its vertices as they are sent."""
+    """Returns the person found in the mesh. The vertices are rounded to float32, as viewers receive them."""
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
 
 
 def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
-    """Returns whether an actor has the faces of a mesh, so that an edit moved vertices at most."""
+    """Returns True if an actor's mesh has the same faces as `mesh`, so that an edit can only have moved
+    vertices."""
     return np.array_equal(like.character.faces, mesh.faces)
 
 
 def parts_for(spec: str) -> str:
-    """Returns the parts of the body that hold a mesh where the user names none."""
+    """Returns the body parts that hold a mesh if the user names none."""
     return _OWN_PARTS.get(spec, "all")
 
 
 def name_of(spec: str) -> str:
-    """A short id for a character: the file's stem, of letters, digits, '-' and '_'."""
+    """Returns a short id for a character: the file's stem, reduced to letters, digits, '-' and '_'."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"

@@ -1,4 +1,4 @@
-"""The rule of who takes what, where a command leaves open the performer, the character or both."""
+"""Chooses the performer, the character or both if a command does not name them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from enliven.person import Body, Joint
 from enliven.possession import Actor
 
 FLOOR = [0, 2]
-"""The coordinates over the floor."""
+"""Indices of the horizontal coordinates, x and z."""
 
 
 @dataclass(frozen=True)
 class Taking:
-    """A performer and the character that they are to take hold of.
+    """A performer and the character that the performer is about to possess.
 
     Attributes:
-        character: its id.
-        body: the performer's id; None: the actor's first choice.
+        character: the character's id.
+        body: the performer's id. None: the actor chooses.
         parts: the parts of the body that the cues show.
     """
 
@@ -31,11 +31,11 @@ class Taking:
 
 
 def in_order(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
-    """Returns the bodies in the order in which a character is offered: the idle first, then by distance.
+    """Returns the bodies in the order of being offered a character: idle ones first, then by distance.
 
     Args:
-        busy: the ids of the performers who hold other characters.
-        place: (2,) metres over the floor, the middle of the character; None where it is not known.
+        busy: the ids of the performers that hold other characters.
+        place: (2,) metres, horizontal position of the character's middle. None if it is not known.
     """
     return sorted(bodies, key=lambda body: (body.id in busy, _apart(body, place)))
 
@@ -43,13 +43,13 @@ def in_order(bodies: Collection[Body], busy: Collection[int], place: Float | Non
 def pairs(
     performers: Collection[Body], actors: Mapping[str, Actor], places: Mapping[str, Float], anyhow: bool
 ) -> list[tuple[str, int]]:
-    """Returns (character, performer) of those who hold nothing with free characters, the nearest pairs first.
+    """Returns (character, performer) pairs of idle performers with free characters, the nearest pairs first.
 
     Args:
-        performers: who may take a character.
+        performers: the performers that may take a character.
         actors: by character id.
-        places: (2,) metres over the floor by character id.
-        anyhow: a performer who holds something, or finds no free character, takes the nearest one.
+        places: (2,) metres, horizontal position by character id.
+        anyhow: also considers performers that hold something, and held characters if none is free.
     """
     holders = {hold.body for actor in actors.values() for hold in actor.holds}
     idle = [body for body in performers if anyhow or body.id not in holders]
@@ -65,6 +65,9 @@ def pairs(
 
 
 def _apart(body: Body, place: Float | None) -> float:
-    """Returns the metres over the floor between a performer's hips and a place; infinite where unknown."""
+    """Returns the horizontal distance in metres between a performer's hips and a place.
+
+    Infinite if unknown.
+    """
     metres = np.inf if place is None else np.linalg.norm(body.joints[Joint.HIP_CENTER][FLOOR] - place)
     return float(metres) if np.isfinite(metres) else np.inf

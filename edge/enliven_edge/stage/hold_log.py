@@ -1,4 +1,4 @@
-"""The log of holds: who took hold of which character, how, and who let go."""
+"""The log of holds: which performer possessed or released which character, and how."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from enliven_edge.stage.hold_memory import Carried
 
 
 class HoldLog:
-    """Collects what happens to the holds of all characters until it is told to viewers and to the take.
+    """Collects the events of all characters' holds until they are sent to viewers and written to the take.
 
     Attributes:
-        time_ns: the sensor's clock, of the last frame that was performed.
+        time_ns: nanoseconds of the sensor's clock, of the last frame that was performed.
     """
 
     def __init__(self) -> None:
@@ -26,10 +26,10 @@ class HoldLog:
         self._events: list[HoldMessage] = []
 
     def possess(self, actor: Actor, body: Body, parts: str, mode: Mode) -> None:
-        """Lets a performer take hold of a character.
+        """Lets a performer possess a character.
 
         Raises:
-            InputError: where it is refused; nothing is logged then.
+            InputError: if the actor refuses. Nothing is logged then.
         """
         place = actor.place
         actor.possess(body, parts, mode)
@@ -39,7 +39,7 @@ class HoldLog:
         """Ends the hold of one performer, or of all.
 
         Raises:
-            InputError: where that performer holds nothing of it.
+            InputError: if that performer does not hold the character.
         """
         place, held = actor.place, bool(actor.holds)
         actor.release(who)
@@ -48,7 +48,7 @@ class HoldLog:
 
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
-        """Logs what the actor itself changes within a frame: holds that are handed over, begun or ended."""
+        """Logs holds that the actor itself changes within a frame: handed over, started or ended."""
         before = [hold.body for hold in actor.holds]
         yield
         self.time_ns = time_ns
@@ -64,7 +64,7 @@ class HoldLog:
             self._add(actor, "release", who)
 
     def carried_over(self, actor: Actor, carried: Carried) -> None:
-        """Logs who holds a character from now on that took the place of another."""
+        """Logs the performers that hold a character after it replaced another one."""
         for taken in carried:
             self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
 
@@ -73,7 +73,7 @@ class HoldLog:
         self._events.append(HoldMessage(actor.character.id, self.time_ns, "remove"))
 
     def take(self) -> list[HoldMessage]:
-        """Returns what was logged since the last call."""
+        """Returns and clears the events since the last call."""
         events, self._events = self._events, []
         return events
 

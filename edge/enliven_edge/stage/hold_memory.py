@@ -1,4 +1,4 @@
-"""How holds came about, so that performers hold a later revision of a character as they do this one."""
+"""Records how holds started, so that a later revision of a character can be possessed in the same way."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from enliven.possession import Actor, Mode
 log = logging.getLogger(__name__)
 
 _SETTLED_IN = 12
-"""Solves of one frame from the pose of taking hold to that of now: each halves what is left, about."""
+"""Number of solves of one frame, from the starting pose of the hold to the current pose. Each solve about
+halves the remaining distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class TakenHold:
-    """How a performer took hold of a character; ``body`` is the performer at that moment."""
+    """The state in which a performer possessed a character. ``body`` is the performer at that moment."""
 
     body: Body
     parts: str = "all"
@@ -26,49 +27,52 @@ class TakenHold:
 
 
 Carried = tuple[TakenHold, ...]
-"""How the holds on a character came about, the oldest first."""
+"""How the holds of a character started, the oldest first."""
 
 
 class HoldMemory:
-    """By character, the first performer that it met and how its holds came about."""
+    """Stores, for each character, the first performer that it met and how its holds started."""
 
     def __init__(self) -> None:
         self._met: dict[str, Body] = {}
         self._taken: dict[str, Carried] = {}
 
     def meet(self, character: str, bodies: Sequence[Body]) -> None:
-        """Remembers the first performer in view, by whom the character finds its place."""
+        """Remembers the first performer in view: the character is placed relative to this performer."""
         if bodies and character not in self._met:
             self._met[character] = bodies[0]
 
     def take(self, character: str, body: Body, parts: str, mode: Mode) -> None:
-        """Remembers that a performer took hold."""
+        """Remembers that a performer possessed the character."""
         kept = self._taken.get(character, ()) if mode != "alone" else ()
         kept = tuple(one for one in kept if mode == "extend" or one.body.id != body.id)
         self._taken[character] = (*kept, TakenHold(body, parts, "join" if mode == "alone" else mode))
 
     def release(self, character: str, body: int | None) -> None:
-        """Remembers that a performer, or every one where ``body`` is None, let go."""
+        """Remembers that a performer released the character. If ``body`` is None, all performers did."""
         kept = (one for one in self._taken.get(character, ()) if body is not None and one.body.id != body)
         self._taken[character] = tuple(kept)
 
     def forget(self, character: str) -> None:
-        """Forgets a character that went."""
+        """Forgets a character that was removed."""
         self._met.pop(character, None)
         self._taken.pop(character, None)
 
     def holds_of(self, actor: Actor, bodies: Sequence[Body]) -> Carried:
-        """Returns how the present holds on an actor came about; one that was not asked for, as if now."""
+        """Returns how the current holds of an actor started.
+
+        A hold without a record counts as started now.
+        """
         name, holders = actor.character.id, [hold.body for hold in actor.holds]
         known = tuple(one for one in self._taken.get(name, ()) if one.body.id in holders)
         asked = {one.body.id for one in known}
         return known + tuple(TakenHold(b) for b in bodies if b.id in holders and b.id not in asked)
 
     def carry_over(self, before: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> Carried:
-        """Lets the holders of one actor hold another as they do; returns how their holds came about.
+        """Moves all holds from one actor to another and returns how the holds started.
 
-        Each takes hold again as they were when they took hold of the one before, and moves to where they are
-        now; one who cannot is logged and let go.
+        Each performer possesses the new actor in the pose with which the hold started, and then moves to the
+        current pose. If the new actor refuses a performer, this is logged and the hold ends.
         """
         held = self.holds_of(before, bodies)
         actor.release()

@@ -1,4 +1,4 @@
-"""The possession that the command line asks for when a performance opens."""
+"""The possession that the command line requests for the start of a performance."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ log = logging.getLogger(__name__)
 
 
 class Opening:
-    """Lets performers take hold as soon as they are in view, the first with the first parts, and so on.
+    """Lets each performer possess a character on appearing: the first one with the first parts, and so on.
 
     Args:
         at: seconds after the first frame, or None for never.
-        parts: the parts that take hold, such as "all"; for several performers "legs / upper body". One text
-            for all characters, or one each by their ids.
+        parts: the body parts that possess, such as "all". For several performers, separated as in "legs /
+            upper body". One text for all characters, or a mapping by character id.
     """
 
     def __init__(self, stage: Stage, at: float | None, parts: str | Mapping[str, str] = "all") -> None:
@@ -26,7 +26,7 @@ class Opening:
         self._due = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
 
     def take_hold(self, seconds: float) -> None:
-        """Lets each performer take hold who is in view and due so many seconds after the first frame."""
+        """Lets the performers in view possess characters if that is due ``seconds`` after the first frame."""
         if self._at is None or seconds < self._at:
             return
         for name, parts in self._due:
@@ -36,5 +36,5 @@ class Opening:
                     self._stage.possess(name, parts=now, mode="join")
                     log.info("%s is possessed with %s at %.2f s", name, now, seconds)
                 except InputError as error:
-                    # An unknown part, or a mesh out of reach: said once, and not tried again.
+                    # An unknown part, or a mesh out of reach: reported once, and not tried again.
                     log.error("%s", error)

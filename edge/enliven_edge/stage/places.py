@@ -1,4 +1,4 @@
-"""The places on a stage: how many characters stand on it, and how many of one viewer."""
+"""Limits the number of characters on a stage, in total and for each viewer."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from enliven.settings import setting
 
 
 class Peer(Protocol):
-    """A viewer that puts characters on the stage, known by its connection and its address.
+    """A viewer that puts characters on the stage, identified by its connection and its address.
 
     Attributes:
-        address: of its machine, without the port.
+        address: the address of its machine, without the port.
     """
 
     address: str
 
     @property
     def is_open(self) -> bool:
-        """Whether it is still connected."""
+        """True if the viewer is still connected."""
 
 
 @dataclass(frozen=True)
 class StageSettings:
-    """How many characters stand on the stage."""
+    """Limits of the number of characters on the stage."""
 
     characters: int = setting(
         16,
@@ -41,17 +41,17 @@ class StageSettings:
 
 
 Coming = Iterable[tuple[str, Peer | None]]
-"""Characters that are on their way: id, and the viewer that sends it."""
+"""Characters that are being uploaded: id, and the viewer that sends it."""
 
 
 class StagePlaces:
-    """Counts the characters on a stage and those on their way, in all and for each viewer.
+    """Counts the characters on a stage and those being uploaded, in total and for each viewer.
 
     Viewers on other machines count by address. Viewers on this machine share one address, and count by
-    connection; characters of closed connections count for every viewer of their address.
+    connection. Characters of closed connections count for every viewer of their address.
 
     Args:
-        standing: the ids of the characters on the stage, kept up to date by the stage.
+        standing: the ids of the characters on the stage. The stage keeps this collection up to date.
     """
 
     def __init__(self, settings: StageSettings, standing: Collection[str]) -> None:
@@ -60,11 +60,11 @@ class StagePlaces:
         self._sources: list[Callable[[], Coming]] = []
 
     def watch(self, coming: Callable[[], Coming]) -> None:
-        """Counts the characters that a function returns as on their way."""
+        """Registers a function that returns characters that are being uploaded."""
         self._sources.append(coming)
 
     def settle(self, character: str, owner: Peer | None) -> None:
-        """Remembers who put a character on the stage; None: the edge itself."""
+        """Remembers the viewer that put a character on the stage. None: the edge itself."""
         self.forget(character)
         if owner is not None:
             self._owners[character] = owner
@@ -74,7 +74,7 @@ class StagePlaces:
         self._owners.pop(character, None)
 
     def check(self, character: str, peer: Peer | None) -> None:
-        """Checks that there is a place for one more character; one that has a place already may stay.
+        """Checks that there is a place for one more character. A character that already has a place may stay.
 
         Raises:
             InputError: if the stage is full, or the viewer has too many characters on it.
@@ -96,14 +96,14 @@ class StagePlaces:
 
 
 def _counts_for(owner: Peer, peer: Peer) -> bool:
-    """Returns whether a character of one viewer counts for another."""
+    """Returns True if a character of ``owner`` counts towards the limit of ``peer``."""
     if owner is peer:
         return True
     return owner.address == peer.address and not (owner.is_open and _is_loopback(owner.address))
 
 
 def _is_loopback(address: str) -> bool:
-    """Returns whether an address is that of this machine."""
+    """Returns True if an address is that of this machine."""
     try:
         return ipaddress.ip_address(address.partition("%")[0]).is_loopback
     except ValueError:

@@ -1,4 +1,4 @@
-"""Both hands make a character larger or smaller, as the authors of KinÊtre wished."""
+"""Scaling of characters by the distance between both hands, as the authors of KinÊtre wished."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from enliven_edge.stage.stage import Stage
 
 _HANDS = (Joint.HAND_LEFT, Joint.HAND_RIGHT)
 _SURE = 0.3
-"""Confidence of a hand below which it is not believed: what it did last counts."""
+"""Minimum confidence of a hand. Below it the hand is ignored and its last distance is kept."""
 _NEAR = 0.15
-"""Metres that are added to every distance, so that hands that begin together do not make a giant at once."""
+"""Metres added to every distance, so that hands that start close together do not cause a huge scale at
+once."""
 _BAND = float(np.log(1.06))
-"""The distance may change by 6 % to and fro, as hands never keep still, before the size follows."""
+"""Dead band: hands never keep still, so the size follows only beyond 6 % of distance change."""
 _EASE = 0.12
-"""Seconds in which most of a change is made: what the tracker's noise does in a frame is not seen."""
+"""Time constant in seconds of the size's smoothing, which hides the tracker's noise."""
 _STILL = 1.5
-"""Seconds for which the hands keep still, after they changed the size, until it stays: a pause is shorter."""
+"""Seconds of still hands, after they changed the size, until the gesture ends. A pause is shorter."""
 _TOLD = 0.005
-"""Part of the size by which it changes until windows are told."""
+"""Smallest relative change of size that is sent to windows during a gesture."""
 
 
 @dataclass
 class _Gesture:
-    """One performer's gesture: natural logarithms of the size at its begin and of what it is led to.
+    """One performer's gesture. Sizes are natural logarithms: at the start, and the target.
 
     Attributes:
-        away: the distance of the hands at the begin, logarithm of metres; None until they are seen.
-        still_ns: since when the size has not been led anywhere.
+        away: logarithm of the distance of the hands at the start, in metres. None until both are visible.
+        led: target size relative to the start.
+        still_ns: time since which the target has not changed.
     """
 
     body: int
@@ -47,8 +49,8 @@ class _Gesture:
 class HandSizing:
     """The sizes of the characters on a stage, and the gestures that change them.
 
-    Hands twice as far apart make a character twice as large, between 1 / ``MAX_GROWTH`` and ``MAX_GROWTH``
-    of its own size. The size stays as the gesture ends: by the word that began it, or by holding still.
+    Hands twice as far apart make a character twice as large, between 1 / ``MAX_GROWTH`` and ``MAX_GROWTH`` of
+    its own size. The size stays when the gesture ends: by the command that started it, or by holding still.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -58,10 +60,10 @@ class HandSizing:
         self._time_ns = 0
 
     def ask(self, order: Resize) -> None:
-        """Begins or ends a gesture, sets a size, or how far soft parts swing.
+        """Starts or ends a gesture, sets a size, or sets how far soft parts swing.
 
         Raises:
-            InputError: where there is no such character or performer, or its size cannot change.
+            InputError: if character or performer do not exist, or its size cannot change.
         """
         name, who = self._meant(order)
         actor = self._stage.actors[name]
@@ -73,11 +75,11 @@ class HandSizing:
         elif name in self._gestures:
             del self._gestures[name]
         elif order.do == "hands":
-            actor.resize(actor.growth, self._about(name, None))  # is refused where it cannot change
+            actor.resize(actor.growth, self._about(name, None))  # raises if the size cannot change
             self._gestures[name] = _Gesture(who, float(np.log(actor.growth)))
 
     def follow(self, bodies: list[Body], time_ns: int) -> None:
-        """Brings the characters to the sizes that the hands of the performers in view mean."""
+        """Moves the sizes of the characters towards those that the performers' hands ask for."""
         seconds, self._time_ns = max(time_ns - self._time_ns, 0) * 1e-9, time_ns
         present = {body.id: body for body in bodies}
         for name, gesture in list(self._gestures.items()):
@@ -92,7 +94,7 @@ class HandSizing:
             actor.resize(float(np.exp(now)), self._about(name, body))
 
     def changes(self) -> list[SizeMessage]:
-        """Returns what windows have not been told yet: sizes that changed, gestures that began or ended."""
+        """Returns changes since the last call: sizes that changed, and gestures that started or ended."""
         said = []
         for name, actor in self._stage.actors.items():
             gesture = self._gestures.get(name)
@@ -108,7 +110,8 @@ class HandSizing:
         return said
 
     def _meant(self, order: Resize) -> tuple[str, int]:
-        """Returns the character and the performer that an order is about: who holds it, else who would."""
+        """Returns the character and the performer of an order: the holder of a character, or else the next
+        candidate."""
         stage = self._stage
         name = order.character
         if name is None:
@@ -128,7 +131,8 @@ class HandSizing:
         return name, who
 
     def _about(self, name: str, body: Body | None) -> Float | None:
-        """(3,) metres, the place on the floor that stays: under the performer who holds it; None: its own."""
+        """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that holds
+        the character. None: its own."""
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):
             return None
@@ -137,7 +141,7 @@ class HandSizing:
 
 
 def _lead(gesture: _Gesture, body: Body, time_ns: int) -> None:
-    """Leads the size by the distance of the hands, with some play between the two."""
+    """Updates the target size from the distance of the hands, with a dead band."""
     left, right = (body.joints[hand] for hand in _HANDS)
     sure = all(body.confidence[hand] >= _SURE for hand in _HANDS)
     if not (sure and np.isfinite(left).all() and np.isfinite(right).all()):
@@ -152,5 +156,5 @@ def _lead(gesture: _Gesture, body: Body, time_ns: int) -> None:
 
 
 def _done(gesture: _Gesture, time_ns: int) -> bool:
-    """Whether the hands have changed the size, and kept still for long."""
+    """Returns True if the hands have changed the size and then kept still for long enough."""
     return gesture.still_ns is not None and (time_ns - gesture.still_ns) * 1e-9 > _STILL

@@ -1,4 +1,4 @@
-"""The stage: the characters and the performers who step into them."""
+"""The stage: the characters and the performers that possess them."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ from enliven_edge.stage.places import Peer, StagePlaces, StageSettings
 from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
-"""By body id, the part of a performer's surface that a depth sensor sees."""
+"""The part of a performer's surface that a depth sensor sees, by body id."""
 _GAP = 0.4
-"""Metres of floor between two characters that wait side by side: arms do not reach across by chance."""
+"""Metres of floor between two characters that wait side by side, so that arms do not reach across by
+chance."""
 
 
 class Stage:
     """Turns the bodies of a frame into one pose for each of any number of characters.
 
-    Who takes what, where a command leaves it open: a performer who holds nothing comes before one who holds
-    another character, then the nearer one; of characters a free one comes before one that is held, then the
-    nearer one; at equal distances the first in view and the first on the stage. A command that names both is
-    carried out as it is: a performer may hold several characters, a character may have several performers.
+    A command may leave the performer or the character open. Then idle performers come before performers that
+    hold another character, and nearer ones before farther ones. Free characters come before held ones, and
+    nearer ones before farther ones. At equal distances the first in view and the first on the stage win. A
+    command that names both is carried out unchanged: a performer may hold several characters, a character may
+    have several performers.
 
     Attributes:
         places: counts the characters that viewers may put here.
@@ -53,17 +55,18 @@ class Stage:
 
     @property
     def characters(self) -> dict[str, Character]:
-        """The characters by id; an object is replaced with its actor. Other threads may ask, too."""
+        """The characters by id. An object is replaced with its actor. Other threads may read this, too."""
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
     def put(self, actor: Actor, carried: Carried | None = None, owner: Peer | None = None) -> None:
-        """Puts a character on the stage, or in the place of the one with its id; the others go on.
+        """Puts a character on the stage, or replaces the one with the same id. The others go on.
 
-        Who held the one before holds the new one; the caller has warmed the actor up.
+        The holders of the replaced character hold the new one. The caller has warmed the actor up.
 
         Args:
-            carried: what :meth:`carry_over` returned for it; it is called again where the holds have changed.
-            owner: the viewer that put it here; None: the edge itself.
+            carried: the result of :meth:`carry_over` for the actor. It is called again if the holds have
+                changed since.
+            owner: the viewer that put the character here. None: the edge itself.
         """
         name = actor.character.id
         before = self.actors.get(name)
@@ -77,7 +80,7 @@ class Stage:
             self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
 
     def carry_over(self, actor: Actor) -> Carried:
-        """Lets the holders of the character of an actor's id hold the actor; another thread may do this."""
+        """Lets the holders of the character with an actor's id hold that actor. May run on another thread."""
         before = self.actors.get(actor.character.id)
         if self._view is not None and isinstance(actor, ChosenActor):
             actor.view = self._view
@@ -86,10 +89,10 @@ class Stage:
         return self._memory.carry_over(before, actor, self._bodies, self._time_ns)
 
     def remove(self, character: str) -> None:
-        """Takes a character from the stage; who held it is free.
+        """Removes a character from the stage and frees its holders.
 
         Raises:
-            InputError: where there is no such character.
+            InputError: if the character does not exist.
         """
         self._log.removed(self._actor(character))
         del self.actors[character]
@@ -99,7 +102,7 @@ class Stage:
 
     @property
     def uses_surface(self) -> bool:
-        """Whether some character follows what the sensor sees of its performers' surfaces."""
+        """True if a character follows the performers' surfaces as the sensor sees them."""
         return any(actor.uses_surface for actor in self.actors.values())
 
     def perform(
@@ -110,8 +113,8 @@ class Stage:
         Args:
             bodies: all performers in view, world frame.
             time_ns: nanoseconds, the sensor's clock.
-            surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees; it is
-                only called where a character follows surfaces.
+            surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees. It is
+                called only if a character follows surfaces.
         """
         self._bodies, self._time_ns = bodies, time_ns
         seen = surfaces() if surfaces is not None and self.uses_surface else None
@@ -132,17 +135,17 @@ class Stage:
 
     @property
     def occupied(self) -> bool:
-        """Whether a performer is in view."""
+        """True if a performer is in view."""
         return bool(self._bodies)
 
     @property
     def first_in_view(self) -> int | None:
-        """The id of the first performer in view; None without one."""
+        """The id of the first performer in view. None if there is none."""
         return self._bodies[0].id if self._bodies else None
 
     @property
     def holders(self) -> frozenset[int]:
-        """The ids of the performers who hold a character."""
+        """The ids of the performers that hold a character."""
         return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
@@ -156,16 +159,19 @@ class Stage:
         parts: str = "all",
         mode: Mode = "alone",
     ) -> None:
-        """Lets a performer take hold of a character now; what is left open is chosen as the stage does.
+        """Lets a performer possess a character now.
+
+        The stage chooses the performer or character if it is not given.
 
         Args:
-            character: its id; None: that of :meth:`takings`.
-            body: the performer's id; None: that of :meth:`takings`, for "join" one who does not hold it yet.
-            parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`.
+            character: the character's id. None: that of :meth:`takings`.
+            body: the performer's id. None: that of :meth:`takings`, for "join" a performer that does not hold
+                it yet.
+            parts: the body parts that possess, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
         Raises:
-            InputError: where there is no such character or performer, or nothing is in reach.
+            InputError: if character or performer do not exist, or nothing is in reach.
         """
         if character is not None:
             self._possess(character, body, parts, mode)
@@ -183,7 +189,7 @@ class Stage:
             raise refused[0] if refused else InputError(what, where="stage", mend=mend)
 
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
-        """Lets a performer take hold of the character of an id."""
+        """Lets a performer possess the character with this id."""
         actor = self._actor(character)
         present = [b for b in self._in_order(character) if body is None or b.id == body]
         if not present:
@@ -196,11 +202,14 @@ class Stage:
         self._memory.take(character, taking, parts, mode)
 
     def idle(self, character: str) -> Body | None:
-        """Returns the performer in view who would take a character next and holds none; None without one."""
+        """Returns the performer in view that would take a character next and holds none.
+
+        None if there is none.
+        """
         return self._actor(character).next_performer(self._in_order(character))
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
-        """Returns the id of the performer who takes hold where a command names none, and the parts.
+        """Returns the id of the performer that possesses if a command names none, and the parts.
 
         Mode "extend" means the first holder in view. The id is None if that performer is not in view.
         """
@@ -212,14 +221,17 @@ class Stage:
         return (body if body in present else None), parts
 
     def takings(self, mode: Mode = "alone", body: int | None = None) -> list[Taking]:
-        """Returns who takes what where a command names no character; the cues show the same.
+        """Returns the pairs of performer and character for a command that names no character.
 
-        With one character on the stage it is that one. With several each performer who holds nothing is
-        paired with the nearest free character, the nearest pairs first; ``mode`` "extend" means what the
+        The cues show the same.
+
+        With one character on the stage it is that one. With several, each performer that holds nothing is
+        paired with the nearest free character, the nearest pairs first. ``mode`` "extend" means what the
         performers hold already.
 
         Args:
-            body: the performer's id: the free character, or else the character, nearest to that one alone.
+            body: the performer's id. Then only this performer is paired: with the nearest free character, or
+                else the nearest one.
         """
         if len(self.actors) == 1:
             (name,) = self.actors
@@ -239,10 +251,10 @@ class Stage:
             actor.preview(body, parts)
 
     def release(self, character: str | None = None, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all; a free character eases back to rest where it stands.
+        """Ends the hold of one performer, or of all. A free character eases back to rest at its place.
 
         Args:
-            character: its id; None: every character that the performer holds.
+            character: the character's id. None: every character that the performer holds.
         """
         meant = self._meant(character)
         if len(meant) > 1 and body is not None:
@@ -255,19 +267,19 @@ class Stage:
             self._memory.release(actor.character.id, body)
 
     def set_view(self, view: ScreenView) -> None:
-        """Sets the viewer's direction: rigged characters match poses as they look on its screen."""
+        """Sets the viewer's direction: rigged characters match poses as they look on the viewer's screen."""
         self._view = view
         for actor in self._rigs():
             actor.view = view
 
     def browse(self, character: str | None = None, step: int = 1) -> None:
-        """Shows another match of a rigged character; step 0 follows the pose again.
+        """Shows another match of a rigged character. Step 0 follows the pose again.
 
         Args:
-            character: its id; None: every rigged one.
+            character: the character's id. None: every rigged one.
 
         Raises:
-            InputError: where there is no such character, or it is not rigged.
+            InputError: if the character does not exist, or it is not rigged.
         """
         meant = self._meant(character)
         rigs = [actor for actor in meant if isinstance(actor, ChosenActor)]
@@ -286,7 +298,7 @@ class Stage:
         return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
     def _actor(self, character: str) -> Actor:
-        """Returns the actor of a character, told who is busy with others."""
+        """Returns the actor of a character, after updating which performers are busy with others."""
         if character not in self.actors:
             known = ", ".join(self.actors) or "none"
             what = f"there is no character {character!r}"
@@ -297,7 +309,7 @@ class Stage:
         return actor
 
     def _meant(self, character: str | None) -> list[Actor]:
-        """Returns the actor of an id, or all; an empty stage is refused."""
+        """Returns the actor with this id, or all. An empty stage is refused."""
         if character is not None or not self.actors:
             return [self._actor(character or "")]
         return [self._actor(name) for name in self.actors]
@@ -309,7 +321,7 @@ class Stage:
         return in_order(self._bodies, self._actor(character).busy, self._places.get(character))
 
     def _free_place(self) -> float:
-        """Returns the metres aside at which one more character waits beside those that are there."""
+        """Returns the sideways offset in metres for one more character next to those that are there."""
         wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
         aside = [actor.aside for actor in self.actors.values()]
         return max((a + float(w) + _GAP for a, w in zip(aside, wide, strict=True)), default=0.0)

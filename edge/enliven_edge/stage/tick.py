@@ -1,4 +1,4 @@
-"""The result of one frame as one value: what viewers, the take and the physics are told."""
+"""The result of one frame as one value, for viewers, the take and the physics."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from enliven.wire import HoldMessage
 
 @dataclass(frozen=True)
 class Tick:
-    """Everything that one frame led to.
+    """Everything that results from one frame.
 
     Attributes:
-        frame: the sensor's.
+        frame: the sensor's frame.
         bodies: all performers in view, world frame.
         poses: one for each character.
-        read_ns: wall clock when the frame was read; 0 where that is not known.
+        read_ns: wall clock when the frame was read, in nanoseconds. 0 if it is not known.
         cues: by character id, the nodes that are held, or would be.
-        boards: the matches to choose from, of each rigged character.
-        holders: the ids of the performers who hold a character.
-        holds: changes of who holds what, since the frame before.
-        props: the loose things among them, where there are physics.
+        boards: the matches to choose from, for each rigged character.
+        holders: the ids of the performers that hold a character.
+        holds: changes of the holds since the previous frame.
+        props: the rigid bodies of the physics simulation, if it runs.
     """
 
     frame: Frame

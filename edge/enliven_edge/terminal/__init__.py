@@ -1,4 +1,4 @@
-"""Pictures in a terminal, by its own image protocol where it has one, else in coloured half blocks."""
+"""Images in a terminal, by its own image protocol if it has one, otherwise in coloured half blocks."""
 
 import lazy_loader
 

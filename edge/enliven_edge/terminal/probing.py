@@ -1,4 +1,4 @@
-"""Finds the image protocol of a terminal: by its name in the environment, or by its answer to a question."""
+"""Detects the image protocol of a terminal, from environment variables or by a query."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from typing import TextIO
 from enliven_edge.terminal.showing import Way
 
 PATIENCE = 1.0
-"""Seconds in which a terminal answers, also one behind a slow network line; nearly all do at once."""
+"""Seconds to wait for a terminal's answer, also behind a slow network line. Nearly all answer immediately."""
 _QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
-"""Asks for kitty's graphics, then for the device attributes (DA1). Every terminal answers the second, in this
-order."""
+"""Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
+the answers come in this order."""
 _ERASE = b"\r\x1b[K"
-"""Erases the question where an old terminal printed it."""
+"""Erases the query if an old terminal printed it."""
 _PRINTS_QUESTIONS = ("linux", "Apple_Terminal")
-"""Terminals that would print the first question; they draw no pictures."""
+"""Terminals that would print the first query. They cannot draw images."""
 _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
 """The attribute of a terminal that draws sixels."""
 _MOST_BYTES = 4096
-"""Bytes of an answer: more is a user's typing, which is not waited for."""
+"""Maximum bytes of an answer: more is a user's typing, which is not waited for."""
 
 
 def image_protocol(
     out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = PATIENCE
 ) -> Way | None:
-    """Returns the image protocol of ``out``; None where it is no terminal, or draws no pictures.
+    """Returns the image protocol of ``out``. None if it is not a terminal, or cannot draw images.
 
     Args:
-        keys: where the terminal's answers come in.
-        patience: seconds in which it answers; 0: it is not asked.
+        keys: the stream of the terminal's answers.
+        patience: seconds to wait for an answer. 0: no query.
     """
     if not out.isatty() or environment.get("TERM", "dumb") == "dumb":
         return None
@@ -55,7 +55,7 @@ def image_protocol(
 
 
 def _named(environment: Mapping[str, str]) -> Way | None:
-    """Returns the protocol that the environment names; none in a multiplexer, which may not pass it on."""
+    """Returns the protocol that the environment names. None in a multiplexer, which may not pass it on."""
     if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
         return None
     program = environment.get("TERM_PROGRAM") or environment.get("LC_TERMINAL", "")
@@ -65,7 +65,7 @@ def _named(environment: Mapping[str, str]) -> Way | None:
 
 
 def _asked(out: int, keys: int, patience: float) -> bytes:
-    """Returns the terminal's answer in time; empty where it cannot be asked."""
+    """Returns the terminal's answer in time. Empty if it cannot be queried."""
     with _unechoed(keys) as able:
         if not able:
             return b""
@@ -83,13 +83,13 @@ def _asked(out: int, keys: int, patience: float) -> bytes:
 
 @contextlib.contextmanager
 def _unechoed(keys: int) -> Iterator[bool]:
-    """Turns off echo and line buffering in the meantime; yields False where that is not possible."""
+    """Turns off echo and line buffering temporarily. Yields False if that is not possible."""
     try:
         import termios
         import tty
 
         before = termios.tcgetattr(keys)
-        # A program in the background would be stopped by the system for asking.
+        # The system would stop a background program that reads from the terminal.
         able = os.tcgetpgrp(keys) == os.getpgrp()
     except (ImportError, OSError, termios.error):
         yield False
@@ -101,5 +101,5 @@ def _unechoed(keys: int) -> Iterator[bool]:
     try:
         yield True
     finally:
-        # What is left of a late answer is thrown away, and not typed at the user's prompt.
+        # The rest of a late answer is discarded, so that it does not appear at the user's prompt.
         termios.tcsetattr(keys, termios.TCSAFLUSH, before)

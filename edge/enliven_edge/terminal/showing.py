@@ -1,6 +1,6 @@
-"""Encodes a picture for a terminal: kitty's graphics, iTerm2's images, sixels, half blocks.
+"""Encodes an image for a terminal: kitty's graphics, iTerm2's images, sixels, half blocks.
 
-No byte of a picture moves the cursor but the line feeds at its end, so that text goes on below it.
+An image moves the cursor only by the line feeds at its end, so that text continues below it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ WAYS = get_args(Way)
 _PIECE = 4096
 """Characters of a piece of kitty's graphics, by its protocol."""
 _COLOURS = 256
-"""Colours of a sixel picture: what VT340 emulators have at least."""
+"""Number of colours of a sixel image: the minimum of VT340 emulators."""
 _BAND = 6
 """Pixel rows of one row of sixels."""
 _PIXELS = 480
-"""Pixels across of a picture that a terminal draws itself."""
+"""Maximum width in pixels of an image that the terminal draws itself."""
 
 
 def encoded_picture(picture: UInt8, way: Way, columns: int = 80) -> str:
-    """Returns a picture encoded for a terminal.
+    """Returns an image encoded for a terminal.
 
     Args:
         picture: (H, W, 3) sRGB.
-        columns: of the terminal; a picture is never wider.
+        columns: width of the terminal. An image is never wider.
     """
     makers: dict[Way, Callable[[UInt8], str]] = {
         "kitty": kitty,
@@ -51,14 +51,14 @@ def kitty(picture: UInt8) -> str:
     pieces = [data[at : at + _PIECE] for at in range(0, len(data), _PIECE)]
     said = []
     for number, piece in enumerate(pieces):
-        # a=T: take and show; f=100: PNG; q=2: answer nothing, which would be typed at the user's prompt.
+        # a=T: transmit and show; f=100: PNG; q=2: no answer, since it would appear at the user's prompt.
         head = "a=T,f=100,q=2," if number == 0 else ""
         said.append(f"\x1b_G{head}m={int(number + 1 < len(pieces))};{piece}\x1b\\")
     return "".join(said) + "\n"
 
 
 def iterm(picture: UInt8) -> str:
-    """Encodes as iTerm2's inline image, which WezTerm and others draw too."""
+    """Encodes as iTerm2's inline image, which WezTerm and others draw, too."""
     data = _png(picture)
     encoded = base64.standard_b64encode(data).decode()
     return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{encoded}\x07\n"
@@ -81,10 +81,10 @@ def sixel(picture: UInt8) -> str:
 
 
 def half_blocks(picture: UInt8, exact: bool = True) -> str:
-    """Encodes two pixels in each character: the upper as its colour, the lower as that of its background.
+    """Encodes two pixels in each character: the upper one as foreground colour, the lower one as background.
 
     Args:
-        exact: 24-bit colours; else the 240 fixed ones of an older terminal.
+        exact: 24-bit colours. If False, the 240 fixed colours of an older terminal.
     """
     if picture.shape[0] % 2:
         picture = np.vstack([picture, picture[-1:]])
@@ -102,7 +102,7 @@ def _exact(red: int, green: int, blue: int) -> str:
 
 
 def _nearest(red: int, green: int, blue: int) -> str:
-    """Returns the nearest of 24 greys (232 and on) and a cube of 6 x 6 x 6 colours (16 and on)."""
+    """Returns the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours (16 and up)."""
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
     r, g, b = ((each + 25) // 51 for each in (red, green, blue))
@@ -110,7 +110,7 @@ def _nearest(red: int, green: int, blue: int) -> str:
 
 
 def _sixel_band(rows: UInt8) -> str:
-    """Encodes one row of sixels from (up to 6, W) indices of colours."""
+    """Encodes one row of sixels from (up to 6, W) colour indices."""
     weights = 1 << np.arange(len(rows))
     drawn = []
     for colour in np.unique(rows):
@@ -120,18 +120,18 @@ def _sixel_band(rows: UInt8) -> str:
 
 
 def _runs(values: list[int]) -> list[tuple[int, int]]:
-    """Returns (value, length) of each run; a last run of 0 is left out, since it draws nothing."""
+    """Returns (value, length) of each run. A last run of 0 is left out, since it draws nothing."""
     runs = [(value, sum(1 for _ in same)) for value, same in itertools.groupby(values)]
     return runs[:-1] if runs and runs[-1][0] == 0 else runs
 
 
 def _repeated(character: str, count: int) -> str:
-    """Returns a sixel so many times, in the fewest characters."""
+    """Returns a sixel ``count`` times, in the fewest characters."""
     return character * count if count < 4 else f"!{count}{character}"
 
 
 def _fitting(picture: UInt8, width: int) -> UInt8:
-    """Returns the picture, made smaller where it is wider; nearest pixels: a hole in depth stays one."""
+    """Returns the image, downscaled if it is too wide. Nearest-neighbour sampling keeps holes in depth."""
     height, across = picture.shape[:2]
     if across <= width:
         return picture

@@ -1,4 +1,4 @@
-"""Writers of what other programs open: one type of performance for every rig, an exporter for each ending."""
+"""Exporters for other programs: one type of performance for every rig, one exporter per file suffix."""
 
 import lazy_loader
 

@@ -1,11 +1,12 @@
 """Writes the motion of a skeleton as a Biovision hierarchy file (.bvh).
 
-The zero pose is the skeleton at rest. A joint of the file turns all that hangs on it, so a joint with bones
-that turn differently becomes several joints at one place: the first has its name, the others say where they
-lead ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end site of the one before. The root's place
-is in its channels alone; its offset is zero, so that it does not matter whether a reader adds the two. A
-joint that takes move on its bone, or which ends a bone that they stretch, has channels for its place too, in
-place of its offset, which says where it rests. How wide a bone is the format cannot say.
+The zero pose is the skeleton at rest. A joint of the file rotates its whole subtree. So a joint with bones
+that rotate differently becomes several joints at one place. The first has its name, the names of the others
+contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end site of the previous one.
+The root's position is only in its channels. Its offset is zero, so that it does not matter whether a reader
+adds the two. Two kinds of joints have position channels, too: joints that takes move along their bone, and
+joints at the end of a stretched bone. These channels replace the joint's offset, which contains its rest
+position. The format cannot store the width of a bone.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from enliven.files import write_file
 from enliven.rotation import nearest_rotation
 
 _UNITS = {"m": 1.0, "cm": 100.0}
-"""Units of a file in a metre."""
+"""Units of a file per metre."""
 _SAME = 1e-9
-"""Largest difference of two bones' rotation matrices that counts as one turn: rounding of the last digits."""
+"""Maximum difference of two bones' rotation matrices that count as equal: rounding of the last digits."""
 _MOVED = 1e-6
-"""Share of all bones' length that a joint moves on its bone by at least to have channels for its place."""
+"""Fraction of all bones' length. A joint that moves more than this along its bone gets position channels."""
 _STILL_STEP = 1.0 / 30.0
-"""Seconds that the one frame of a still pose is said to last: the format has no word for a still."""
+"""Seconds of the single frame of a still pose: the format cannot mark a still."""
 _CHANNELS = "Zrotation Xrotation Yrotation"
-"""Rotations in the order in which they are multiplied, as most recorders write them."""
+"""Rotations in the order of multiplication, which most recorders use."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class _Joint:
     Attributes:
         offset: (3,) metres from the joint above it.
         at: the number of its joint in the skeleton.
-        moved: whether it changes its place on the joint above.
-        bone, above: the bones with the turns of this joint and of the one above it.
+        moved: True if it changes its place relative to the joint above.
+        bone, above: the bones with the rotations of this joint and of the one above it.
         end: (3,) metres, the offset of its end site, or None.
     """
 
@@ -68,12 +69,12 @@ def write_bvh(
     """Writes the skeleton of one character and its motion.
 
     Args:
-        name: the title, for which the format has no place.
-        unit: of offsets and places, "m" or "cm".
+        name: the title, which the format cannot store.
+        unit: unit of offsets and positions, "m" or "cm".
 
     Raises:
         InputError: for other than one character, one without a skeleton, or an unknown unit.
-        ResourceError: where the file cannot be written.
+        ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
         what = f"a BVH file holds one character, not {len(performances)}"
@@ -82,7 +83,7 @@ def write_bvh(
 
 
 def units_in_metre(unit: str = "m") -> float:
-    """Returns how many of a unit are a metre.
+    """Returns the number of units per metre.
 
     Raises:
         InputError: for an unknown unit.
@@ -96,7 +97,7 @@ BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
-    """Returns the text of the file; see :func:`write_bvh`."""
+    """Returns the text of the file. See :func:`write_bvh`."""
     skeleton, where = performance.skeleton, f"character {performance.name!r}"
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
@@ -120,16 +121,16 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 
 
 def _places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
-    """(T, N, 3) metres, where each joint is in the turned frame of its bone, from where that begins."""
+    """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
     assert performance.joints is not None
     ways = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, ways))
 
 
 def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:
-    """Returns the joints of the file, parents before children, from the bones' turns (T, N, 3, 3).
+    """Returns the joints of the file, parents before children, from the bones' rotations (T, N, 3, 3).
 
-    ``places`` is what :func:`_places` gives, or None where bones are stiff.
+    ``places`` is the result of :func:`_places`, or None if bones are rigid.
     """
     made: list[_Joint] = []
     moves = np.zeros(len(skeleton), bool)
@@ -138,9 +139,10 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
     taken: set[str] = set()
 
     def add(name: str, at: int, bone: int, above: int, depth: int, ends: list[int], more: bool) -> None:
-        """Adds joint ``at`` that turns as ``bone``, with all bones that end at ``ends`` and what hangs there.
+        """Adds joint ``at`` with the rotation of ``bone``, bones ending at ``ends``, and their subtrees.
 
-        ``at`` is -1 for one at the place of the root; ``more`` says that other joints are to be hung on it.
+        ``at`` is -1 for a joint at the place of the root. ``more`` means that other joints will be attached
+        to it.
         """
         alone = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not moves[ends[0]]
         end = skeleton.vectors[ends[0]] if alone else None if ends or more else np.zeros(3)
@@ -166,7 +168,7 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
 
 
 def _groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
-    """Returns the bones in groups of those that turn alike in all frames, in their order."""
+    """Groups the bones that rotate equally in all frames, in their order."""
     groups: list[list[int]] = []
     for bone in bones:
         for group in groups:
@@ -200,14 +202,14 @@ def _three(vector: Float, scale: float) -> str:
 
 
 def _local(linear: Float, above: int, bone: int) -> Float:
-    """(T, 3, 3) the turn of a bone in that of another; in the world where the other is -1."""
+    """Returns (T, 3, 3) the rotation of a bone relative to another. If ``above`` is -1, in the world."""
     if above < 0:
         return linear[:, bone]
     return np.asarray(linear[:, above].transpose(0, 2, 1) @ linear[:, bone])
 
 
 def _angles(turns: Float) -> Float:
-    """(T, 3) degrees about Z, X and Y with turn = Z X Y, without jumps of a whole turn in time."""
+    """Returns (T, 3) degrees about Z, X and Y with rotation = Z X Y, without jumps of a full turn."""
     away = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
     level = away > 1e-9
     z = np.where(

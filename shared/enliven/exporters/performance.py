@@ -1,4 +1,4 @@
-"""A performance: one character's surface and its transforms over time, whatever kind of rig moves it."""
+"""A performance: one character's surface and its transforms over time, for any kind of rig."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix, rotate, to_matrix
 
 _STIFF = 1e-6
-"""Stretch, and share of all bones' length, within which bones count as stiff: rounding of long chains."""
+"""Tolerance of rigid bones, for stretch and as a fraction of all bones' length: rounding of long chains."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,22 +23,22 @@ class Performance:
     """A mesh with transforms over time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), then the frame.
 
     Attributes:
-        name: the character's.
-        times: (T,) seconds, rising from 0; evenly, unless keys of its clips are among them.
-        pivots: (J, 3) metres, where the transforms are at rest.
-        linear: (T, J, 3, 3); where there is a skeleton, rotations unless its takes stretch bones.
-        positions: (T, J, 3) metres, where the pivots are.
-        mesh: at rest, or None for a skeleton alone.
-        skin: which transforms each vertex follows, or None without a mesh.
-        skeleton: the joints, where transform j is that of bone j about its parent joint; None where the
-            transforms hang on nothing, as the nodes of a deformation graph do.
-        joints: (T, J, 3) metres, the joints of the skeleton; None without one.
-        axes: (J, 3, 3) rotations: the axes along which each transform stretches; None for those of the mesh.
-        turns, places: (T, 4) and (T, 3), where the frame of all this is: x is at turn x + place in the world.
-            None: it is the world.
-        morphs: morph targets in place of the skin, or None.
-        keys: metres that an exporter may add to the error by leaving out keys.
-        error: how far the baked surface is from the one on the screen, or None where nothing was baked.
+        name: the character's name.
+        times: (T,) seconds, increasing from 0. Evenly spaced, unless they include keys of its clips.
+        pivots: (J, 3) metres, positions of the transforms at rest.
+        linear: (T, J, 3, 3) maps. With a skeleton they are rotations, unless its takes stretch bones.
+        positions: (T, J, 3) metres, positions of the pivots.
+        mesh: at rest, or None for a skeleton without a mesh.
+        skin: skin weights: the transforms that each vertex follows. None without a mesh.
+        skeleton: the joints. Transform j is that of bone j about its parent joint. None if the transforms
+            form no hierarchy, like the nodes of a deformation graph.
+        joints: (T, J, 3) metres, the joints of the skeleton. None without one.
+        axes: (J, 3, 3) rotations: the stretch axes of each transform. None for those of the mesh.
+        turns, places: (T, 4) and (T, 3), the pose of the frame of all this: x is at turn x + place in the
+        world. None: the frame is the world.
+        morphs: morph targets instead of the skin, or None.
+        keys: metres of additional error that an exporter may cause by key reduction.
+        error: deviation of the baked surface from the displayed one, or None if nothing was baked.
     """
 
     name: str
@@ -59,10 +59,10 @@ class Performance:
 
     @property
     def character(self) -> Character:
-        """The character as viewers know it: its vertices follow transforms in the world.
+        """The character as viewers use it: its vertices follow transforms in the world.
 
         Raises:
-            InputError: where it has no mesh.
+            InputError: if it has no mesh.
         """
         mesh, skin = self.surface
         vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
@@ -82,7 +82,7 @@ class Performance:
 
     @property
     def stretches(self) -> bool:
-        """Whether bones of its skeleton are stretched, or moved off their places on one another."""
+        """True if bones of its skeleton are stretched, or moved relative to each other."""
         if self.skeleton is None or self.joints is None:
             return False
         skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
@@ -94,10 +94,10 @@ class Performance:
 
     @property
     def surface(self) -> tuple[Mesh, SkinWeights]:
-        """The mesh and its skin.
+        """The mesh and its skin weights.
 
         Raises:
-            InputError: where it has none.
+            InputError: if it has none.
         """
         if self.mesh is None or self.skin is None or not len(self.mesh.faces):
             mend = "Give it one, or leave it out."
@@ -106,9 +106,9 @@ class Performance:
 
 
 def stretches_of(linear: Float) -> tuple[Float, Float]:
-    """(T, N, 4) turns and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in linear = R S.
+    """Splits (T, N, 3, 3) maps R S into (T, N, 4) rotations R and (T, N, 3) scales, the diagonal of S.
 
-    A map that mirrors has negative scales.
+    A mirroring map has negative scales.
     """
     turns = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
     scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)

@@ -1,9 +1,9 @@
-"""The registry of exporters: the ending of a file's name says how performances are written to it.
+"""The registry of exporters: the suffix of a file name selects the exporter.
 
     exporter_of("out.glb").write(path, performances, "title")
 
-A new exporter is one file with an :class:`Exporter` and one line here, or in another package an entry point
-of the group ``enliven.exporters``, named by the ending without its dot.
+A new exporter is one file with an :class:`Exporter` and one line here. In another package it is an entry
+point of the group ``enliven.exporters``, named by the suffix without its dot.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ _BUILT_IN = {
     "glb": "enliven.exporters.gltf:GLB",
 }
 _IN_PACKAGES = {"mp4": "enliven-viewer"}
-"""Endings that packages add which may not be installed, by the name of the package."""
+"""File suffixes of packages that may not be installed, with the name of the package."""
 
 
 @dataclass(frozen=True)
 class Exporter:
-    """A kind of file that performances are written to.
+    """An exporter for one kind of file.
 
     Attributes:
         write: takes the path, the performances, a title, and options as keywords.
-        jointed: it holds only characters with a skeleton.
-        single: it holds only one character.
-        heard: it holds sound: ``write`` takes ``sound``, samples from the first pose on.
-        keyed: it holds keys at uneven times, such as those of a clip's own file.
-        check: takes the options and raises where one makes no sense, before any work.
+        jointed: True if it supports only characters with a skeleton.
+        single: True if it supports only one character.
+        heard: True if it supports sound: ``write`` takes ``sound``, samples from the first pose on.
+        keyed: True if it supports keys at uneven times, such as those of a clip's own file.
+        check: takes the options and raises for invalid ones, before any work.
     """
 
     write: Callable[..., None]
@@ -52,20 +52,20 @@ class Exporter:
 
 
 def suffixes() -> list[str]:
-    """The endings that :func:`exporter_of` takes, sorted."""
+    """Returns the file suffixes that :func:`exporter_of` accepts, sorted."""
     return sorted(f".{name}" for name in {*_BUILT_IN, *(e.name for e in entry_points(group=ENTRY_POINTS))})
 
 
 def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) -> Exporter:
-    """Returns the exporter of a file to be made; what could not be written is refused before any work.
+    """Returns the exporter of a file. Unsupported output is refused before any work.
 
     Args:
-        also: endings that the caller writes itself, to be named in an error.
-        options: that its ``write`` is to take.
+        also: suffixes that the caller writes itself, to be named in an error.
+        options: options for its ``write``.
 
     Raises:
-        InputError: for an ending without an exporter, or an option that it does not take, or not so.
-        ResourceError: where the folder is not there.
+        InputError: for a suffix without an exporter, or an unknown or invalid option.
+        ResourceError: if the folder is missing.
     """
     path = Path(path)
     found = _loaded(path.suffix.lower().removeprefix("."), str(path), also)
@@ -80,7 +80,10 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
 
 
 def _loaded(name: str, where: str, also: tuple[str, ...]) -> Exporter:
-    """The exporter of that name; imported only now, so that a missing library stops no other."""
+    """Returns the exporter of that name.
+
+    It is imported only now, so that a missing library stops no other.
+    """
     if name in _BUILT_IN:
         module, _, attribute = _BUILT_IN[name].partition(":")
         found: Exporter = getattr(import_module(module), attribute)

@@ -40,11 +40,11 @@ from enliven.motion.layers import Player
 from enliven.rotation import multiply, to_matrix
 
 _STICK = 0.08
-"""Width of a drawn bone as a share of its length, as animation programs draw them."""
+"""Width of a drawn bone as a fraction of its length, as in animation programs."""
 _SAME_TIME = 1e-4
-"""Seconds within which two times are one: less than a jump of a glTF is long."""
+"""Seconds within which two times count as equal: shorter than a jump of a glTF."""
 _MOST_ROUNDS = 1000
-"""Rounds of a looped clip with keys at their own times; later ones are sampled evenly."""
+"""Maximum rounds of a looped clip with keys at their own times. Later ones are sampled evenly."""
 
 
 def performance_of(
@@ -58,18 +58,18 @@ def performance_of(
     settings: BakeSettings | None = None,
     keyed: bool = False,
 ) -> Performance:
-    """Samples a character of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
+    """Samples a character of a project from ``start`` to ``end`` seconds, at ``rate`` frames per second.
 
     Args:
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
-        end: None takes the end of the last of what moves it. What begins again goes on until all characters
-            of the project have ended, and to the end of a round.
-        how: a puppet is baked as transforms that vertices follow, or as morph targets.
-        settings: how closely a puppet is baked.
-        keyed: also at the times of keys that its clips have from their files: no jump becomes a ramp.
+        end: None takes the end of the character's last layer. Loops go on until all characters of the project
+            have ended, and to the end of a round.
+        how: a puppet is baked as transforms with skin weights, or as morph targets.
+        settings: accuracy of baking a puppet.
+        keyed: also samples at the key times of its clips' files, so that no jump becomes a ramp.
 
     Raises:
-        InputError: where there is no such character, the times make no sense, or it lacks something to move.
+        InputError: if the character does not exist, the times are invalid, or it lacks something to move.
     """
     found = project.character(character) if isinstance(character, str) else character
     if end is None:
@@ -81,7 +81,8 @@ def performance_of(
 
 
 def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
-    """The second at which a character has played all, and a rate (Hz) with a frame at the end of a loop."""
+    """Returns the time in seconds at which a character has played all layers, and a rate (Hz) that fits a
+    loop's end."""
     heard = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
     end = project.end_of(character)
@@ -93,9 +94,9 @@ def _closing(project: Project, character: RigBase, start: float, rate: float) ->
 
 
 def _with_keys(project: Project, character: Shape, times: Float) -> Float:
-    """(T,) even seconds of the project with those at which keys of a character's clips are played.
+    """Returns (T,) even times in seconds, plus the times at which keys of a character's clips are played.
 
-    Even seconds next to a key are left out, so that a jump keeps its two times.
+    Even times next to a key are left out, so that a jump keeps its two times.
     """
     found = list[Float]()
     for layer in (*character.layers, *character.root_layers):
@@ -121,7 +122,7 @@ def _with_keys(project: Project, character: Shape, times: Float) -> Float:
 
 
 def performance_of_clip(clip: Clip) -> Performance:
-    """Returns a clip as a performance of all its frames; its mesh is a stick for each bone."""
+    """Returns a clip as a performance of all its frames. Its mesh has a stick for each bone."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     skeleton = clip.skeleton
     linear = to_matrix(clip.turns)
@@ -138,7 +139,7 @@ def _of_bones(
     mesh: Mesh | None,
     skin: SkinWeights | None,
 ) -> Performance:
-    """The performance of a skeleton with maps (T, N, 3, 3) and joints (T, N, 3) in the world."""
+    """Returns the performance of a skeleton with maps (T, N, 3, 3) and joints (T, N, 3) in the world."""
     above = np.maximum(skeleton.parents, 0)
     placed = (skeleton.positions[above], linear, joints[:, above])
     return Performance(name, times - times[0], *placed, mesh, skin, skeleton=skeleton, joints=joints)
@@ -155,7 +156,7 @@ def _of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Perfo
 
 
 def _of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
-    """What any rig does, as nodes that its vertices follow."""
+    """Returns the performance of any rig, as nodes with skin weights."""
     even = times if len(times) > 1 else np.append(times, times[0] + 1.0)
     graph, stream = rig_of(character).as_graph(project, character, even, character.id)[:2]
     linear, positions = stream.linear[: len(times)], stream.positions[: len(times)]
@@ -168,7 +169,7 @@ def _of_graph(project: Project, character: RigBase, times: Float, *_: object) ->
 def _of_puppet(
     project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
-    """The puppet, baked in its own frame."""
+    """Returns the performance of a puppet, baked in its own frame."""
     states, turns, places = states_of(project, puppet, times)
     if puppet.root_layers:
         whole = root_motions(project, puppet, times)
@@ -191,11 +192,11 @@ def _of_puppet(
 
 
 _BY_RIG: dict[str, Callable[..., Performance]] = {Shape.kind: _of_shape, Puppet.kind: _of_puppet}
-"""Rigs with performances that keep more than transforms: a skeleton, or morph targets."""
+"""Rigs with more than transforms in their performance: a skeleton, or morph targets."""
 
 
 def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns an octahedron for each bone and the skin by which it follows that; None without any length."""
+    """Returns an octahedron for each bone with skin weights. None if no bone has a length."""
     bones = np.flatnonzero(skeleton.lengths > 0)
     if not len(bones):
         return None, None

@@ -1,4 +1,4 @@
-"""Films: pictures and sound into an MP4 file, by the encoders that a machine has."""
+"""Films: writes images and sound to an MP4 file, with the encoders of the machine."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The film encoders: their licences, how they are set, and the first that can be opened on this machine."""
+"""The film encoders: their licences, their options, and the selection of one that works on this machine."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ ENCODERS = (
     ),
     FilmEncoder("mpeg4", "MPEG-4 part 2", "LGPL-2.1-or-later"),
 )
-"""In the order of preference: H.264 plays everywhere, VP9 in browsers and most players, MPEG-4 part 2 in
-players alone. Those without options take a bit rate."""
+"""Encoders in order of preference. H.264 plays everywhere, VP9 in browsers and most players, MPEG-4 part 2
+in players only. Those without options get a bit rate."""
 AUTO = "auto"
 """The setting that takes the first of :data:`ENCODERS` that opens."""
 
 
 def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: str = AUTO) -> FilmEncoder:
-    """Returns the wanted encoder, or the first that opens for pictures of this size.
+    """Returns the requested encoder, or the first that opens for images of this size.
 
     Args:
         av: PyAV, which this library does not need otherwise.
@@ -46,7 +46,7 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: 
         wanted: an encoder's name, or :data:`AUTO`.
 
     Raises:
-        ResourceError: where there is none.
+        ResourceError: if there is none.
     """
     for encoder in ENCODERS:
         if wanted in (AUTO, encoder.name) and _opens(av, encoder, size):
@@ -61,8 +61,10 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: 
 
 
 def _opens(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
-    """Returns whether the encoder opens: one may be listed although its hardware or system library is
-    missing."""
+    """Returns True if the encoder opens.
+
+    It may be listed although its hardware or system library is missing.
+    """
     if encoder.name not in av.codecs_available:
         return False
     try:

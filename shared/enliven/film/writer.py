@@ -1,4 +1,4 @@
-"""Writes pictures and sound as an MP4 file with PyAV, in H.264 and AAC where there are encoders for them."""
+"""Writes images and sound as an MP4 file with PyAV, in H.264 and AAC if encoders for them exist."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from enliven.film.encoders import AUTO, choose_encoder
 log = logging.getLogger(__name__)
 
 _SOUND_CODEC = "aac"
-"""The encoder of sound that every player knows."""
+"""The sound encoder that every player supports."""
 _SOUND_BITS = 128_000
-"""Bits a second of sound: more than one channel of music needs."""
+"""Bits per second of sound: more than one channel of music needs."""
 
 
 _ELSEWHERE = "Choose another place for it."
@@ -30,27 +30,27 @@ _ELSEWHERE = "Choose another place for it."
 
 
 class _Abandoned(Exception):
-    """Ends the writing of a file that is not to take its place."""
+    """Ends the writing of a file that must not replace its target."""
 
 
 class FilmWriter:
-    """An MP4 file that grows picture by picture and takes the place of ``path`` when it is complete.
+    """An MP4 file that is written image by image and replaces ``path`` when it is complete.
 
-    ``with`` completes it. Where it has no pictures, or an error ends it, the file that was there stays.
-    Ctrl-C completes it as well: films of a sensor have no other end.
+    ``with`` completes it. If it has no images, or an error ends it, the existing file stays. Ctrl-C also
+    completes it, since films of a sensor have no other end.
 
     Args:
-        path: of the .mp4 file; its folder is made.
-        size: width and height in pixels, or None for those of the first picture; an odd one loses its last
-            row or column (4:2:0 needs even sizes).
-        rate: pictures a second.
-        bit_rate: Mbit/s, for encoders that are not told a quality.
+        path: path of the .mp4 file. Its folder is created.
+        size: width and height in pixels, or None for those of the first image. An odd size loses its last row
+            or column (4:2:0 needs even sizes).
+        rate: images per second.
+        bit_rate: Mbit/s, for encoders without a quality option.
         encoder: the name of one of :data:`enliven.film.encoders.ENCODERS`, or "auto".
-        sound: (N,) samples of one channel from the first picture on, and how many a second; heard as long as
-            there are pictures.
+        sound: (N,) samples of one channel from the first image on, and the sample rate. Sound ends with the
+            last image.
 
     Raises:
-        ResourceError: where PyAV is missing, the file cannot be written, or there is no such encoder.
+        ResourceError: if PyAV is missing, the file cannot be written, or the encoder does not exist.
     """
 
     def __init__(
@@ -77,7 +77,8 @@ class FilmWriter:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turns an error of the operating system into one that names the film; its unfinished file goes."""
+        """Converts an error of the operating system to one that names the film, and removes the unfinished
+        file."""
         try:
             yield
         except OSError as error:
@@ -86,12 +87,12 @@ class FilmWriter:
             raise ResourceError(what, where=str(self.path), mend=_ELSEWHERE) from None
 
     def _abandon(self) -> None:
-        """Removes the unfinished file; what was there stays."""
+        """Removes the unfinished file. The existing file stays."""
         with suppress(_Abandoned, OSError), self._scope:
             raise _Abandoned
 
     def _choose(self, size: tuple[int, int]) -> None:
-        """Chooses the encoder for pictures of a size."""
+        """Chooses the encoder for images of a size."""
         self.width, self.height = size[0] // 2 * 2, size[1] // 2 * 2
         chosen = choose_encoder(self._av, (self.width, self.height), self._encoder)
         self.codec, self._options = chosen.name, dict(chosen.options)
@@ -99,7 +100,7 @@ class FilmWriter:
             log.warning("there is no H.264 encoder here, so %s is %s", self.path, chosen.format)
 
     def _begin(self) -> None:
-        """Adds the stream of pictures to the file."""
+        """Adds the video stream to the file."""
         self._stream = self._file.add_stream(self.codec, rate=self._rate, options=self._options)
         self._stream.width, self._stream.height = self.width, self.height
         self._stream.pix_fmt = "yuv420p"
@@ -109,7 +110,7 @@ class FilmWriter:
             self._begin_sound(self._sound[1])
 
     def _begin_sound(self, rate: int) -> None:
-        """Adds the stream of sound to the file, before the first packet of either."""
+        """Adds the sound stream to the file, before the first packet of either."""
         try:
             stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
         except (ValueError, self._av.FFmpegError):  # PyAV may be built without it
@@ -119,7 +120,7 @@ class FilmWriter:
         self._sound_stream = stream
 
     def _hear(self) -> None:
-        """Adds the sound up to the end of the last picture: the file has both side by side."""
+        """Adds the sound up to the end of the last image, since the file interleaves both."""
         if self._sound is None or self._sound_stream is None:
             return
         samples, rate = self._sound
@@ -134,10 +135,10 @@ class FilmWriter:
             self._heard = until
 
     def add(self, picture: UInt8) -> None:
-        """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides.
+        """Appends one sRGB image, (H, W, 3) or with an ignored fourth channel, with any strides.
 
         Raises:
-            ResourceError: where it cannot be written.
+            ResourceError: if it cannot be written.
         """
         with self._explained():
             self._add(picture)
@@ -158,10 +159,10 @@ class FilmWriter:
         self._hear()
 
     def close(self) -> None:
-        """Writes the pictures that the encoder holds back and the index, and puts the film in its place.
+        """Writes the remaining images of the encoder and the index, and replaces the target file.
 
         Raises:
-            ResourceError: where it cannot be written.
+            ResourceError: if it cannot be written.
         """
         with self._explained():
             if self.count:

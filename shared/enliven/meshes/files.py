@@ -1,4 +1,4 @@
-"""Reads and writes mesh files; an error in a file becomes one clear message."""
+"""Reads and writes mesh files. An error in a file becomes one clear message."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from enliven.meshes.tokens import Damaged
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _REASON_LETTERS = 200
-"""Most letters of a reader's reason in a message."""
+"""Maximum length of a reader's reason in a message."""
 _TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
-"""Readers of formats that hold vertices and faces only."""
+"""Readers of formats that contain vertices and faces only."""
 
 
 class LoadedMesh(NamedTuple):
@@ -33,7 +33,7 @@ class LoadedMesh(NamedTuple):
 
 
 def load_mesh(path: Path | str) -> LoadedMesh:
-    """Read a mesh in the file's own units; scenes are flattened, polygons become triangles.
+    """Reads a mesh in the file's own units. Scenes are flattened, polygons become triangles.
 
     A rigged glTF is read in its rest pose. Nothing is scaled: see :func:`enliven.meshes.mesh.fit_height`.
 
@@ -55,7 +55,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend=error.mend) from None
     if suffix == ".stl":
-        # STL has no shared vertices at all, so its cuts say nothing about shading.
+        # STL has no shared vertices at all, so its duplicates are not shading seams.
         welded, _ = weld(mesh)
         notes = [note for note in notes if "repeat a position" not in note]
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
@@ -67,7 +67,7 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 
     Args:
-        up: its own axis that points up; None guesses it, except for a glTF, which has +Y up.
+        up: the axis of the mesh that points up. None guesses it, except for a glTF, which has +Y up.
     """
     mesh, notes = load_mesh(path)
     if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:
@@ -77,13 +77,13 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
 
 
 def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
-    """Returns the mesh as the file has it, and notes of its reader.
+    """Returns the mesh without repairs, and notes of its reader.
 
     Args:
         known: the sentence about known formats, for errors.
     """
     if suffix in GLTF_SUFFIXES:
-        from enliven.meshes.gltf import gltf_surface  # loads the reader of pictures, which only files need
+        from enliven.meshes.gltf import gltf_surface  # loads the image library, which only files need
 
         surface = gltf_surface(path, still=True)
         return surface.mesh, surface.notes
@@ -94,8 +94,8 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         return _read(path, suffix, data)
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
-    except Exception as error:  # the readers of foreign bytes raise whatever they like
-        # Only words that are meant for users reach them.
+    except Exception as error:  # readers of foreign bytes raise any kind of exception
+        # Only texts that are meant for users reach them.
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
         what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
@@ -104,7 +104,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
 
 
 def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
-    """Returns the mesh as the file has it, unrepaired, and notes of its reader."""
+    """Returns the mesh without repairs, and notes of its reader."""
     if suffix in _TABLES:
         vertices, faces, notes = _TABLES[suffix](data)
         return Mesh(vertices, faces, path.stem), notes
@@ -116,11 +116,11 @@ def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:
-    """Write a mesh as obj, off, ply, stl or glb, by the path's ending, whole or not at all.
+    """Writes a mesh as obj, off, ply, stl or glb, by the path's suffix, completely or not at all.
 
     Raises:
-        InputError: for an unknown ending.
-        ResourceError: where the file cannot be written.
+        InputError: for an unknown suffix.
+        ResourceError: if the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:

@@ -1,4 +1,4 @@
-"""Compiled loops over a mesh's arrays: welding by position, normals, shells, halving of long edges."""
+"""Compiled loops over a mesh's arrays: welding by position, normals, shells, splitting of long edges."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from enliven.union_find import join, root_of
 
 @njit(cache=True, nogil=True)
 def face_vectors(vertices, faces):
-    """(F, 3) the cross product of two edges of each face: its normal, as long as twice its area."""
+    """Returns (F, 3) the cross product of two edges of each face: its normal with a length of twice its
+    area."""
     out = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
@@ -25,7 +26,7 @@ def face_vectors(vertices, faces):
 
 @njit(cache=True, nogil=True)
 def face_areas(vertices, faces):
-    """(F,) twice the area of each face."""
+    """Returns (F,) twice the area of each face."""
     out = np.empty(faces.shape[0])
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -39,15 +40,16 @@ def face_areas(vertices, faces):
 
 @njit(cache=True, nogil=True)
 def normals_of(vertices, faces, wanted):
-    """Normals of a few vertices of a large mesh.
+    """Computes the normals of a few vertices of a large mesh.
 
     Args:
         wanted: (W,) the vertices, ascending.
 
     Returns:
-        (W, 3) area-weighted unit normals (zero where no face of any area touches), and (W,) for each the
-        least cosine between it and the unit normals of the faces around it, at most 1.
+        (W, 3) area-weighted unit normals (zero without any face area), and (W,) the smallest cosine between
+        each normal and the unit normals of its faces, at most 1.
     """
+    # The row of each wanted vertex, -1 for the others.
     number = np.full(vertices.shape[0], -1, np.int32)
     for w in range(wanted.shape[0]):
         number[wanted[w]] = w
@@ -55,6 +57,7 @@ def normals_of(vertices, faces, wanted):
     touching = np.empty((6 * wanted.shape[0] + 64, 4))
     of = np.empty(touching.shape[0], np.int32)
     count = 0
+    # Sum the area vectors of the faces around wanted vertices, and store each face's unit normal per corner.
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if number[i] < 0 and number[j] < 0 and number[k] < 0:
@@ -82,6 +85,7 @@ def normals_of(vertices, faces, wanted):
         if length > 0:
             for a in range(3):
                 normals[w, a] /= length
+    # Compare the vertex normals with the stored face normals.
     for t in range(count):
         w = of[t]
         cosine = (
@@ -93,7 +97,7 @@ def normals_of(vertices, faces, wanted):
 
 @njit(cache=True, nogil=True)
 def _twice(rows, of):
-    """Both arrays with twice the room."""
+    """Returns both arrays with doubled capacity."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
     copy_rows(more[: rows.shape[0]], rows)
     copy_row(longer[: of.shape[0]], of)
@@ -102,7 +106,7 @@ def _twice(rows, of):
 
 @njit(cache=True, nogil=True)
 def corner_sums(faces, vectors, count):
-    """(count, 3) for each vertex the sum of the ``vectors`` (F, 3) of the ``faces`` (F, 3) around it."""
+    """Returns (count, 3) the sum of ``vectors`` (F, 3) over the ``faces`` (F, 3) around each vertex."""
     out = np.zeros((count, 3))
     for f in range(faces.shape[0]):
         for c in range(3):
@@ -114,7 +118,7 @@ def corner_sums(faces, vectors, count):
 
 @njit(cache=True, nogil=True)
 def _mix(bits):
-    """A 64-bit finaliser: every input bit reaches every output bit."""
+    """Mixes 64 bits (hash finaliser): every input bit affects every output bit."""
     bits ^= bits >> np.uint64(33)
     bits *= np.uint64(0xFF51AFD7ED558CCD)
     bits ^= bits >> np.uint64(33)
@@ -124,25 +128,26 @@ def _mix(bits):
 
 
 def space_curve(points: Float) -> Any:
-    """(N,) an order of points (N, 3) along a Z-curve, which puts near points near in memory."""
+    """Returns (N,) an order of points (N, 3) along a Z-curve, so that near points are near in memory."""
     if not len(points):
         return np.zeros(0, np.int64)
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
     code = ((points - points.min(0)) * (1023.999 / size)).astype(np.int64)
-    # Two empty bits come after each of the ten.
+    # Insert two empty bits after each of the ten.
     for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
         code = (code | code << shift) & mask
     return np.argsort(code @ np.array([1, 2, 4]), kind="stable")
 
 
 def first_of_position(vertices: Float) -> Any:
-    """(V,) int64: for each vertex the first vertex at exactly its position (-0.0 must be 0.0)."""
+    """Returns (V,) int64: for each vertex the first vertex at exactly its position (-0.0 must be 0.0)."""
     return _first_equal(np.ascontiguousarray(vertices).view(np.uint64))
 
 
 @njit(cache=True, nogil=True)
 def _first_equal(rows):
-    """(V,) for each row of ``rows`` (V, 3) uint64 the first equal row, by an open-addressing hash table."""
+    """Returns (V,) the first equal row for each row of ``rows`` (V, 3) uint64, by an open-addressing hash
+    table."""
     count = rows.shape[0]
     size = 16
     while size < 2 * count:
@@ -167,7 +172,7 @@ def _first_equal(rows):
 
 @njit(cache=True, nogil=True)
 def shells(faces, count):
-    """(count,) the number of the shell (0, 1, ... by first vertex) of each vertex, joined by ``faces``."""
+    """Returns (count,) the shell (0, 1, ... by first vertex) of each vertex, connected by ``faces``."""
     parent = np.arange(count)
     for f in range(faces.shape[0]):
         for c in range(1, 3):
@@ -186,7 +191,7 @@ def shells(faces, count):
 
 @njit(cache=True, nogil=True)
 def edge_lengths(vertices, faces):
-    """(F, 3) the lengths of each face's edges 01, 12, 20."""
+    """Returns (F, 3) the lengths of each face's edges 01, 12, 20."""
     out = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
         for c in range(3):
@@ -197,7 +202,7 @@ def edge_lengths(vertices, faces):
 
 @njit(cache=True, nogil=True)
 def longest_edge(vertices, faces):
-    """Metres, the longest edge of all faces; zero without faces."""
+    """Returns the length of the longest edge in metres, zero without faces."""
     longest = 0.0
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -211,11 +216,11 @@ def longest_edge(vertices, faces):
 
 
 def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Float, Int32, Any, Any]:
-    """One round of halving edges.
+    """Splits long edges at their middles, in one pass.
 
     Returns:
         (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of
-        ``faces`` that each new face is a part of.
+        ``faces`` that contains each new face.
     """
     lengths = edge_lengths(vertices, faces)
     long = lengths > longest
@@ -236,7 +241,7 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
 
 @njit(cache=True, nogil=True)
 def _split_faces(faces, middle, lengths):
-    """The faces cut at the middles (-1: none) of their edges 01, 12, 20, into 1 to 4 faces each."""
+    """Returns the faces split at the middles (-1: none) of their edges 01, 12, 20, into 1 to 4 faces each."""
     total = 0
     for f in range(faces.shape[0]):
         total += 1 + (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)
@@ -250,12 +255,12 @@ def _split_faces(faces, middle, lengths):
             out[n, 0], out[n, 1], out[n, 2] = faces[f, 0], faces[f, 1], faces[f, 2]
             n += 1
             continue
-        # Turn the face until its first edge is the longest, which is cut in every case.
+        # Rotate the face until its first edge is the longest, which is always split.
         s = np.argmax(lengths[f])
         a, b, c = faces[f, s], faces[f, (s + 1) % 3], faces[f, (s + 2) % 3]
         ab, bc, ca = middle[f, s], middle[f, (s + 1) % 3], middle[f, (s + 2) % 3]
         for side in range(2):
-            # The half a-ab-c (with ca) and the half ab-b-c (with bc), each whole or cut once more.
+            # The half a-ab-c (with ca) and the half ab-b-c (with bc), each whole or split once more.
             corner, cut = (a, ca) if side == 0 else (b, bc)
             if cut < 0:
                 out[n, 0], out[n, 1], out[n, 2] = (corner, ab, c) if side == 0 else (ab, corner, c)

@@ -1,7 +1,7 @@
-"""The materials of a mesh and their encoded textures, as glTF 2.0 has them, and its corners in the textures.
+"""The materials of a mesh with encoded textures, in the form of glTF 2.0, and its texture coordinates.
 
-Nothing is decoded: images stay the bytes that the file had, and a material stays its JSON. Texture
-coordinates belong to the corners of faces, so vertices may be joined without harm.
+Nothing is decoded: images stay the bytes of the file, and a material stays its JSON. Texture coordinates
+belong to the corners of faces, so vertices can be welded safely.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from enliven.arrays import AnyArray, Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 
 _AGAIN = "Export the model again."
-"""What to do about a damaged material."""
+"""The advice for a damaged material."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """An encoded image and how it is sampled.
+    """An encoded image and its sampler.
 
     Attributes:
         image: (N,) the bytes of a PNG or JPEG file.
-        sampler: the JSON of a glTF sampler; empty for none.
+        sampler: the JSON of a glTF sampler. Empty for none.
     """
 
     image: UInt8
@@ -40,24 +40,24 @@ class Texture:
 
     @property
     def kind(self) -> str:
-        """The image's media type by its first bytes; empty for another than glTF allows."""
+        """The image's media type by its first bytes. Empty for a type that glTF does not allow."""
         head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
 
 
 @dataclass(frozen=True, eq=False)
 class MeshMaterials:
-    """The materials of a mesh by face, and its corners in their textures.
+    """The materials of a mesh by face, and its texture coordinates.
 
     Attributes:
-        definitions: JSON objects of glTF materials; they name textures by their number in ``textures``.
-        textures: what the materials name.
-        of: (F,) int32 the material of each face; -1 for none, where vertex colours are all there is.
-        uvs: (F, 3, S, 2) float32, where each corner is in S sets of texture coordinates.
+        definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
+        textures: the textures of the materials.
+        of: (F,) int32 the material of each face. -1 for none, then only vertex colours apply.
+        uvs: (F, 3, S, 2) float32, each corner's place in S sets of texture coordinates.
         tints: (F, 3, 4) float32 linear colour and opacity that multiply the material's, or None for white.
 
     Raises:
-        InputError: where the parts do not fit together.
+        InputError: if the parts do not match.
     """
 
     definitions: tuple[str, ...]
@@ -88,13 +88,12 @@ class MeshMaterials:
             raise InputError(problem, where="materials", mend=_AGAIN)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
-        """The materials of some faces, by number or by mask."""
+        """Returns the materials of some faces, by number or by mask."""
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
     def turned(self, which: Bool) -> MeshMaterials:
-        """Returns the materials of the same faces with the corners of those in ``which`` (F,) in the other
-        order."""
+        """Returns the materials with reversed corners for the faces in ``which`` (F,)."""
         uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
         tints = self.tints
         if tints is not None:
@@ -102,11 +101,11 @@ class MeshMaterials:
         return replace(self, uvs=uvs, tints=tints)
 
     def within(self, faces: Int, shares: Float) -> MeshMaterials:
-        """The materials of new faces (K,) that lie in old ones.
+        """Returns the materials of new faces (K,) that lie in old ones.
 
         Args:
-            faces: (K,) the old face that each lies in; -1 for one that lies in none, and gets no material.
-            shares: (K, 3, 3) each new corner as shares of the old corners.
+            faces: (K,) the old face that contains each. -1 for none, which gives no material.
+            shares: (K, 3, 3) barycentric coordinates of each new corner in the old face.
         """
         if not len(self.of):
             none = joined_materials([(self, 0), (None, len(faces))])
@@ -124,9 +123,9 @@ class MeshMaterials:
 
 
 def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
-    """One value for several groups of faces in a row, each given with its number of faces.
+    """Joins the materials of several consecutive groups of faces, each given with its number of faces.
 
-    Equal materials and textures become one; None where no group has any.
+    Equal materials and textures are merged. None if no group has any.
     """
     if all(own is None for own, _ in groups):
         return None
@@ -157,21 +156,21 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
 
 
 def textures_in(material: Any) -> list[int]:
-    """The numbers of all textures that a material names, also in extensions."""
+    """Returns the numbers of all textures that a material refers to, also in extensions."""
     found = list[int]()
     _walk(material, lambda number: found.append(number) or number)
     return found
 
 
 def renumbered(material: str, number: Callable[[int], int]) -> str:
-    """The JSON of a material with each texture's number changed."""
+    """Returns the JSON of a material with each texture's number changed."""
     value = _object(material)
     _walk(value, number)
     return json.dumps(value, sort_keys=True, allow_nan=False)
 
 
 def _walk(value: Any, number: Callable[[int], int]) -> None:
-    """Replaces the number of every texture that a JSON value names by what ``number`` makes of it."""
+    """Replaces every texture number in a JSON value by the result of ``number``."""
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(key, str) and key.endswith("Texture") and isinstance(inner, dict):
             at = inner.get("index")
@@ -183,12 +182,12 @@ def _walk(value: Any, number: Callable[[int], int]) -> None:
 
 
 def _refused(constant: str) -> None:
-    """Refuses NaN and infinities, which JSON has not."""
+    """Refuses NaN and infinities, which JSON does not have."""
     raise ValueError(f"{constant} is no number")
 
 
 def _object(material: str) -> dict[str, Any]:
-    """The object of a material's JSON."""
+    """Returns the object of a material's JSON."""
     try:
         value = json.loads(material, parse_constant=_refused)
     except (ValueError, RecursionError):
@@ -199,7 +198,8 @@ def _object(material: str) -> dict[str, Any]:
 
 
 def barycentric(points: Float, corners: Float) -> Float:
-    """(N, 3) shares of the corners (N, 3, 3) at points (N, 3) of their triangles, within 0..1, sum one."""
+    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3), within 0..1, with
+    sum one."""
     u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
     wu, wv = (w * u).sum(1), (w * v).sum(1)
@@ -215,12 +215,12 @@ def barycentric(points: Float, corners: Float) -> Float:
 def materials_within(
     own: MeshMaterials | None, old: AnyArray, corners: Float, faces: Int
 ) -> MeshMaterials | None:
-    """The materials of new faces by where their corners lie in old faces; None stays None.
+    """Returns the materials of new faces, by the position of their corners in old faces. None stays None.
 
     Args:
         old: (F, 3, 3) metres, the corners of the old faces.
         corners: (K, 3, 3) metres, those of the new ones.
-        faces: (K,) the old face that each lies in, or -1.
+        faces: (K,) the old face that contains each, or -1.
     """
     if own is None:
         return None

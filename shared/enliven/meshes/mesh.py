@@ -1,4 +1,4 @@
-"""A triangle mesh: vertices, faces, normals, areas; welding, refining and fitting to a height."""
+"""A triangle mesh: vertices, faces, normals, areas; welding, refinement and scaling to a height."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 
 
 _STANDS_WITHIN = 0.02
-"""Share of a mesh's extent by which its lowest point may miss zero where it is modelled to stand on it."""
+"""Fraction of a mesh's extent. If the lowest point is this near to zero, the mesh was modelled to stand on
+zero."""
 _LONG = 4.0
-"""How many times as long as high a mesh is that may lie on its side: a crocodile is more, a horse is 1.5."""
+"""Ratio of length to height. A longer mesh may lie on its side: a crocodile has more, a horse 1.5."""
 
 
 _BLANK = 204
-"""sRGB of the vertices of a mesh without colours that is joined with one that has some."""
+"""sRGB of the vertices of a mesh without colours that is joined with a coloured one."""
 Paint = tuple[UInt8 | None, Float32 | None]
-"""(V, 3) sRGB and (V,) stiffness of vertices; None for what is not painted."""
+"""(V, 3) sRGB and (V,) stiffness of vertices. None for missing paint."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +42,15 @@ class Mesh:
     Attributes:
         vertices: (V, 3) float64, metres once it is fitted.
         faces: (F, 3) int32, counter-clockwise seen from outside.
-        name: what to call it.
-        colours: (V, 3) uint8 sRGB, or None; beside materials, what is drawn by those who have no textures.
+        name: its display name.
+        colours: (V, 3) uint8 sRGB, or None. If there are materials, too, programs without textures draw the
+            colours.
         materials: the materials of the faces, or None.
-        stiffness: (V,) float32 above 0, as an artist painted it: above 1 it bends less when performers hold
-            it, below 1 it gives way; None: 1 everywhere.
+        stiffness: (V,) float32 above 0, as painted by an artist. Above 1 it bends less when performers hold
+            it, below 1 it bends more. None: 1 everywhere.
 
     Raises:
-        InputError: where an array has the wrong shape, or a face names a vertex that is not there.
+        InputError: if an array has the wrong shape, or a face refers to a missing vertex.
     """
 
     vertices: Float
@@ -78,13 +80,12 @@ class Mesh:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
-        """The mesh with some of its faces, by mask or by number, and all vertices."""
+        """Returns the mesh with some of its faces, by mask or by number, and all vertices."""
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
     def turned(self, which: Bool | None = None) -> Mesh:
-        """Returns the mesh with the corners of its faces (or of those in ``which`` (F,)) in the other
-        order."""
+        """Returns the mesh with flipped faces: all of them, or those in ``which`` (F,)."""
         if which is None:
             which = np.ones(len(self.faces), bool)
         materials = None if self.materials is None else self.materials.turned(which)
@@ -103,32 +104,33 @@ class Mesh:
 
     @property
     def paint(self) -> Float:
-        """(V, 4) what is painted on the vertices, to be mixed: sRGB, and the logarithm of the stiffness."""
+        """(V, 4) the vertex paint in a form that can be interpolated: sRGB, and the logarithm of the
+        stiffness."""
         rows = np.zeros((len(self.vertices), 4))
         rows[:, :3] = _BLANK if self.colours is None else self.colours
         rows[:, 3] = 0.0 if self.stiffness is None else np.log(self.stiffness, dtype=np.float64)
         return rows
 
     def paint_at(self, kept: Bool | Int) -> Paint:
-        """Colours and stiffness of some vertices, by mask or by number; None for what is not painted."""
+        """Returns colours and stiffness of some vertices, by mask or by number. None for missing paint."""
         colours = None if self.colours is None else self.colours[kept]
         return colours, None if self.stiffness is None else self.stiffness[kept]
 
     def face_vectors(self) -> Float:
-        """(F, 3) each face's outward normal, as long as twice its area."""
+        """Returns (F, 3) each face's outward normal with a length of twice its area."""
         return np.asarray(face_vectors(self.vertices, self.faces))
 
     def face_normals(self) -> Float:
-        """(F, 3) unit normals; zero where a face has no area."""
+        """Returns (F, 3) unit normals, zero for a face without area."""
         return unit(self.face_vectors())
 
     def vertex_normals(self) -> Float:
-        """(V, 3) area-weighted unit normals; zero where no face of any area touches the vertex."""
+        """Returns (V, 3) area-weighted unit normals, zero for a vertex without any face area."""
         return unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
 
 
 def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
-    """What :attr:`Mesh.paint` says in ``rows`` (V, 4), of what one of the meshes has."""
+    """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
     colours = np.clip(np.rint(rows[:, :3]), 0, 255).astype(np.uint8) if coloured else None
@@ -136,17 +138,17 @@ def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
 
 
 def wrong_stiffness(stiffness: Float32, count: int) -> str:
-    """What is wrong with the stiffness of so many vertices; empty where nothing is."""
+    """Returns what is wrong with the stiffness of ``count`` vertices. Empty if it is valid."""
     if stiffness.shape != (count,):
         return f"the stiffness is {stiffness.shape}, expected ({count},)"
     return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
 
 
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
-    """The mesh with every position once, and (V,) the welded vertex of each vertex.
+    """Merges vertices at equal positions. Returns the mesh, and (V,) the welded vertex of each vertex.
 
-    Files split a vertex wherever normals, colours or texture coordinates differ on its two sides;
-    connectivity must be computed without these cuts. What is painted is dropped; faces keep their order.
+    Files split a vertex if normals, colours or texture coordinates differ on its two sides. Connectivity must
+    be computed without these seams. Paint is dropped, and faces keep their order.
     """
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     if np.array_equal(first, np.arange(len(first))):
@@ -159,7 +161,7 @@ def weld(mesh: Mesh) -> tuple[Mesh, Int]:
 
 
 def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
-    """The faces where ``keep_faces`` (F,) is true, and the vertices that they use."""
+    """Returns the faces selected by ``keep_faces`` (F,), and the vertices that they use."""
     kept = mesh.with_faces(keep_faces)
     faces = kept.faces
     used = np.zeros(len(mesh.vertices), bool)
@@ -171,11 +173,11 @@ def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
 
 
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
-    """The same surface with no edge longer than ``longest`` metres, so that it can bend smoothly.
+    """Returns the same surface with no edge longer than ``longest`` metres, so that it can bend smoothly.
 
-    Long edges are halved again and again; the two sides of an edge are halved at the same point, also where
-    its vertices are duplicated, so no cracks open. The first V vertices are those of ``mesh``. It stops
-    early, whole, where the next halving would pass ``most_vertices``.
+    Long edges are split repeatedly. Both sides of an edge are split at the same point, also if its vertices
+    are duplicated, so no cracks open. The first V vertices are those of ``mesh``. It stops early after a
+    complete pass if the next would exceed ``most_vertices``.
     """
     if not longest > 0:
         raise InputError(f"the longest edge is {longest} m", where="refine", mend="Give a length above 0.")
@@ -196,12 +198,13 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
 
 
 def upright(mesh: Mesh, up: Axis) -> Mesh:
-    """The mesh turned so that its own axis ``up`` points along +Y; z-up turns -Y to +Z, as Blender does."""
+    """Returns the mesh rotated so that its own axis ``up`` points along +Y. z-up turns -Y to +Z, as
+    Blender does."""
     return mesh if up == "y" else replace(mesh, vertices=mesh.vertices @ _UP_ROTATIONS[up].T)
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Returns the axis that points up, by what the mesh stands on, and a sentence where it may be another."""
+    """Guesses the axis that points up from the lowest points. Adds a sentence if it may be another."""
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
     stands = (np.abs(low) <= _STANDS_WITHIN * size) & (size > 0)
@@ -214,15 +217,15 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
 
 
 def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
-    """The mesh upright, ``height`` metres tall, standing on y = 0, its box centred on x and z.
+    """Returns the mesh upright, ``height`` metres tall, standing on y = 0, its box centred on x and z.
 
     Args:
         mesh: in any unit.
         height: metres from its lowest to its highest point, once ``up`` is turned to +Y.
-        up: the mesh's own axis that points up; z-up turns -Y to +Z, as Blender's export does.
+        up: the axis of the mesh that points up. z-up turns -Y to +Z, as Blender's export does.
 
     Raises:
-        InputError: where the mesh has no extent along ``up``, or ``height`` is not positive.
+        InputError: if the mesh has no extent along ``up``, or ``height`` is not positive.
     """
     if not (np.isfinite(height) and height > 0):
         raise InputError(f"the height is {height} m", where=mesh.name, mend="Give a height above 0.")

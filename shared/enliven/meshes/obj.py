@@ -1,7 +1,7 @@
 """Reader of Wavefront OBJ: polygons, vertex colours, and the diffuse colours of its materials.
 
-The file is searched in blocks, twice: first for faces, then for the vertices that these use. So a vertex
-that no face uses costs no memory.
+The file is read in blocks, twice: first for faces, then for the vertices that these use. So unused vertices
+cost no memory.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from enliven.meshes.tokens import (
 )
 
 _GREY = 200
-"""sRGB of faces without a material in a file in which others have one."""
+"""sRGB of faces without a material in a file with materials."""
 _SPACES = (ord(" "), ord("\t"))
 
 
 class _WrongLine(Exception):
-    """An error in the line that begins at a byte of the file."""
+    """An error in the line that starts at a byte of the file."""
 
     def __init__(self, offset: int, what: str) -> None:
         super().__init__(what)
@@ -40,8 +40,7 @@ class _WrongLine(Exception):
 
 
 class _Lines(NamedTuple):
-    """The lines of a block: where each begins and how long it is, and the first two letters of its first
-    word."""
+    """The lines of a block: start and length of each, and the first two letters of its first word."""
 
     starts: Int
     lengths: Int
@@ -49,21 +48,23 @@ class _Lines(NamedTuple):
     letters: AnyArray
 
     def are(self, letter: str, second: str = " ") -> Bool:
-        """(L,) whether the first word of a line begins so; a blank as second letter is the end of the
-        word."""
+        """Returns (L,) flags of lines that start with these letters.
+
+        A blank as second letter means the end of the word.
+        """
         wanted = _SPACES if second == " " else (ord(second),)
         return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted))
 
 
 @dataclass
 class _Faces:
-    """The polygons of a file, in parts of one block each.
+    """The polygons of a file, one list entry per block.
 
     Attributes:
-        corners: (C, 3) of each corner the vertex, texture coordinate and normal; -1 for none.
+        corners: (C, 3) vertex, texture coordinate and normal of each corner. -1 for none.
         sizes: (P,) corners of each polygon.
         materials: (P,) number in ``names``, -1 for none.
-        offsets: (P,) byte of the file at which its line begins.
+        offsets: (P,) byte of the file at the start of its line.
         vertices_in_block: the number of vertices in each block of the file.
     """
 
@@ -83,19 +84,19 @@ class _Faces:
 
 
 def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, list[str]]:
-    """Returns the mesh of an OBJ file and notes on what was left out.
+    """Returns the mesh of an OBJ file and notes on omitted content.
 
-    Vertices are split where corners differ in texture coordinates or normals, and where materials meet.
+    Vertices are split if corners differ in texture coordinates or normals, and at material boundaries.
 
     Args:
         beside: opens the material files that it names.
 
     Raises:
-        Damaged: with the line that is wrong, or if there are no faces.
+        Damaged: with the wrong line, or if there are no faces.
     """
     text = text_bytes(data)
     try:
-        # A joined line keeps its length, so that offsets still lead to lines of the file.
+        # A joined line keeps its length, so that offsets still refer to lines of the file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
         raise Damaged(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
@@ -137,7 +138,7 @@ def _joined(parts: list[Int], empty: tuple[int, ...]) -> Int:
 
 
 def _lines_in(block: bytes) -> _Lines:
-    """Finds the lines of a block that ends with a line end."""
+    """Finds the lines of a block that ends with a line feed."""
     letters = np.frombuffer(block, np.uint8)
     ends = np.flatnonzero(letters == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -150,7 +151,7 @@ def _lines_in(block: bytes) -> _Lines:
 
 
 def _numbered(block: bytes, lines: _Lines, are: Bool) -> bytes:
-    """Returns some lines of a block without their first letter and comments; their count stays."""
+    """Returns some lines of a block without their first letter and comments. Their number stays."""
     letters = np.frombuffer(block, np.uint8).copy()
     letters[lines.first[are]] = ord(" ")
     return without_comments(letters[np.repeat(are, lines.lengths)].tobytes())
@@ -180,8 +181,10 @@ def _read_faces(text: bytes) -> _Faces:
 
 
 def _materials_of(block: bytes, lines: _Lines, faces: _Faces) -> Int:
-    """(L,) the material that holds at each line; names of materials and of their files are added to
-    ``faces``."""
+    """Returns (L,) the current material of each line.
+
+    Adds names of materials and of material files to ``faces``.
+    """
     changes, values = [0], [faces.current]
     for k in np.flatnonzero(lines.are("u", "s") | lines.are("m", "t")):
         line = block[lines.first[k] : lines.starts[k] + lines.lengths[k]]
@@ -200,8 +203,9 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     """Returns (C, 3) corners and (P,) sizes of the face lines in ``chunk``.
 
     Args:
-        offsets: (P,) byte of the file at which each line begins.
-        before: (P, 3) vertices, texture coordinates and normals above each line, for negative numbers.
+        offsets: (P,) byte of the file at the start of each line.
+        before: (P, 3) number of vertices, texture coordinates and normals above each line, for negative
+            indices.
     """
     if b"/" in chunk:
         # An omitted number becomes 0, which is never a valid one.
@@ -229,8 +233,10 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
 
 
 def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Float, UInt8 | None]:
-    """Returns (U, 3) the used vertices, and (U, 3) their colours or None; blocks without used ones are
-    skipped."""
+    """Returns (U, 3) the used vertices, and (U, 3) their colours or None.
+
+    Blocks without used vertices are skipped.
+    """
     vertices, colours, count = list[Float](), list[Float](), 0
     for (offset, block), many in zip(blocks(text), in_block, strict=True):
         used = is_used[count : count + many]
@@ -262,8 +268,10 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
 
 
 def _bytes_of(colours: Float) -> UInt8 | None:
-    """(V, 3) sRGB bytes of colours in 0..1, or in 0..255 if one is above 1; grey if not finite, None if
-    all."""
+    """Returns (V, 3) sRGB bytes from colours in 0..1, or in 0..255 if one is above 1.
+
+    Grey if not finite, None if all are.
+    """
     known: Bool = np.asarray(np.isfinite(colours).all(1))
     if not known.any():
         return None
@@ -273,8 +281,10 @@ def _bytes_of(colours: Float) -> UInt8 | None:
 
 
 def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | None:
-    """(M + 1, 3) the sRGB of each used material, grey for the last, which is none; None if none has a
-    colour."""
+    """Returns (M + 1, 3) sRGB of each used material, grey for the last entry (no material).
+
+    None if none has a colour.
+    """
     known: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:
         try:
@@ -292,8 +302,10 @@ def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | No
 
 
 def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
-    """Returns the diffuse colours in 0..1 of the materials of an MTL file by name; other entries are
-    skipped."""
+    """Returns the diffuse colours in 0..1 of the materials of an MTL file by name.
+
+    Other entries are skipped.
+    """
     colours: dict[str, tuple[float, float, float]] = {}
     name = ""
     for line in text.split("\n"):
@@ -311,13 +323,13 @@ def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
 
 
 def _split(kinds: Int) -> tuple[Int, Int, Int]:
-    """Splits vertices where corners differ.
+    """Splits vertices with differing corners.
 
     Vertices of the last material come first, then each material's in the order of the file. Stored sessions
-    name vertices by their numbers in this order, so it must not change.
+    refer to vertices by their numbers in this order, so it must not change.
 
     Args:
-        kinds: (C, 4) of each corner the vertex, texture coordinate, normal and material.
+        kinds: (C, 4) vertex, texture coordinate, normal and material of each corner.
 
     Returns:
         (C,) the new vertex of each corner, and for each new vertex (N,) its old vertex and (N,) its material.

@@ -1,4 +1,4 @@
-"""Opens the encoded picture of a texture; its size is known before memory is taken for it."""
+"""Opens the encoded image of a texture. Its size is known before memory is allocated."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import warnings
 from PIL import Image
 
 _KINDS = ("PNG", "JPEG", "WEBP")
-"""Allowed image formats of a texture; Pillow's other decoders start programs or are not hardened against
+"""Allowed image formats of a texture. Pillow's other decoders start programs or are not hardened against
 hostile bytes."""
 
 
 def opened_picture(data: bytes) -> Image.Image:
-    """Returns a picture that is not decoded yet; whether its size is bearable is for the caller to say.
+    """Returns an image that is not decoded yet. The caller must check its size.
 
     Raises:
-        Exception: whatever a library that reads strangers' bytes raises.
+        Exception: any exception of the library that reads foreign bytes.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)

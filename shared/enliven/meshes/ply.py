@@ -1,4 +1,4 @@
-"""Reader of PLY, ASCII and binary: polygons and vertex colours; other elements and properties are skipped."""
+"""Reader of PLY, ASCII and binary: polygons and vertex colours. Other elements and properties are skipped."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _TYPES = {
 }  # fmt: skip
 """NumPy's name of each type of a header."""
 _MAX_PROPERTIES = 256
-"""Most properties of a file: scanners write some 20."""
+"""Maximum properties of a file: scanners write some 20."""
 _MAX_HEAD_BYTES = 1 << 16
-"""Most bytes of a header, with all its comments."""
+"""Maximum bytes of a header, with all its comments."""
 _MAX_SIDES = 1 << 16
-"""Most corners of one polygon: an outline of a scan has some thousands."""
+"""Maximum corners of one polygon: an outline of a scan has some thousands."""
 _END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
 _CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
 
@@ -35,7 +35,7 @@ class _Element:
     """A table of the file.
 
     Attributes:
-        properties: (name, type, type of the count or "") of each column; a list has a count.
+        properties: (name, type, type of the count or "") of each column. A list has a count.
     """
 
     name: str
@@ -44,15 +44,15 @@ class _Element:
 
     @property
     def has_lists(self) -> bool:
-        """Whether rows differ in length."""
+        """True if rows differ in length."""
         return any(count for _, _, count in self.properties)
 
 
 def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
-    """Returns the mesh of a PLY file, and notes on what was unusual.
+    """Returns the mesh of a PLY file, and notes on unusual content.
 
     Raises:
-        Damaged: if it is no PLY, has a broken header, or is shorter than this states.
+        Damaged: if it is not a PLY file, has a broken header, or is shorter than declared.
     """
     kind, elements, body = _read_head(data)
     tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
@@ -114,7 +114,7 @@ def _short(element: _Element) -> Damaged:
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
-    """Returns the columns of each element by name; "" holds the numbers after the last one."""
+    """Returns the columns of each element by name. "" contains the numbers after the last one."""
     tables: dict[str, dict[str, AnyArray]] = {}
     numbers = numbers_in(text_bytes(body))
     at = 0
@@ -136,13 +136,15 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
 
 
 def _of_type(column: Float, of: str) -> AnyArray:
-    """(N,) the numbers of a column as whole ones if its type is whole."""
+    """Returns (N,) the numbers of a column, as integers if its type is integer."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
 
 
 def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, AnyArray], int]:
-    """Returns the columns of an element with lists, and the place after it; a row is as long as its counts
-    say."""
+    """Returns the columns of an element with lists, and the offset after it.
+
+    The counts give the length of each row.
+    """
     only = element.properties[0] if len(element.properties) == 1 else None
     first = int(numbers[at]) if at < len(numbers) and 0 <= numbers[at] <= _MAX_SIDES else 0
     block = numbers[at : at + element.count * (1 + first)]
@@ -173,7 +175,7 @@ def _sides(count: float) -> int:
     """Returns the length of a list.
 
     Raises:
-        Damaged: if it is not a whole number, negative or larger than a polygon can be.
+        Damaged: if it is not an integer, negative or too large for a polygon.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
         raise Damaged(f"a list of it has {count:g} entries")
@@ -186,7 +188,7 @@ def _columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> 
 
 
 def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str, dict[str, AnyArray]]:
-    """As :func:`_ascii_tables`, of a binary body."""
+    """Does the same as :func:`_ascii_tables` for a binary body."""
     order = "<" if kind == "binary_little_endian" else ">"
     tables: dict[str, dict[str, AnyArray]] = {}
     at = 0
@@ -206,9 +208,9 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
 
 
 def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
-    """Returns the columns of an element with lists, and the place after it.
+    """Returns the columns of an element with lists, and the offset after it.
 
-    If all rows are as long as the first, they are one table.
+    If all rows are as long as the first, they are read as one table.
     """
     if element.count == 0:
         return {}, at
@@ -225,7 +227,7 @@ def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[d
 
 
 def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
-    """Returns the columns of an element with rows of several lengths, and the place after it."""
+    """Returns the columns of an element with rows of different lengths, and the offset after it."""
     sizes = [
         (np.dtype(count).itemsize if count else 0, np.dtype(of).itemsize)
         for _, of, count in element.properties
@@ -259,7 +261,7 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
 
 
 def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dtype, list[int]]:  # type: ignore[type-arg]
-    """Returns the layout of the row at a place, and the length of each of its lists (1 for a plain
+    """Returns the layout of the row at an offset, and the length of each of its lists (1 for a plain
     column)."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     many = list[int]()
@@ -279,8 +281,10 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
 
 
 def _colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
-    """(V, 3) sRGB bytes of the vertices, or None; floating-point colours are in 0..1 unless one is above
-    1."""
+    """Returns (V, 3) sRGB bytes of the vertices, or None.
+
+    Floating-point colours are in 0..1 unless one is above 1.
+    """
     for prefix in ("", "diffuse_"):
         columns = [vertex.get(f"{prefix}{word}") for word in ("red", "green", "blue")]
         if all(column is not None for column in columns):

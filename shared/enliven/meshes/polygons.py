@@ -9,12 +9,12 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.rotation import unit
 
 _STRAIGHT = 1e-9
-"""Sine of a turn below which three corners count as collinear: rounding of float32 coordinates is larger than
-the error of the cross product."""
+"""Sine of a turn below which three corners count as collinear: rounding of float32 coordinates is larger
+than the error of the cross product."""
 
 
 def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
-    """Triangulates polygons; each of N corners becomes N - 2 triangles with its winding.
+    """Triangulates polygons. Each polygon of N corners becomes N - 2 triangles with its winding.
 
     Convex polygons become fans from their first corner. The others are projected along their mean normal and
     cut by ear clipping, so that a notch stays empty. Every corner is used, which keeps shared edges closed.
@@ -22,7 +22,7 @@ def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
     Args:
         vertices: (V, 3).
         corners: (C,) the vertices of all polygons, one polygon after the other.
-        sizes: (P,) the number of corners of each; polygons of fewer than three are left out.
+        sizes: (P,) the number of corners of each. Polygons of fewer than three are left out.
 
     Returns:
         (F, 3) triangles, and (F, 3) the numbers in ``corners`` of their corners.
@@ -45,14 +45,17 @@ def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
 
 
 def _mean_normals(points: Float) -> Float:
-    """(P, 3) unit normals of polygons (P, N, 3) by Newell's sum; zero if a polygon has no area."""
+    """Returns (P, 3) unit normals of polygons (P, N, 3) by Newell's method.
+
+    Zero for a polygon without area.
+    """
     apart = points - points[:, :1]
     return unit(np.cross(apart, np.roll(apart, -1, 1)).sum(1))
 
 
 def _are_convex(points: Float) -> Bool:
-    """(P,) whether polygons (P, N, 3) turn one way at every corner and once around, seen along their
-    normal."""
+    """Returns (P,) flags of convex polygons (P, N, 3): they turn the same way at every corner, and once
+    around."""
     normals = _mean_normals(points)
     edges = np.roll(points, -1, 1) - points
     following = np.roll(edges, -1, 1)
@@ -64,10 +67,10 @@ def _are_convex(points: Float) -> Bool:
 
 
 def _cut_ears(points: Float, fan: Int) -> Int:
-    """(N - 2, 3) triangles of one polygon (N, 3), counter-clockwise seen against its normal.
+    """Returns (N - 2, 3) triangles of one polygon (N, 3), counter-clockwise seen against its normal.
 
     Args:
-        fan: (N - 2, 3) the triangles to return for a polygon without an area.
+        fan: (N - 2, 3) the triangles to return for a polygon without area.
     """
     normal = _mean_normals(points[None])[0]
     if not normal.any():

@@ -14,14 +14,14 @@ from enliven.meshes.winding import repair_winding
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
-    """The mesh without what breaks a deformation, and one sentence for every repair.
+    """Returns the mesh without defects that break a deformation, and one sentence for every repair.
 
-    Taken out: vertices that are not finite with their faces, faces without area, faces that repeat another
-    one, vertices that no face uses. Turned: faces that are wound against their neighbours, and closed parts
-    that are inside out. Kept, and said: several shells, and vertices that repeat a position.
+    It removes vertices that are not finite with their faces, faces without area, duplicate faces, and unused
+    vertices. It flips faces with a winding opposite to their neighbours, and closed parts that are inside
+    out. Several shells, and vertices at equal positions, are kept but reported.
 
     Raises:
-        InputError: where no face is left.
+        InputError: if no face is left.
     """
     notes: list[str] = []
     count = len(mesh.vertices)
@@ -44,7 +44,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
 
 
 def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
-    """Faces at vertices that are not finite, or absurdly far, go; the vertices are loose from then on."""
+    """Removes faces at vertices that are not finite, or extremely far. The vertices remain, unused."""
     # Squares of coordinates must stay finite too.
     good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
     if good.all():
@@ -58,7 +58,7 @@ def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
 
 
 def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
-    """Degenerate and repeated faces go; a face's two sides (opposite winding) count as a repeat."""
+    """Removes degenerate and duplicate faces. A face with opposite winding also counts as a duplicate."""
     if len(mesh.faces) == 0:
         return mesh
     flat = ~(np.linalg.norm(mesh.face_vectors(), axis=1) > 0)
@@ -73,7 +73,7 @@ def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
 
 
 def _repeated_faces(mesh: Mesh) -> Bool:
-    """(F,) true where an earlier face has the same three positions."""
+    """Returns (F,) True if an earlier face has the same three positions."""
     welded, _ = weld(mesh)
     corners = np.sort(welded.faces.astype(np.int64), 1)
     count = len(welded.vertices)
@@ -85,7 +85,7 @@ def _repeated_faces(mesh: Mesh) -> Bool:
 
 
 def _describe(mesh: Mesh, notes: list[str]) -> None:
-    """Say what is kept although it is unusual."""
+    """Reports unusual properties that are kept."""
     welded, _ = weld(mesh)
     doubles = len(mesh.vertices) - len(welded.vertices)
     if doubles:

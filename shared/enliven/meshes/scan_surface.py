@@ -1,7 +1,7 @@
-"""A surface through the points of a scan from one side; surface that the sensor did not see stays open.
+"""A surface through the points of a scan from one side. Surface that the sensor did not see stays open.
 
-The points that nothing hides are joined in the image that the sensor had of them (a Delaunay triangulation of
-their directions); a triangle that spans a gap, or the step from one thing to what is behind it, is left out.
+Visible points are joined in the sensor's image (a Delaunay triangulation of their directions). A triangle
+that spans a gap, or the depth step from one object to the background, is left out.
 """
 
 from __future__ import annotations
@@ -18,31 +18,32 @@ from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, submesh
 
 _LONGEST = 4.0
-"""Spacings of the points that an edge may be long."""
+"""Maximum edge length, as a multiple of the point spacing."""
 _STEEPEST = 0.13
-"""Least cosine between a triangle and the ray to the sensor: flatter ones are steps, not surfaces."""
+"""Minimum cosine between a triangle's normal and the ray to the sensor: steeper ones are depth steps, not
+surfaces."""
 _HIDING = 4.0
-"""Spacings by which a point must be behind another in its direction to be hidden by it."""
+"""Minimum depth difference of an occluded point to the occluding one, as a multiple of the point spacing."""
 _LEAST_PART = 0.01
-"""Pieces of less than this share of the triangles are specks."""
+"""Minimum fraction of all triangles in a piece. Smaller pieces are specks."""
 _MOST_COLUMNS = 1024
-"""Numbers of one point of a file."""
+"""Maximum numbers per point in a file."""
 _MOST_PIXELS = 1 << 24
-"""Of the image that points are seen in: 4096 x 4096, 40 m wide at one pixel a spacing."""
+"""Maximum pixels of the image of the points: 4096 x 4096, 40 m wide at one pixel per spacing."""
 _FARTHEST = 1e6
-"""Metres from the sensor beyond which nothing was measured."""
+"""Metres from the sensor. Farther points are invalid."""
 
 
 def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
-    """The triangles that the sensor at ``viewpoint`` saw, facing it.
+    """Returns the triangles that the sensor at ``viewpoint`` saw, facing it.
 
     Args:
-        points: (P, 3) metres, not finite where nothing was measured.
-        viewpoint: (3,) metres, where the sensor was.
-        spacing: metres between the vertices; denser points are averaged.
+        points: (P, 3) metres, not finite for missing measurements.
+        viewpoint: (3,) metres, position of the sensor.
+        spacing: metres between the vertices. Denser points are averaged.
 
     Raises:
-        InputError: where there are too few points for a surface.
+        InputError: if there are too few points for a surface.
     """
     points = points - viewpoint
     points = points[(np.abs(points) < _FARTHEST).all(1)]
@@ -67,11 +68,11 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
 
 
 def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
-    """(P, 3) the points of a PCD file, ASCII or binary, and (3,) the viewpoint that it states.
+    """Returns (P, 3) the points of a PCD file, ASCII or binary, and (3,) its viewpoint.
 
     Raises:
-        InputError: where it is no such file, is compressed, or holds no x, y, z of 4 or 8 bytes; ``where`` is
-            named in it.
+        InputError: if it is not such a file, is compressed, or lacks x, y, z of 4 or 8 bytes. The error names
+            ``where``.
     """
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
@@ -106,7 +107,7 @@ def _too_few(count: int, name: str) -> InputError:
 
 
 def _in_front(seen: Float, spacing: float) -> Float:
-    """The points that no nearer point hides, in an image with a pixel for each ``spacing``."""
+    """Returns the points that no nearer point occludes, in an image with one pixel per ``spacing``."""
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
@@ -122,7 +123,7 @@ def _in_front(seen: Float, spacing: float) -> Float:
 
 
 def _thinned(seen: Float, spacing: float) -> Float:
-    """One point for each cube of ``spacing``: the mean of those in it."""
+    """Returns one point for each occupied cube of ``spacing``: the mean of its points."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)
@@ -130,7 +131,7 @@ def _thinned(seen: Float, spacing: float) -> Float:
 
 
 def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
-    """(F,) whether a triangle spans neither a gap nor a step."""
+    """Returns (F,) True for triangles that span neither a gap nor a depth step."""
     near = float(np.median(scipy.spatial.cKDTree(seen).query(seen, k=2)[0][:, 1]))
     corners = seen[faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
@@ -142,14 +143,14 @@ def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
 
 
 def _facing(seen: Float, faces: Int) -> Int:
-    """(F, 3) the triangles counter-clockwise as the sensor sees them."""
+    """Returns (F, 3) the triangles, counter-clockwise as the sensor sees them."""
     a, b, c = (seen[faces[:, k]] for k in range(3))
     away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0
     return np.where(away[:, None], faces[:, [0, 2, 1]], faces)
 
 
 def _without_specks(mesh: Mesh) -> Mesh:
-    """The mesh without pieces of hardly any triangles."""
+    """Returns the mesh without very small pieces."""
     count, faces = len(mesh.vertices), mesh.faces
     links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))
     _, part = connected_components(coo_matrix(links, (count, count)), directed=False)

@@ -1,4 +1,4 @@
-"""Reader of STL, binary or ASCII: triangles that share nothing."""
+"""Reader of STL, binary or ASCII: triangles without shared vertices."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from enliven.files import text_bytes
 from enliven.meshes.tokens import Damaged, blocks, numbers_in
 
 _HEAD = 84
-"""Bytes before the first triangle of a binary file: 80 of anything and the count, uint32."""
+"""Bytes before the first triangle of a binary file: 80 arbitrary bytes and the count, uint32."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _SEARCHED = 4096
-"""Bytes at the beginning and at the end in which the words of an ASCII file are looked for."""
+"""Bytes at the beginning and at the end that are searched for the words of an ASCII file."""
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """(3F, 3) corners and (F, 3) triangles of an STL file, and notes.
+    """Returns (3F, 3) corners and (F, 3) triangles of an STL file, and notes.
 
     Raises:
-        Damaged: where the file is shorter than its header says, or is neither binary nor ASCII.
+        Damaged: if the file is shorter than its header declares, or is neither binary nor ASCII.
     """
     said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     expected = _HEAD + said * _TRIANGLE.itemsize
@@ -42,14 +42,14 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _text_of(data: bytes) -> bytes | None:
-    """Returns the text of an ASCII file, None for a binary one, which may begin with "solid" as well."""
+    """Returns the text of an ASCII file, None for a binary one, which may also start with "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
     head = text[:_SEARCHED].lstrip()
     return text if head[:5].lower() == b"solid" and _VERTEX.search(text) else None
 
 
 def _ascii(text: bytes) -> Float:
-    """(3F, 3) what follows the word "vertex"."""
+    """Returns (3F, 3) the numbers after each word "vertex"."""
     parts = [_numbers(_VERTEX.findall(block)) for _, block in blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
@@ -61,5 +61,5 @@ def _ascii(text: bytes) -> Float:
 
 
 def _numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
-    """(N, 3) the numbers of corners."""
+    """Returns (N, 3) the numbers of corners."""
     return numbers_in(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

@@ -29,13 +29,13 @@ _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedr
 
 
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """(V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF), and notes.
+    """Returns (V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF), and notes.
 
     Words may be wrapped over lines, and several vertices or faces may share one. Normals and texture
     coordinates are skipped, and colours with a note.
 
     Raises:
-        Damaged: where the file is not what its header says.
+        Damaged: if the file contradicts its header.
     """
     text = without_comments(text_bytes(data)) + b"\n"
     head = _OFF.match(text)
@@ -66,10 +66,10 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
-    """Yields (V, 3) the vertices and the offset after them, the likeliest reading first.
+    """Yields (V, 3) the vertices and the offset after them, the likeliest interpretation first.
 
-    In nearly every file each vertex has a line of its own, with any number of colours. Else the word before
-    OFF states how many numbers a vertex has.
+    In nearly every file each vertex has its own line, with any number of colours. Otherwise the word before
+    OFF gives the number of values per vertex.
     """
     if count == 0:
         yield np.empty((0, 3)), 0
@@ -91,7 +91,10 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
 
 
 def _first_three(text: bytes, widths: Int) -> Float:
-    """(V, 3) the first three numbers of every vertex, of ``widths`` (V,) numbers each."""
+    """Returns (V, 3) the first three numbers of every vertex.
+
+    ``widths`` (V,) gives the numbers per vertex.
+    """
     numbers = numbers_in(text)
     return numbers[(np.cumsum(widths) - widths)[:, None] + np.arange(3)]
 
@@ -105,10 +108,9 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Returns corners, sizes and the number of words after the faces; a sentence if they do not fit.
+    """Returns corners, sizes and the number of words after the faces. A sentence if they are invalid.
 
-    Faces follow each other without colours, or a face's colour is what is left of the line of its last
-    corner.
+    Either faces follow each other without colours, or a face's colour fills the rest of its last line.
     """
     try:
         numbers = numbers_in(body, np.int64)
@@ -144,22 +146,23 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
 
 
 def _wrong_corner(corners: Int, vertex_count: int) -> int | None:
-    """Returns a number that no vertex has, None if there is none."""
+    """Returns an invalid vertex number, None if all are valid."""
     wrong = corners[(corners < 0) | (corners >= vertex_count)]
     return int(wrong[0]) if len(wrong) else None
 
 
 def _whole(word: bytes) -> int:
-    """Returns a whole number; -1 for another word, such as a colour with a fraction."""
+    """Returns an integer, or -1 for another word, such as a colour with a fraction."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """(V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes; of tetrahedra, their
-    boundary.
+    """Returns (V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes.
+
+    Tetrahedra give their boundary.
 
     Raises:
-        Damaged: where the file is not MEDIT, or ends early.
+        Damaged: if the file is not MEDIT, or ends early.
     """
     words = decode_text(without_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
@@ -190,7 +193,7 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _boundary(tetrahedra: Int) -> Int:
-    """(F, 3) the triangles that belong to one tetrahedron of (T, 4) only, facing outwards."""
+    """Returns (F, 3) the triangles that belong to only one tetrahedron of (T, 4), facing outwards."""
     faces = tetrahedra[:, _TETRAHEDRON_FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, 1), axis=0, return_index=True, return_counts=True)
     return np.asarray(faces[first[count == 1]])

@@ -1,4 +1,4 @@
-"""Finds words and numbers of large text files by whole-array operations instead of loops."""
+"""Finds words and numbers in large text files by whole-array operations instead of loops."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven.arrays import AnyArray, Int
 BLOCK_BYTES = 1 << 20
 """Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
 _SHOWN_BYTES = 40
-"""Most bytes of a wrong word that a message shows."""
+"""Maximum bytes of a wrong word that a message shows."""
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
@@ -23,11 +23,11 @@ class Damaged(ValueError):
 
 
 class WrongWord(Damaged):
-    """A word that is not what it should be.
+    """A word that is not valid at its place.
 
     Attributes:
         line: its line in the text, from 0.
-        what: what is wrong with it.
+        what: the error.
     """
 
     def __init__(self, line: int, what: str) -> None:
@@ -36,8 +36,7 @@ class WrongWord(Damaged):
 
 
 def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
-    """Yields (offset, block) of about :data:`BLOCK_BYTES` that each end after ``end``, the last one
-    anywhere."""
+    """Yields (offset, block) of about :data:`BLOCK_BYTES`. Each block except the last ends after ``end``."""
     at = 0
     while at < len(text):
         cut = len(text) if at + BLOCK_BYTES >= len(text) else text.rfind(end, at, at + BLOCK_BYTES)
@@ -49,12 +48,12 @@ def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
 
 
 def without_comments(text: bytes) -> bytes:
-    """Returns the text without what follows "#" on each line."""
+    """Returns the text without comments: the part of each line from "#" on."""
     return _COMMENT.sub(b"", text) if b"#" in text else text
 
 
 def word_starts(text: bytes) -> Int:
-    """(W,) the offset of each word of a text."""
+    """Returns (W,) the offset of each word of a text."""
     is_space = np.frombuffer(text, np.uint8) <= ord(" ")
     is_start = ~is_space
     is_start[1:] &= is_space[:-1]
@@ -62,13 +61,13 @@ def word_starts(text: bytes) -> Int:
 
 
 def lines_of(text: bytes, offsets: Int) -> Int:
-    """(W,) the number, from 0, of the line that each offset lies in."""
+    """Returns (W,) the line number, from 0, of each offset."""
     ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     return np.searchsorted(ends, offsets)
 
 
 def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
-    """(N,) the numbers of a text, between white space.
+    """Returns (N,) the numbers of a text, separated by white space.
 
     Args:
         dtype: float64 or int64.
@@ -91,7 +90,7 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
 
 
 def _first_wrong(text: bytes, dtype: Any) -> int:
-    """Returns the offset of the first word that is not a number, by halving the words that may hold it."""
+    """Returns the offset of the first word that is not a number, by bisection."""
     starts = word_starts(text)
     low, high = 0, len(starts)
     while high - low > 1:

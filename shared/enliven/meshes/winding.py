@@ -12,15 +12,15 @@ from enliven.meshes.kernels import face_areas
 from enliven.meshes.mesh import Mesh, weld
 
 _MIN_VOLUME_RATIO = 1e-6
-"""Least volume over area to the power 1.5 for which a shell has an inside: a sphere has 0.094, two sheets
-back to back none."""
+"""Minimum volume, relative to area to the power 1.5, of a shell with an inside: a sphere has 0.094, two
+sheets back to back have 0."""
 
 
 _MAX_NESTED_PARTS = 2048
-"""Most closed parts for which it is tested which lies inside which; this takes quadratic time. A model of
-more parts is a heap of things, and cavities are rare in these."""
+"""Maximum number of closed parts that are tested for nesting, which takes quadratic time. A model of more
+parts is a heap of objects, which rarely has cavities."""
 _MAX_AROUND = 32
-"""Most parts around one part that are tested, the largest first."""
+"""Maximum number of enclosing parts that are tested for one part, the largest first."""
 
 
 class _Edges(NamedTuple):
@@ -28,9 +28,9 @@ class _Edges(NamedTuple):
 
     Attributes:
         faces: (3F,) the face of each.
-        forward: (3F,) whether it runs from its lower vertex to its higher one.
-        starts: (E,) where each group of equal edges begins.
-        counts: (E,) how many edges it has.
+        forward: (3F,) True if it runs from its lower vertex to its higher one.
+        starts: (E,) start of each group of equal edges.
+        counts: (E,) number of edges in each group.
     """
 
     faces: Int
@@ -42,9 +42,9 @@ class _Edges(NamedTuple):
 def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Returns the mesh with consistent winding, and a sentence for each kind of repair.
 
-    Faces that share an edge with exactly one other face are made to agree with it; the larger area decides
-    for a part that is open. A closed part faces outwards afterwards. A part inside another one keeps its
-    sense against that, so that a cavity stays one. A part with a single side (a Moebius strip) is left
+    Faces that share an edge with exactly one other face are made consistent with it. In an open part the
+    larger area decides. A closed part is made to face outwards. A part inside another one keeps its
+    orientation relative to that, so that a cavity stays a cavity. A one-sided part (a Moebius strip) is left
     unchanged.
     """
     if len(mesh.faces) == 0:
@@ -92,17 +92,16 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _parted(count, ones, twos, agree):
-    """For each of ``count`` faces its root in a forest and whether it runs against that; and the twisted
-    roots.
+    """Returns each face's root, flags of opposite orientation to it, and the twisted roots.
 
-    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree keeps for each face whether its winding
-    differs from its parent's.
+    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree stores for each face whether its winding is
+    opposite to its parent's.
     """
     parent, against = np.arange(count), np.zeros(count, np.bool_)
     twisted = np.zeros(count, np.bool_)
     for e in range(ones.shape[0]):
         a, b, differs = ones[e], twos[e], not agree[e]
-        # Walk up both trees, halving the paths, and collect how each face runs against its root.
+        # Walk up both trees with path halving, and accumulate the orientation relative to the root.
         while parent[a] != a:
             up = parent[a]
             against[a] ^= against[up] if parent[up] != up else False
@@ -131,15 +130,14 @@ def _parted(count, ones, twos, agree):
 
 
 def _consistent(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """(F,) the part of each face, (F,) whether it runs against the first face there, (P,) parts with one
-    side."""
+    """Returns (F,) part of each face, (F,) whether it is opposite to the first face, (P,) one-sided parts."""
     root, against, twisted = _parted(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]
 
 
 def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
-    """(P,) parts in which every edge has exactly two of the part's faces."""
+    """Returns (P,) parts in which every edge has exactly two of the part's faces."""
     group = np.repeat(np.arange(len(edges.starts)), edges.counts)
     _, first, uses = np.unique(group * count + part[edges.faces], return_index=True, return_counts=True)
     closed = np.ones(count, bool)
@@ -148,14 +146,17 @@ def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
 
 
 def _volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
-    """(P,) the signed volume of each part, positive if it faces outwards; meaningless if it is open."""
+    """Returns (P,) the signed volume of each part, positive if it faces outwards.
+
+    Meaningless for open parts.
+    """
     corners = vertices[faces] - vertices.mean(0)
     volume = np.einsum("fa,fa->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
     return np.asarray(np.bincount(part, np.where(flip, -volume, volume), count), np.float64)
 
 
 def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward: Bool) -> Bool:
-    """(P,) parts to turn: outer ones that face inwards, with all that is inside them."""
+    """Returns (P,) parts to flip: outer ones that face inwards, with all parts inside them."""
     turn, numbers = inward.copy(), np.flatnonzero(closed)
     if len(numbers) > _MAX_NESTED_PARTS:
         return turn
@@ -167,7 +168,7 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
         around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
-        # The largest part around decides, since it was decided first.
+        # The largest enclosing part decides, since it was decided first.
         for outer in by_size[around[by_size]][:_MAX_AROUND]:
             if _is_inside(corners[k][0, 0], corners[outer]):
                 turn[numbers[k]] = turn[numbers[outer]]
@@ -176,7 +177,7 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
 
 
 def _is_inside(point: Float, corners: Float) -> bool:
-    """Returns whether a point is inside a closed surface (F, 3, 3), by the sum of its faces' solid angles."""
+    """Returns True if a point is inside a closed surface (F, 3, 3), by the sum of its faces' solid angles."""
     a, b, c = (corners[:, k] - point for k in range(3))
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     above = np.einsum("fa,fa->f", a, np.cross(b, c))

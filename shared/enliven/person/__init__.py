@@ -1,6 +1,4 @@
-"""The performer's body as all programs know it: 20 joints, the limbs between them, and orientations of the
-bones.
-"""
+"""The performer's body in all programs: 20 joints, the limbs between them, and orientations of the bones."""
 
 import lazy_loader
 

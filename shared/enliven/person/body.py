@@ -1,4 +1,4 @@
-"""The tracked person: 20 joints, the bones between them, and what is known of the person at one moment."""
+"""The tracked person: 20 joints, the bones between them, and the state of the person at one moment."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Body:
     Attributes:
         id: stable while the person is in view.
         joints: (20, 3) float64 metres, world frame, ordered by :class:`Joint`.
-        confidence: (20,) float64 in [0, 1]; 0 where the joint is a guess that must not pull anything.
-        orientations: (20, 4) unit quaternions world_from_bone of the bone that ends at each joint (the
-            pelvis at the root), or None. All are the identity for a person who stands upright facing +Z with
-            hanging arms, palms to the thighs: a bone of a limb runs along its -Y, one of the trunk along +Y;
-            +Z is the front, +X the person's left. See ``orientation`` for what to read from them.
-        contacts: (2,) probability that the left and the right foot stand on the floor, or None where that
-            was not estimated; 0 as well where the foot is not seen.
-        stature: metres from the soles to the crown when standing straight, as measured, or None.
+        confidence: (20,) float64 in [0, 1]. 0 if the joint is a guess that must not pull anything.
+        orientations: (20, 4) unit quaternions world_from_bone of the bone that ends at each joint (the pelvis
+            at the root), or None. All are the identity for a person standing upright and facing +Z, with
+            hanging arms and palms to the thighs. A bone of a limb runs along its -Y, a bone of the trunk
+            along +Y. +Z is the front, +X the person's left. See ``orientation`` for their use.
+        contacts: (2,) probability that the left and the right foot stand on the floor, or None if it was not
+            estimated. 0 also if the foot is not visible.
+        stature: measured metres from the soles to the crown when standing straight, or None.
     """
 
     id: int

@@ -1,4 +1,4 @@
-"""The 20 joints of a tracked person, and the tree that they form."""
+"""The 20 joints of a tracked person, and their tree."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Joint(IntEnum):
-    """The 20 joints of the Kinect SDK 1.x, in its order; left and right are the performer's own."""
+    """The 20 joints of the Kinect SDK 1.x, in its order. Left and right are the performer's own."""
 
     HIP_CENTER = 0
     SPINE = 1
@@ -33,7 +33,7 @@ class Joint(IntEnum):
 J = len(Joint)
 
 PARENTS: tuple[int, ...] = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
-"""(20,) the parent of each joint; -1 at the root (the hip centre). Parents come before children."""
+"""(20,) the parent of each joint, -1 at the root (the hip centre). Parents precede children."""
 
 BONES: tuple[tuple[int, int], ...] = tuple(
     (parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0
@@ -41,4 +41,4 @@ BONES: tuple[tuple[int, int], ...] = tuple(
 """(19, 2) parent and child joint of each bone, ordered by child joint."""
 
 MIRROR: tuple[int, ...] = (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 16, 17, 18, 19, 12, 13, 14, 15)
-"""(20,) the joint on the other side of the body; those of the middle are their own."""
+"""(20,) the joint on the other side of the body. Joints of the trunk map to themselves."""

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Limb(IntEnum):
-    """The 16 rigid frames of a person's limbs; each has its origin at the joint nearer to the pelvis."""
+    """The 16 rigid frames of a person's limbs. The origin of each is at the joint nearer to the pelvis."""
 
     PELVIS = 0
     ABDOMEN = 1

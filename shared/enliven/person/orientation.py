@@ -1,4 +1,4 @@
-"""A body seen in a mirror."""
+"""Mirrors a body in a plane."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from enliven.rotation import multiply
 
 _MIRROR = np.array(MIRROR)
 _HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])
-"""(4,) about x."""
+"""(4,) a half turn about x."""
 
 
 def mirrored(body: Body, point: AnyArray, normal: AnyArray) -> Body:
-    """Returns the body reflected in a plane, left and right exchanged; twice is the body itself.
+    """Returns the body reflected in a plane, left and right exchanged. Twice gives the original body.
 
-    A frame's front and length are reflected; its left hand becomes a right one, so the third axis is turned
-    back: a rotation stays a rotation.
+    Reflecting all axes of a frame would make it left-handed. So only front and length are reflected, and the
+    third axis is flipped back: a rotation stays a rotation.
 
     Args:
         point: (3,) any point of the mirror, metres, world frame.
@@ -29,7 +29,7 @@ def mirrored(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     joints = (body.joints - 2.0 * behind[:, None] * normal)[_MIRROR]
     orientations = None
     if body.orientations is not None:
-        # A reflection is minus a half turn, whose quaternion is (0, axis): M R D = turn(n, pi) R turn(x, pi).
+        # A reflection is minus a half turn, with the quaternion (0, axis): M R D = turn(n, pi) R turn(x, pi).
         half = np.concatenate([[0.0], normal])
         orientations = multiply(multiply(half, body.orientations), _HALF_TURN)[_MIRROR]
     contacts = None if body.contacts is None else body.contacts[::-1].copy()

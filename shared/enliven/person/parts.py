@@ -1,4 +1,4 @@
-"""Named parts of the body, to possess with: "left arm", "upper body", "hip + right arm", ..."""
+"""Named parts of the body for possession: "left arm", "upper body", "hip + right arm", ..."""
 
 from __future__ import annotations
 
@@ -57,26 +57,26 @@ def _all() -> dict[str, frozenset[Joint]]:
 
 
 PARTS: dict[str, frozenset[Joint]] = _all()
-"""Named subsets of the body (KinEtre: "left arm", "upper body", "hip and right arm", ...); a bone belongs to
-its child joint."""
+"""Named subsets of the body (KinEtre: "left arm", "upper body", "hip and right arm", ...). A bone belongs
+to its child joint."""
 
 _BETWEEN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
 
 
 def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
-    """The joints of one or several named parts: "all", "legs", "hip + right arm", "left arm and head".
+    """Returns the joints of named parts: "all", "legs", "hip + right arm", "left arm and head".
 
-    Names are joined by "+", "&", "," or "and"; case and extra spaces do not matter.
+    Names are joined by "+", "&", "," or "and". Case and extra spaces do not matter.
 
     Raises:
-        InputError: for an unknown name; it lists the known ones.
+        InputError: for an unknown name. The message lists the known ones.
     """
     names = [parts] if isinstance(parts, str) else list(parts)
     return frozenset().union(*(_named(name) for name in names))
 
 
 def _named(name: str) -> frozenset[Joint]:
-    """The joints of one name, or of several joined in one string."""
+    """Returns the joints of one name, or of several joined in one string."""
     plain = " ".join(name.lower().split())
     if plain in PARTS:
         return PARTS[plain]

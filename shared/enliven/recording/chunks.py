@@ -1,4 +1,4 @@
-"""The chunks of an MCAP file: what one may unpack to, and its records."""
+"""The chunks of an MCAP file: their decompression limits, and their records."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ RECORD = struct.Struct("<BQ")
 """The head of a record: its kind and its length."""
 _MESSAGE = struct.Struct("<HIQQ")
 _MAX_CHUNK = 1 << 28
-"""Bytes of a chunk, unpacked: our recorder closes one at 1 MiB, and its longest message has 128 MiB."""
+"""Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, its longest message is 128 MiB."""
 _MAX_RATIO = 200
-"""Bytes that one packed byte may unpack to: images of nothing, each with its time, reach some 40."""
+"""Maximum compression ratio: empty images, each with its time, reach about 40."""
 _FREE_BYTES = 1 << 16
-"""Bytes that a chunk may unpack to however few it has."""
+"""Bytes that any chunk may decompress to, however small it is."""
 _MAX_RECORDS = 1 << 16
-"""Records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
+"""Maximum records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
 _FREE_RECORDS = 256
-"""Records of a chunk however few bytes it has: more need at least a packed byte each, for their times."""
+"""Records that any chunk may have, however small it is. Further records need at least one packed byte
+each, for their times."""
 DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 
@@ -38,7 +39,7 @@ class Damage(Exception):
 
 @dataclass(frozen=True)
 class ChunkRef:
-    """Where a chunk record is, and the log times of its messages."""
+    """Position of a chunk record in the file, and the log times of its messages."""
 
     offset: int
     length: int
@@ -58,11 +59,11 @@ SMALL_RECORDS: dict[int, Any] = {
 
 
 def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
-    """The messages, schemas and channels of a chunk.
+    """Returns the messages, schemas and channels of a chunk.
 
     Raises:
-        Damage: where the chunk's checksum, compression or content is wrong.
-        InputError: for a chunk of a few bytes that unpack to a flood.
+        Damage: if the chunk's checksum, compression or content is wrong.
+        InputError: for a small chunk that decompresses to a flood (decompression bomb).
     """
     try:
         file.seek(ref.offset)
@@ -84,7 +85,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
 
 
 class _Flood(Exception):
-    """A chunk of a few bytes that unpacks to a flood."""
+    """A small chunk that decompresses to a flood."""
 
 
 def _decompressed(chunk: Any) -> bytes:
@@ -101,7 +102,7 @@ def _decompressed(chunk: Any) -> bytes:
 
 
 def _contents(content: bytes, most: int) -> list[Any]:
-    """The messages, schemas and channels in the content of a chunk of at most ``most`` records."""
+    """Returns the messages, schemas and channels in the content of a chunk of at most ``most`` records."""
     made: list[Any] = []
     at = count = 0
     while at < len(content):
@@ -123,10 +124,10 @@ def _contents(content: bytes, most: int) -> list[Any]:
 
 
 def parsed(opcode: int, data: bytes) -> Any:
-    """A record of :data:`SMALL_RECORDS`.
+    """Returns a record of :data:`SMALL_RECORDS`.
 
     Raises:
-        Damage: where its kind is none of them; others of :data:`DAMAGE` where it is damaged.
+        Damage: if its kind is none of them. Others of :data:`DAMAGE` if it is damaged.
     """
     kind = SMALL_RECORDS.get(opcode)
     if kind is None:

@@ -1,4 +1,4 @@
-"""Reads the MCAP container so that damage costs no more than the chunk that holds it."""
+"""Reads the MCAP container so that damage affects only its own chunk."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 _MAX_RECORD = 1 << 26
-"""Bytes of a schema, a channel or another small record."""
+"""Maximum bytes of a schema, a channel or another small record."""
 _MAX_NAMED = 1 << 20
-"""Bytes of a metadata record that the index names: it may name the same one many times."""
+"""Maximum bytes of a metadata record that the index names: it may name the same one many times."""
 _MAX_METADATA = 1 << 10
-"""Metadata records that the index may name: our recorder writes a few."""
+"""Maximum metadata records that the index may name: our recorder writes a few."""
 
 
 @dataclass
@@ -41,9 +41,9 @@ class Container:
     """The content of a recording, without its messages.
 
     Attributes:
-        complete: whether the file was closed properly.
-        cut_at: the byte from which on nothing can be read, where it was not.
-        counts: messages by channel.
+        complete: True if the file was closed properly.
+        cut_at: if it was not, the first byte that cannot be read.
+        counts: number of messages by channel.
     """
 
     path: Path
@@ -71,11 +71,10 @@ class Container:
 
 
 def open_container(path: Path) -> Container:
-    """Reads the container of a file: from its index, or by walking from record to record where that is
-    missing.
+    """Reads the container of a file from its index. If that is missing, walks from record to record.
 
     Raises:
-        InputError: where the file is missing, empty or no MCAP file.
+        InputError: if the file is missing, empty or not an MCAP file.
     """
     with open_file(path) as file:
         start = file.read(len(MAGIC))
@@ -89,7 +88,7 @@ def open_container(path: Path) -> Container:
 
 
 def check_version(container: Container) -> None:
-    """Raises InputError if a recording is of a later version, or states none that is a number."""
+    """Raises InputError if a recording is of a later version, or its version is not a number."""
     stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
     if not (stated.isdecimal() and stated.isascii()):
         what, mend = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
@@ -122,7 +121,7 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
         _add_indexed(found, record, file, size)
     end = 0
     for ref in sorted(found.chunks, key=lambda ref: ref.offset):
-        # An index that names one chunk a thousand times would have it read as often.
+        # An index that names one chunk a thousand times would cause a thousand reads.
         if ref.offset < end or ref.offset + ref.length > size:
             raise Damage("the index names chunks that overlap or are not there")
         end = ref.offset + ref.length
@@ -152,7 +151,7 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
 
 
 def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
-    """Reads the container of a file without its end: every whole record from the start."""
+    """Reads the container of a file without its end: every complete record from the start."""
     found = Container(path)
     at = len(MAGIC)
     while at + RECORD.size <= size:
@@ -193,7 +192,7 @@ def _add_walked(found: Container, file: BinaryIO, offset: int, length: int) -> N
 
 
 def _read_record(file: BinaryIO, size: int) -> Any:
-    """The record at the file's position."""
+    """Returns the record at the file's position."""
     opcode, length = RECORD.unpack(file.read(RECORD.size))
     if length > min(size, _MAX_NAMED):
         raise Damage("a record states more bytes than the file has")
@@ -201,7 +200,7 @@ def _read_record(file: BinaryIO, size: int) -> Any:
 
 
 def _records_of(data: bytes) -> list[Any]:
-    """The records of a summary section that are of use here."""
+    """Returns the records of a summary section that are used here."""
     made, at = [], 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)

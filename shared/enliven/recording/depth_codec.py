@@ -1,9 +1,9 @@
-"""Lossless compression of one depth image, each frame on its own.
+"""Lossless compression of depth images, each frame separately.
 
-Depth cameras quantise: a Kinect frame of 300,000 pixels holds a few hundred different distances. Each
-distance is replaced by its rank among those that occur and predicted from its neighbours; the residuals are
-packed with zstd. Archives of earlier versions, packed by an arithmetic coder conditioned on the neighbours,
-are read too. :data:`LAYOUT` states every byte; it is written into each recording beside the data.
+Depth cameras quantise: a Kinect frame of 300,000 pixels contains a few hundred different distances. Each
+distance is replaced by its rank among the occurring values and predicted from its neighbours. The residuals
+are packed with zstd. Archives of earlier versions, packed by an arithmetic coder conditioned on the
+neighbours, can be read, too. :data:`LAYOUT` specifies every byte. It is written into each recording.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from enliven.recording.depth_entropy import unpack_levels
 from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
 
 MAX_PIXELS = 1 << 24
-"""Pixels of the largest image that a decoder allocates for by default: 4096 x 4096, above every depth
-camera's."""
+"""Maximum pixels that a decoder allocates for by default: 4096 x 4096, more than every depth camera has."""
 
 
 LAYOUT = """\
@@ -76,11 +75,11 @@ _ARITHMETIC = 1
 
 
 def encode_depth(depth: UInt16, level: int = 1) -> bytes:
-    """The payload of one image.
+    """Returns the payload of one image.
 
     Args:
-        depth: (H, W) uint16, any values; 0 where nothing is known.
-        level: of zstd, 1 (live) to 22 (archives).
+        depth: (H, W) uint16, any values; 0 for unknown depth.
+        level: zstd level, 1 (live) to 22 (archives).
 
     Raises:
         InputError: for another type or shape, an empty image, or one above :data:`MAX_PIXELS`.
@@ -97,7 +96,7 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
 
 
 def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
-    """(H, W) uint16, exactly the image that :func:`encode_depth` was given.
+    """Returns (H, W) uint16, exactly the image that :func:`encode_depth` was given.
 
     Raises:
         InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
@@ -132,8 +131,7 @@ def _checked_shape(depth: UInt16) -> tuple[int, int]:
 
 
 def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
-    """Returns (L,) the table of levels (empty where it saves nothing), and (65536,) the level of each
-    value."""
+    """Returns (L,) the table of levels (empty if it saves nothing), and (65536,) the level of each value."""
     seen = mark_levels(depth)
     levels = np.flatnonzero(seen).astype(np.uint16)
     if not levels.size or 2 * levels.size > int(levels[-1]) - int(levels[0]) + 1:
@@ -164,7 +162,7 @@ def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int
 
 
 def _unpacked(packed: bytes, size: int) -> UInt8:
-    """(size,) the content of a zstd frame that must state exactly this size."""
+    """Returns (size,) the content of a zstd frame that must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:
@@ -178,7 +176,7 @@ def _unpacked(packed: bytes, size: int) -> UInt8:
 
 
 def _values(table: UInt8, levels: int) -> UInt16:
-    """(P + 1,) the millimetres of each level."""
+    """Returns (P + 1,) the millimetres of each level."""
     if not levels:
         return np.arange(65536, dtype=np.uint16)
     steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)

@@ -1,11 +1,11 @@
-"""The decoder of depth images in an arithmetic code, as earlier versions packed them for archives.
+"""The decoder of depth images in an arithmetic code, the archive format of earlier versions.
 
-Every level is told apart by yes-no questions (a hole? as predicted? above or below? by how much?), and the
-odds of each answer are learned from the answers so far in the same surroundings. The coder is the
-carry-free one with 32-bit bounds (Witten, Neal and Cleary, CACM 30(6), 1987, narrowed to two symbols).
+Every level is coded as answers to yes-no questions (a hole? as predicted? above or below? by how much?). The
+probability of each answer is learned from previous answers in the same context. The coder is the carry-free
+one with 32-bit bounds (Witten, Neal and Cleary, CACM 30(6), 1987, reduced to two symbols).
 
-Unsigned values pass through np.int64 first: compiled, int() of them is unsigned, and unsigned with signed
-makes a float.
+Unsigned values are first converted to np.int64. In compiled code int() of them is unsigned, and mixing
+unsigned with signed gives a float.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from enliven.kernels import njit
 from enliven.recording.depth_kernels import predict_level
 
 SURROUNDINGS = 12 * 625
-"""Surroundings of a pixel that are told apart: 12 sizes of recent errors, 5^4 shapes of the neighbours."""
+"""Number of contexts of a pixel: 12 sizes of recent errors, 5^4 shapes of the neighbours."""
 QUESTIONS = 15
-"""Questions about a residual with odds by surroundings; the answers of large residuals go on elsewhere."""
+"""Number of questions about a residual with probabilities per context. Large residuals use further ones."""
 UNARY = 12
-"""Sizes of a residual that have a question each; larger ones are coded in bits. Part of
+"""Sizes of a residual with a separate question each. Larger ones are coded in bits. Part of
 :data:`~enliven.recording.depth_codec.LAYOUT`."""
 _HOLES = 64
 """States of the question "hole?": one for each known-or-not pattern of six neighbours, 2^6."""
@@ -29,16 +29,16 @@ _LARGE = _HOLES + SURROUNDINGS * QUESTIONS
 _TABLE = _LARGE + 20
 _STATES = _TABLE + 4 * QUESTIONS
 _PATIENCE = 60
-"""Answers after which a question's odds adapt no slower: they keep following a changing image. Part of the
-layout."""
+"""Number of answers after which a question's probability adapts at a constant rate, so that it follows a
+changing image. Part of the layout."""
 
 _RATES = np.array([round(65536 / (n + 1.6)) for n in range(_PATIENCE + 1)], np.int64)
-"""(61,) how far (of 65536) an odd moves to the n-th answer."""
+"""(61,) adaptation rate (of 65536) of a probability at the n-th answer."""
 
 
 @njit(cache=True, nogil=True)
 def _learn(states: AnyArray, at: int, bit: int) -> None:
-    """Moves the odds of a question towards the answer; the low byte of a state counts the answers."""
+    """Moves the probability of a question towards the answer. The low byte of a state counts the answers."""
     state = int(states[at])
     odds, count = state >> 8, state & 255
     odds += ((65535 * bit - odds) * _RATES[count]) >> 16
@@ -48,7 +48,7 @@ def _learn(states: AnyArray, at: int, bit: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
-    """Decode one answer. ``coder`` is (4,) int64: low bound, high bound, bytes read, the value between."""
+    """Decodes one answer. ``coder`` is (4,) int64: low bound, high bound, bytes read, the value between."""
     low, high, value = coder[0], coder[1], coder[3]
     width = high - low
     middle = low + (width >> 16) * odds + (((width & 0xFFFF) * odds) >> 16)
@@ -68,7 +68,7 @@ def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _ask(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
-    """Decode one answer with the odds of a state."""
+    """Decodes one answer with the probability of a state."""
     bit = _get(coder, data, int(states[at]) >> 8)
     _learn(states, at, bit)
     return int(bit)
@@ -81,7 +81,7 @@ def _shape(difference: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
-    """The index of a pixel's surroundings, 0..SURROUNDINGS-1."""
+    """Returns the index of a pixel's context, 0..SURROUNDINGS-1."""
     size = 0
     while size < 11 and recent >> size > 0:
         size += 1
@@ -91,7 +91,7 @@ def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
-    """Decode a residual: zero? negative? then the size, one by one and then in bits."""
+    """Decodes a residual: zero? negative? then the size, one by one and then in bits."""
     if _ask(coder, data, states, base):
         return 0
     negative = _ask(coder, data, states, base + 1)
@@ -109,7 +109,7 @@ def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
-    """Decode the ascending (P + 1,) ``values``; a step is expected to be as the former."""
+    """Decodes the ascending (P + 1,) ``values``. Each step is predicted to equal the previous one."""
     former, size = 1, 0
     for level in range(1, values.size):
         r = _residual(coder, data, states, _TABLE + size * QUESTIONS)
@@ -124,7 +124,7 @@ def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) 
 
 @njit(cache=True, nogil=True)
 def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
-    """Decode (H, W) ``depth``, with the value of each level; False where the data make no image."""
+    """Decodes (H, W) ``depth``, with the value of each level. Returns False for invalid data."""
     height, width = depth.shape
     count = values.size - 1
     rows, errors = np.zeros((3, width + 4), np.int64), np.zeros((2, width + 4), np.int64)
@@ -155,12 +155,12 @@ def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, sta
 
 @njit(cache=True, nogil=True)
 def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> bool:
-    """Fill (H, W) ``depth`` from packed bytes; False where they are not those of an image.
+    """Fills (H, W) ``depth`` from packed bytes. Returns False if they are not a valid image.
 
     Args:
-        data: the packed bytes; zeros follow after their end.
-        values: (P + 1,) the millimetres of each level; written where they are in the data.
-        tabled: whether the values are in the data.
+        data: the packed bytes. Zeros follow after their end.
+        values: (P + 1,) the millimetres of each level. Overwritten if they are in the data.
+        tabled: True if the values are in the data.
         depth: (H, W), written.
     """
     states = np.full(_STATES, 32768 << 8, np.int32)

@@ -1,7 +1,7 @@
-"""The compiled loops of the depth codec: which levels occur, and residuals of the LOCO-I prediction.
+"""The compiled loops of the depth codec: occurring levels, and residuals of the LOCO-I prediction.
 
 LOCO-I: Weinberger, Seroussi and Sapiro, "The LOCO-I lossless image compression algorithm", IEEE TIP 9(8),
-2000, equation 1 (the median edge detector); here over levels of depth, with holes kept apart.
+2000, equation 1 (the median edge detector). Here it is applied to levels of depth, with holes kept separate.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def mark_levels(depth: UInt16) -> Bool:
-    """(65536,) whether a value other than 0 occurs in the (H, W) image."""
+    """Returns (65536,) flags of the values other than 0 that occur in the (H, W) image."""
     seen = np.zeros(65536, np.bool_)
     for value in depth.ravel():
         seen[value] = True
@@ -24,7 +24,7 @@ def mark_levels(depth: UInt16) -> Bool:
 
 @njit(cache=True, nogil=True)
 def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
-    """The level expected from the neighbours, of which 0 is unknown."""
+    """Returns the level predicted from the neighbours. A neighbour of 0 is unknown."""
     if w != 0 and n != 0:
         if nw == 0:
             return (w + n) >> 1
@@ -41,7 +41,7 @@ def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
 
 @njit(cache=True, nogil=True)
 def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
-    """(1 or 2, H, W) low and, above 255 levels, high bytes of the residuals of an (H, W) image.
+    """Returns (1 or 2, H, W) low and, above 255 levels, high bytes of the residuals of an (H, W) image.
 
     Args:
         depth: (H, W) millimetres.
@@ -79,10 +79,10 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def restore_image(planes: UInt8, values: UInt16, count: int, depth: UInt16) -> bool:
-    """Fill (H, W) ``depth`` from (1 or 2, H, W) residuals; False where a residual is outside 0..count.
+    """Fills (H, W) ``depth`` from (1 or 2, H, W) residuals. Returns False if a residual is outside 0..count.
 
     Args:
-        planes: low bytes, and high bytes where there are more than 255 levels.
+        planes: low bytes, and high bytes if there are more than 255 levels.
         values: (count + 1,) the millimetres of each level.
         count: the number of levels P.
         depth: (H, W), written.

@@ -1,4 +1,4 @@
-"""Frames to the bytes of a recording's messages and back, exactly."""
+"""Converts frames to the bytes of a recording's messages and back, exactly."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ _SEQUENCE = struct.Struct("<q")
 _VERSION = 1
 """First byte of a depth message: the version of its layout."""
 _POSE = 1
-"""Flag of a depth message that holds world_from_camera."""
+"""Flag of a depth message that contains world_from_camera."""
 _COLOUR = 2
-"""Flag of a depth message that holds a colour image."""
+"""Flag of a depth message that contains a colour image."""
 _COUNTED = 4
-"""Flag of a depth message that holds a sequence number."""
+"""Flag of a depth message that contains a sequence number."""
 _MOST_COUNTED = 1 << 63
-"""Images that the layout can count: the sequence number is a signed 64-bit integer; a larger one is left
-out."""
+"""Limit of the sequence number, a signed 64-bit integer in the layout. Larger ones are left out."""
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
-    """The message of a depth frame; ``level`` is that of ``encode_depth``."""
+    """Returns the message of a depth frame. ``level`` is that of ``encode_depth``."""
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
     count = frame.sequence
@@ -51,10 +50,10 @@ def pack_depth(frame: DepthFrame, level: int) -> bytes:
 
 
 def unpack_depth(data: bytes) -> DepthFrame:
-    """The depth frame of a message.
+    """Returns the depth frame of a message.
 
     Raises:
-        InputError: where the bytes are not those of a depth frame, or are of a later version.
+        InputError: if the bytes are not a depth frame, or of a later version.
     """
     if not data or data[0] < _VERSION:
         raise _damaged("it does not begin like one")
@@ -131,13 +130,13 @@ _bodies_decoder = msgspec.json.Decoder(_BodiesMessage)
 
 
 def pack_bodies(frame: BodyFrame) -> bytes:
-    """The JSON message of a body frame; float64 in the fewest digits that restore it exactly."""
+    """Returns the JSON message of a body frame, with float64 in the fewest digits that restore it exactly."""
     bodies = [_body_fields(body) for body in frame.bodies]
     return msgspec.json.encode({"time_ns": frame.time_ns, "sensor": frame.sensor, "bodies": bodies})
 
 
 def _body_fields(body: Body) -> dict[str, Any]:
-    """Returns the fields of a body as JSON takes them."""
+    """Returns the fields of a body in the types of JSON."""
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),
@@ -153,10 +152,10 @@ def _body_fields(body: Body) -> dict[str, Any]:
 
 
 def unpack_bodies(data: bytes) -> BodyFrame:
-    """The body frame of a message.
+    """Returns the body frame of a message.
 
     Raises:
-        InputError: where the bytes are not those of a body frame.
+        InputError: if the bytes are not a body frame.
     """
     try:
         message = _bodies_decoder.decode(data)
@@ -179,7 +178,7 @@ def _body(message: _BodyMessage) -> Body:
 
 
 def _shaped(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
-    """``values`` as float64 of this shape (None becomes not-a-number)."""
+    """Returns ``values`` as float64 of this shape (None becomes NaN)."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
         raise InputError(f"an array of a body is {array.shape}, expected {shape}", where="body frame")

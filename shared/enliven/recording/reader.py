@@ -1,4 +1,4 @@
-"""Reads a recording: frames in the order of time, from a whole or a cut file."""
+"""Reads a recording: frames ordered by time, from a complete or a truncated file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 
 _MOST_HELD = 1 << 29
-"""Bytes of messages that wait for earlier ones: of our recorder's chunks, of 1 MiB each, two may overlap."""
+"""Maximum bytes of messages that wait for earlier ones: two of our recorder's chunks of 1 MiB may overlap."""
 
 
 class RecordingWarning(UserWarning):
@@ -30,7 +30,7 @@ class RecordingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """One topic of a recording: its schema, the encoding of its messages and how many there are."""
+    """One topic of a recording: its schema, the encoding of its messages and their number."""
 
     name: str
     schema: str
@@ -40,14 +40,14 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What a recording holds.
+    """The content of a recording.
 
     Attributes:
         sensors: the identities of the sensors, sorted.
         topics: by name.
         start_ns, end_ns: the sensor's clock at the first and the last message.
-        metadata: the named records of words.
-        complete: False where the program that wrote it was killed.
+        metadata: the named records of texts.
+        complete: False if the program that wrote it was killed.
     """
 
     sensors: tuple[str, ...]
@@ -66,12 +66,12 @@ class RecordingInfo:
 class Recording:
     """An MCAP file that a :class:`~enliven.recording.recorder.Recorder` wrote.
 
-    A file that was cut off yields every message of its whole chunks, and one :class:`RecordingWarning`
-    when it is opened. A damaged chunk is skipped; the first one met gives one :class:`RecordingWarning`.
-    ``problems`` lists all that was said.
+    A truncated file yields every message of its complete chunks, and gives one :class:`RecordingWarning` when
+    it is opened. A damaged chunk is skipped. The first one gives one :class:`RecordingWarning`. ``problems``
+    lists all reported problems.
 
     Raises:
-        InputError: where the file is missing, empty, of a later version, or not a recording of enliven.
+        InputError: if the file is missing, empty, of a later version, or not a recording of enliven.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -84,34 +84,35 @@ class Recording:
         self._report_cut()
 
     def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
-        """Yields depth frames and sensor-tracked bodies in the order of time; ``file`` is the recording's,
-        open.
+        """Yields depth frames and sensor-tracked bodies ordered by time. ``file`` is the opened recording.
 
-        ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
+        ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
         """
         return map(lambda said: frame_of(said[0], said[2]), self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
 
     def truth(self) -> Iterator[BodyFrame]:
-        """Yields the true bodies of a synthetic recording, in the order of time."""
+        """Yields the true bodies of a synthetic recording, ordered by time."""
         for _, _, data in self.in_order({TRUTH_TOPIC}):
             yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Yields (time in ns, bytes) of every message of a topic, in the order of time."""
+        """Yields (time in ns, bytes) of every message of a topic, ordered by time."""
         for _, time_ns, data in self.in_order({topic}):
             yield time_ns, data
 
     def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yields (topic, time in ns, bytes) of every message of some topics, in the order of time, then of
-        the file.
+        """Yields (topic, time in ns, bytes) of all messages of some topics, by time, then by file position.
 
-        ``file`` is the recording's, open.
+        ``file`` is the opened recording.
         """
         for topic, message in self._messages(topics, file):
             yield topic, message.log_time, message.data
 
     def _messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
-        """(topic, message) ordered by time; chunks may overlap, messages of equal time keep their order."""
+        """Yields (topic, message) ordered by time.
+
+        Chunks may overlap; messages of equal time keep their order.
+        """
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
         waiting: list[tuple[int, int, Any]] = []
@@ -165,10 +166,10 @@ class Recording:
 
 
 def frame_of(topic: str, data: bytes) -> Frame:
-    """The frame of a message.
+    """Returns the frame of a message.
 
     Raises:
-        InputError: where it is none.
+        InputError: if it is not a frame.
     """
     return unpack_depth(data) if topic == DEPTH_TOPIC else unpack_bodies(data)
 

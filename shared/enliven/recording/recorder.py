@@ -1,4 +1,4 @@
-"""Writes a recording that can be read up to the moment at which the program was killed."""
+"""Writes a recording that stays readable up to the moment at which the program is killed."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ from enliven.recording.schemas import MessageKind
 from enliven.recording.whole_file import WholeFile
 
 _CHUNK_BYTES = 1 << 20
-"""Bytes of a chunk before compression, at most: larger chunks compress no better."""
+"""Maximum bytes of a chunk before compression: larger chunks compress no better."""
 _FIRST_CHUNK_BYTES = 1 << 12
-"""Bytes of a live recording's first chunk; each one that is filled doubles the next, so that a recording
-that ends early, by a full disk for example, is not one lost chunk."""
+"""Bytes of a live recording's first chunk. Each full chunk doubles the size of the next, so that a
+recording that ends early, by a full disk for example, is not one lost chunk."""
 LATEST_NS = (1 << 63) - 1
-"""The latest time of a message: nanoseconds are signed 64-bit numbers everywhere but in MCAP."""
+"""The latest time of a message: nanoseconds are signed 64-bit numbers everywhere except in MCAP."""
 
 
 class Recorder:
-    """Writes frames and messages into an MCAP file, for use in a ``with`` statement.
+    """Writes frames and messages into an MCAP file. Use it in a ``with`` statement.
 
-    The chunk in progress is closed and handed to the operating system with the first message that comes
-    ``sync_seconds`` after the last time, so that a killed program loses no more. Where messages may stop
-    for long, call :meth:`sync` now and then. Chunks are small at first, and schemas and channels are written
-    twice, so that one damaged chunk costs no more than its messages. With ``sync_seconds=math.inf`` the bytes
-    of the file depend on the messages alone, and all chunks are large.
+    The current chunk is closed and passed to the operating system with the first message after
+    ``sync_seconds``. So a killed program loses no more. If messages may pause for long, call :meth:`sync`
+    from time to time. Chunks are small at first, and schemas and channels are written twice, so that a
+    damaged chunk costs only its own messages. With ``sync_seconds=math.inf`` the bytes of the file depend on
+    the messages alone, and all chunks are large.
 
-    What was written before a write that failed (a full disk) stays readable: the file ends after its last
-    whole record, and every further write raises the same error.
+    After a failed write (a full disk) everything before stays readable. The file ends after its last complete
+    record, and every further write raises the same error.
 
     Args:
-        path: the file to make.
+        path: the file to create.
         compression_level: that of ``encode_depth``; 1 live, 19 for archives.
-        sync_seconds: wall time between two hand-overs to the operating system.
-        overwrite: replace an existing file, as soon as the beginning of the new one is written; until then,
-            and where that fails, it is untouched.
+        sync_seconds: wall time between two syncs to the operating system.
+        overwrite: replaces an existing file as soon as the beginning of the new one is written. Until then,
+            and if that fails, the existing file is untouched.
 
     Raises:
-        InputError: where the file exists already.
-        ResourceError: where it cannot be made or written.
+        InputError: if the file already exists.
+        ResourceError: if it cannot be created or written.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Recorder:
         """Opens the file and writes its beginning.
 
         Args:
-            begun: the file, or an unfinished one that takes its place.
+            begun: the file, or a temporary one that will replace it.
         """
         self._file = _created(begun, overwrite)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)  # type: ignore[arg-type]
@@ -116,11 +116,11 @@ class Recorder:
         time_ns: int,
         sensor: str = "",
     ) -> None:
-        """Appends a message of any kind; schema and channel are written when they first occur.
+        """Appends a message of any kind. Schema and channel are written when they first occur.
 
         Raises:
             InputError: for a time before 0 or after :data:`LATEST_NS`.
-            ResourceError: where it cannot be written.
+            ResourceError: if it cannot be written.
         """
         kind = MessageKind(schema_name, schema_encoding, schema_text, message_encoding)
         self._write(topic, kind, sensor, data, time_ns)
@@ -130,18 +130,18 @@ class Recorder:
         self._carry_out(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:
-        """The file's descriptor, for :func:`os.fsync`; -1 once it is closed."""
+        """Returns the file's descriptor, for :func:`os.fsync`. -1 once it is closed."""
         return -1 if self._file.closed else self._file.fileno()
 
     def sync(self) -> None:
-        """Hands everything written so far to the operating system, as whole chunks."""
+        """Passes everything written to the operating system, as complete chunks."""
         self._carry_out(self._writer.flush)
         self._repeat()
         self._filled = 0
         self._synced = time.monotonic()
 
     def close(self) -> None:
-        """Writes the index and closes the file; a second call, or one after a failed write, does nothing."""
+        """Writes the index and closes the file. A second call, or one after a failed write, does nothing."""
         if self._file.closed:
             return
         self._carry_out(self._writer.finish)
@@ -167,7 +167,7 @@ class Recorder:
             self.sync()
 
     def _check_time(self, time_ns: int, what: str) -> None:
-        """Raises InputError for a time outside of MCAP's range or this project's."""
+        """Raises InputError for a time outside the range of MCAP or of this project."""
         if not 0 <= time_ns <= LATEST_NS:
             raise InputError(
                 f"the time {time_ns} ns is outside 0..2^63",
@@ -176,7 +176,7 @@ class Recorder:
             )
 
     def _carry_out(self, step: Any, *arguments: Any) -> None:
-        """Runs a step of the writer; an OSError ends the recording."""
+        """Runs a step of the writer. An OSError ends the recording."""
         if self._failure is not None:
             raise self._failure
         try:
@@ -187,7 +187,7 @@ class Recorder:
             raise self._failure from None
 
     def _repeat(self) -> None:
-        """Writes new schemas and channels once more, beside the chunk that holds them."""
+        """Writes new schemas and channels a second time, outside the chunk that contains them."""
         if self._unrepeated:
             builder = RecordBuilder()
             for record in self._unrepeated:
@@ -196,8 +196,10 @@ class Recorder:
             self._carry_out(self._file.write, builder.end())
 
     def _channel(self, topic: str, kind: MessageKind, sensor: str) -> int:
-        """Returns the id of the channel of a topic, kind and sensor; it is registered at its first
-        message."""
+        """Returns the id of the channel of a topic, kind and sensor.
+
+        It is registered at its first message.
+        """
         key = (topic, kind.schema_name, sensor)
         if key not in self._channels:
             schema = (kind.schema_name, kind.schema_encoding, kind.schema_text)
@@ -213,7 +215,7 @@ class Recorder:
         return self._channels[key]
 
     def _note(self, record: Schema | Channel) -> None:
-        """Keeps a schema or channel for repetition; an archive is complete, and repeats none."""
+        """Stores a schema or channel for repetition. An archive is complete, and repeats none."""
         if self._live:
             self._unrepeated.append(record)
 

@@ -1,4 +1,4 @@
-"""Copies the whole messages of a cut or damaged recording into a new one."""
+"""Copies the undamaged messages of a truncated or damaged recording into a new one."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x0
 """The beginning of a chunk: opcode, a length below 2^40, 28 bytes of times, size and checksum, its
 compression."""
 _FIXED_BYTES = 36
-"""Bytes of a chunk's fields but for its compression and its data: times, two sizes, checksum."""
+"""Bytes of a chunk's fields without its compression and its data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
 _CHUNK_HEAD_BYTES = 64
-"""Bytes of a chunk before its data, at most: blocks overlap by that, so that no head is cut."""
+"""Maximum bytes of a chunk before its data. Blocks overlap by this, so that no head is cut."""
 _BLOCK_BYTES = 1 << 20
-"""Bytes that are searched at once for chunks; an unreadable sector hides the heads of one such block."""
+"""Bytes of a block that is searched for chunks. An unreadable sector hides the heads of one such block."""
 _BETWEEN = {
     Opcode.MESSAGE_INDEX,
     Opcode.METADATA,
@@ -39,7 +39,7 @@ _BETWEEN = {
     Opcode.CHANNEL,
     Opcode.ATTACHMENT,
 }
-"""The records that stand between chunks; other bytes there belonged to a chunk."""
+"""The records that are allowed between chunks. Other bytes there belonged to a chunk."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class LostSpan:
     """A span of time in which some or all messages were lost.
 
     Attributes:
-        start_ns, end_ns: the sensor's clock; None where nothing whole lies before, or after.
+        start_ns, end_ns: the sensor's clock. None if no undamaged chunk precedes, or follows.
     """
 
     start_ns: int | None
@@ -56,13 +56,14 @@ class LostSpan:
 
 @dataclass
 class Recovery:
-    """The result of a recovery: what was copied and what was lost.
+    """The result of a recovery: copied and lost messages.
 
     Attributes:
-        kept, lost: messages by topic; ``lost`` only where the recording's own index says how many there were.
+        kept, lost: number of messages by topic. ``lost`` is known only if the recording's own index states
+        the total.
         spans: the times in which messages were lost, in the order of the file.
-        cut: whether the recording was never closed, so that messages after its last chunk are unknown.
-        nameless: whole messages left out because no description of their topic is left.
+        cut: True if the recording was never closed, so that messages after its last chunk are unknown.
+        nameless: number of undamaged messages left out because the description of their topic is lost.
         first_ns: the first time of the copied messages, without those at time 0.
     """
 
@@ -75,12 +76,12 @@ class Recovery:
 
 
 def recover(path: Path, output: Path) -> Recovery:
-    """Copies every whole message of ``path`` into the new recording ``output``.
+    """Copies every undamaged message of ``path`` into the new recording ``output``.
 
     Raises:
-        InputError: if ``path`` is not a recording, is of a later version or has no whole message, or if
+        InputError: if ``path`` is not a recording, is of a later version or has no undamaged message, or if
             ``output`` exists.
-        ResourceError: where ``output`` cannot be written; it is removed then.
+        ResourceError: if ``output`` cannot be written. It is then removed.
     """
     container = _container_of(path)
     if container.profile not in (PROFILE, ""):
@@ -89,7 +90,7 @@ def recover(path: Path, output: Path) -> Recovery:
     found = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidates(container, file)
-        for _, records in _whole(file, refs):  # the descriptions may stand behind the messages
+        for _, records in _whole(file, refs):  # descriptions may follow their messages
             for record in records or ():
                 if not isinstance(record, Message):
                     container.add(record)
@@ -108,7 +109,7 @@ def recover(path: Path, output: Path) -> Recovery:
 
 
 def _container_of(path: Path) -> Container:
-    """Returns the container of a recording; an empty one if its index lies where the device fails."""
+    """Returns the container of a recording. Empty if its index lies in an unreadable part of the device."""
     try:
         return open_container(path)
     except ResourceError:
@@ -118,7 +119,7 @@ def _container_of(path: Path) -> Container:
 def _copy(
     container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, found: Recovery
 ) -> None:
-    """Copies every chunk's messages, and records the spans where some are missing."""
+    """Copies every chunk's messages, and records the spans with missing ones."""
     for name, values in container.metadata.items():
         if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
@@ -154,8 +155,7 @@ def _put(container: Container, message: Any, recorder: Recorder, found: Recovery
 
 
 def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
-    """Returns every place of a chunk in the file's order: from the index, and wherever a chunk seems to
-    begin."""
+    """Returns all possible chunks in the file's order: those of the index, and those found by their head."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
     for first, data in _blocks(file, size):
@@ -172,9 +172,9 @@ def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
 
 
 def _blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-    """Yields the offset and the bytes of overlapping blocks; what a failing device does not give is left out.
+    """Yields the offset and the bytes of overlapping blocks. Unreadable blocks are left out.
 
-    The file is not mapped into memory: a failing device would end the process there.
+    The file is not memory-mapped, because a failing device would then kill the process.
     """
     for offset in range(0, size, _BLOCK_BYTES):
         with contextlib.suppress(ResourceError):
@@ -183,8 +183,10 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
-    """Yields every chunk with its records, None where it is damaged; a false match inside another chunk is
-    left out."""
+    """Yields every chunk with its records, None if it is damaged.
+
+    A false match inside another chunk is left out.
+    """
     end = 0
     for ref in refs:
         if ref.offset < end:
@@ -199,7 +201,7 @@ def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, lis
 
 
 def _only_small(file: BinaryIO, start: int, end: int) -> bool:
-    """Returns whether only small records stand between two offsets of the file."""
+    """Returns True if only small records lie between two offsets of the file."""
     at = start
     while at + _HEAD_BYTES <= end:
         file.seek(at)
@@ -214,7 +216,7 @@ def _only_small(file: BinaryIO, start: int, end: int) -> bool:
 
 
 def _stated(container: Container) -> Counter[str]:
-    """Returns the number of messages by topic that the recording's own index states."""
+    """Returns the number of messages by topic according to the recording's own index."""
     counts: Counter[str] = Counter()
     for number, count in container.counts.items():
         if number in container.channels:

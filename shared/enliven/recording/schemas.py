@@ -1,4 +1,4 @@
-"""The schemas and layouts of a recording's messages, as every file states them."""
+"""The schemas and layouts of a recording's messages, which every file contains."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from enliven.recording.depth_codec import LAYOUT as DEPTH_CODEC_LAYOUT
 
 PROFILE = "enliven"
-"""The MCAP profile: files that say so have the topics and layouts below."""
+"""The MCAP profile: files with it have the topics and layouts below."""
 
 RECORDING_VERSION = 1
-"""Version of all topics and layouts, those of the wire included. A new topic or an added field needs no new
-version; a changed meaning of written bytes does."""
+"""Version of all topics and layouts, including those of the wire. A new topic or an added field needs no
+new version. A changed meaning of written bytes does."""
 ABOUT_NAME = "about"
 """Name of the metadata record that describes the file."""
 VERSION_KEY = "version"
@@ -108,4 +108,4 @@ ABOUT = {
     "time": "log time is the sensor's own clock in nanoseconds",
     "units": "metres; world right-handed, +Y up, floor at y = 0",
 }
-"""The metadata record that tells a human who opens the file what is in it."""
+"""The metadata record that describes the content for humans."""

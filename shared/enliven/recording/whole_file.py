@@ -1,4 +1,4 @@
-"""A file of whole records only: a record that did not fit is removed again."""
+"""A file of complete records only: a record that did not fit is removed again."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from pathlib import Path
 
 
 class WholeFile:
-    """A file for writing, as :class:`mcap.writer.Writer` needs one; every write goes to the operating system.
+    """A file for writing, in the form that :class:`mcap.writer.Writer` needs.
 
-    After a write that failed, half of it on the disk, the file ends where it did before, and is closed.
+    Every write goes to the operating system.
+
+    After a failed write, which may be half on the disk, the file is truncated to its previous end and closed.
 
     Raises:
-        OSError: where the file cannot be made.
+        OSError: if the file cannot be created.
     """
 
     def __init__(self, path: Path, mode: str) -> None:
@@ -21,10 +23,10 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Continues in ``path``, where the bytes written before were moved or copied.
+        """Continues in ``path``, after the bytes written before were moved or copied there.
 
         Raises:
-            OSError: where that file cannot be opened.
+            OSError: if that file cannot be opened.
         """
         if not os.path.samestat(os.fstat(self._raw.fileno()), path.stat()):
             self._raw.close()
@@ -33,22 +35,22 @@ class WholeFile:
 
     @property
     def closed(self) -> bool:
-        """Whether nothing more can be written."""
+        """True if nothing more can be written."""
         return self._raw.closed
 
     def fileno(self) -> int:
-        """The descriptor, for :func:`os.fsync`."""
+        """Returns the descriptor, for :func:`os.fsync`."""
         return self._raw.fileno()
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Returns the number of written bytes."""
         return self._end
 
     def write(self, data: bytes) -> int:
         """Writes all of the bytes, or none of them.
 
         Raises:
-            OSError: where the disk is full or the like; the file is closed then.
+            OSError: if the disk is full, for example. The file is then closed.
         """
         left = memoryview(data)
         try:
@@ -64,11 +66,11 @@ class WholeFile:
         """Does nothing: no bytes are buffered here."""
 
     def close(self) -> None:
-        """Closes the file; a second call does nothing."""
+        """Closes the file. A second call does nothing."""
         self._raw.close()
 
     def _take_back(self) -> None:
-        """Truncates the file to its last whole record."""
+        """Truncates the file to its last complete record."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._raw.fileno(), self._end)
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Reads the sample characters, which lie beside this file and are made by scripts/make_samples.py."""
+"""Reads the sample characters, which are stored next to this file and made by scripts/make_samples.py."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ STEP = 2.0**-14
 def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     """Returns a sample mesh with coloured vertices that stands on y = 0, in metres.
 
-    chair: an armchair 1.75 m tall, one closed surface, that faces +Z. A person who stands at the origin has
-        the legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
-    lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person who
-        stands at the origin facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
+    chair: an armchair 1.75 m tall, one closed surface, that faces +Z. A person standing at the origin has the
+        legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
+    lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person standing
+        at the origin and facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
     cactus: a saguaro 1.3 m tall in a pot, its own mirror image across x = 0, with two arms and two eyes.
 
     Raises:
@@ -46,9 +46,9 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
 
 
 def cactus_project() -> Project:
-    """Returns a project: the cactus as a puppet that a tracked person moves, and the take of its poses.
+    """Returns a project: the cactus as a puppet that a tracked person moves, and the take of its key poses.
 
-    The performer's poses are made of directions of bones; they are not recordings.
+    The performer's poses are constructed from bone directions. They are not recordings.
     """
     from enliven.formats.project import read_project
 
@@ -56,7 +56,7 @@ def cactus_project() -> Project:
 
 
 def dancing_cactus() -> Project:
-    """Returns the project of the cactus with a motion that it plays: on a beat, from each of its poses on."""
+    """Returns the project of the cactus with a looped dance: one beat from each key pose to the next."""
     from enliven.document import Clip, PuppetLayer
 
     project = cactus_project()
@@ -68,7 +68,7 @@ def dancing_cactus() -> Project:
     turns = slerp(poses.turns[:, None], poses.turns[after, None], share[None, :, None])
     places = poses.root[:, None] + share[None, :, None] * (poses.root[after] - poses.root)[:, None]
     turns, root = turns.reshape(-1, *poses.turns.shape[1:]), places.reshape(-1, 3)
-    # It ends as it begins.
+    # The dance ends in its first pose.
     turns, root = np.concatenate([turns, poses.turns[:1]]), np.concatenate([root, poses.root[:1]])
     dance = Clip("cactus dance", poses.skeleton, turns, root, _FRAME)
     layer = PuppetLayer(dance.id, loop=True, travel=False)

@@ -1,4 +1,4 @@
-"""The wire: messages between edge and viewer, their one table of topics, and the compression of poses."""
+"""The wire protocol: messages between edge and viewer, the table of topics, and the compression of poses."""
 
 import lazy_loader
 

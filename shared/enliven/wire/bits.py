@@ -1,9 +1,9 @@
-"""Rice codes: small signed integers in few bits, any integer in bounded bits.
+"""Rice codes: small signed integers in few bits, any integer in a bounded number of bits.
 
-An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small, then written as u >> k
-ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
+An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small (zigzag). It is written as u
+>> k ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
 79-22, 1979). ``ESCAPE`` ones announce ``ESCAPE_BITS`` raw bits instead, which bounds the worst case. A column
-of numbers shares one k, the cheapest for it; ``ALL_ZERO`` in its place says that the whole column is zero.
+of numbers shares one k, the cheapest for it. ``ALL_ZERO`` in place of k means that the whole column is zero.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from enliven.arrays import Int32, UInt8
 from enliven.kernels import njit
 
 ESCAPE: Any = np.int64(12)
-"""Ones in a row that say: the number follows raw."""
+"""Number of consecutive ones that announce a raw number."""
 ESCAPE_BITS: Any = np.int64(22)
 LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
-"""The largest magnitude that can be written."""
+"""The largest magnitude that can be encoded."""
 ALL_ZERO = 15
 """The parameter of a column of zeros, which takes no further bits."""
 PARAMETER_BITS: Any = np.int64(4)
-"""What the kernels are handed is an int64: a plain int would be a type of its own."""
+"""Bits of a parameter. The kernels get an int64, since a plain int would be another type for the compiler."""
 
 
 @njit(cache=True, nogil=True)
 def best_parameter(column: Int32) -> tuple[int, int]:
-    """The cheapest Rice parameter of an (N,) column, and the bits it takes with it (parameter included)."""
+    """Returns the cheapest Rice parameter of an (N,) column, and its bits including the parameter."""
     if not column.any():
         return ALL_ZERO, PARAMETER_BITS
     best, best_cost = 0, 2**62
@@ -44,7 +44,10 @@ def best_parameter(column: Int32) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _put(out: UInt8, at: int, value: int, count: int) -> int:
-    """Write the low ``count`` bits of ``value`` at bit ``at``, most significant first; the next bit."""
+    """Writes the low ``count`` bits of ``value`` at bit ``at``, most significant first.
+
+    Returns the next bit position.
+    """
     left = count
     while left > 0:
         free = 8 - (at & 7)
@@ -58,7 +61,7 @@ def _put(out: UInt8, at: int, value: int, count: int) -> int:
 
 @njit(cache=True, nogil=True)
 def encode_columns(table: Int32) -> UInt8:
-    """Bytes of an (N, C) table of integers within +-LIMIT, column after column, zero bits at the end."""
+    """Returns the bytes of an (N, C) table of integers within +-LIMIT, by columns, padded with zero bits."""
     rows, columns = table.shape
     parameters = np.empty(columns, np.int64)
     total = 0
@@ -87,7 +90,7 @@ def encode_columns(table: Int32) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _take(data: UInt8, at: int, count: int) -> int:
-    """The ``count`` bits at bit ``at``; the caller has checked that they are there."""
+    """Returns the ``count`` bits at bit ``at``. The caller has checked that they exist."""
     value, left = 0, count
     while left > 0:
         there = 8 - (at & 7)
@@ -101,9 +104,9 @@ def _take(data: UInt8, at: int, count: int) -> int:
 
 @njit(cache=True, nogil=True)
 def decode_columns(data: UInt8, table: Int32) -> bool:
-    """Fill an (N, C) table from the bytes of :func:`encode_columns`; False where they are not such bytes.
+    """Fills an (N, C) table from the bytes of :func:`encode_columns`. Returns False for invalid bytes.
 
-    Every bit must be accounted for: too few bytes, a byte too many, or a one among the padding is refused.
+    Every bit is checked: too few bytes, an extra byte, or a one in the padding is refused.
     """
     rows, columns = table.shape
     at: Any = np.int64(0)

@@ -1,4 +1,4 @@
-"""A whole character on the wire."""
+"""The message of a whole character."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ from msgspec import Meta, Struct
 from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, expect
 
 MAX_ITERATIONS = 100
-"""Iterations a frame: 3 are usual, and a larger number from a stranger would keep a viewer busy."""
+"""Maximum iterations per frame: 3 are usual, and a stranger's larger number would keep a viewer busy."""
 MAX_STIFF = 1e6
-"""Largest weight of a hold and largest stretch, far above every useful value: a bound for a stranger's
-numbers."""
+"""Maximum weight of a hold and maximum stretch, far above useful values: limits a stranger's numbers."""
 MAX_SOLVED = 100_000
-"""Vertices of the solved mesh: 8,000 are usual, and a larger number from a stranger would keep a viewer
+"""Maximum vertices of the solved mesh: 8,000 are usual, and a stranger's larger number would keep a viewer
 busy."""
 
 
 MAX_MATERIALS = 1024
-"""Materials of a character, and textures: detailed characters have dozens."""
+"""Maximum number of materials, and of textures, of a character: detailed characters have dozens."""
 MAX_DEFINITION = 16 * 1024
-"""Characters of a material's JSON: with all of its extensions a few thousand."""
+"""Maximum length of a material's JSON: with all of its extensions it has a few thousand characters."""
 MAX_TEXTURE_BYTES = 16 * 1024 * 1024
-"""Bytes of all encoded textures of a character: those with more are sent in their vertex colours."""
+"""Maximum bytes of all encoded textures of a character. Beyond it, vertex colours are sent instead."""
 MAX_JOINT_NAME = 128
-"""Characters of a joint's name: what programs make of paths and namespaces is some 60 long."""
+"""Maximum length of a joint's name: names built from paths and namespaces have about 60 characters."""
 JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
 
 
 class SurfaceMessage(Struct, frozen=True):
     """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
 
-    Out of range is out of reason: what a stranger sends must not keep a viewer busy for ever.
+    The ranges exclude unreasonable values, so that a stranger cannot keep a viewer busy for ever.
     """
 
     iterations: Annotated[int, Meta(ge=1, le=MAX_ITERATIONS)] = 3
@@ -48,20 +47,20 @@ class SurfaceMessage(Struct, frozen=True):
 
 
 class TextureMessage(Struct, frozen=True):
-    """An encoded picture, PNG or JPEG, and the JSON of its glTF sampler; nothing is decoded on the way."""
+    """An encoded image, PNG or JPEG, and the JSON of its glTF sampler. Neither is decoded in transit."""
 
     image: Annotated[bytes, Meta(min_length=8, max_length=MAX_TEXTURE_BYTES)]
     sampler: Annotated[str, Meta(max_length=MAX_DEFINITION)] = ""
 
 
 class MaterialsMessage(Struct, frozen=True):
-    """The materials of a character's faces, as :class:`enliven.meshes.MeshMaterials` has them.
+    """The materials of a character's faces, as in :class:`enliven.meshes.MeshMaterials`.
 
     Attributes:
         definitions: JSON objects of glTF materials.
         of: (F,) int32 the material of each face; -1 for none.
-        sets: of texture coordinates.
-        uvs: (F, 3, S, 2) float32.
+        sets: number of sets of texture coordinates.
+        uvs: (F, 3, S, 2) float32 texture coordinates.
         tints: (F, 3, 4) float32, or None for white.
     """
 
@@ -78,23 +77,23 @@ class MaterialsMessage(Struct, frozen=True):
 class CharacterMessage(Struct, tag=True, frozen=True):
     """A whole character, in answer to :class:`GetState`.
 
-    Programs that do not know control points see "bones" and whole skin weights: one rigid piece.
+    Programs without support for control points read "bones" and complete skin weights: one rigid piece.
 
     Attributes:
-        kind: "points" only where skin weights are left out; a character with ``held`` is of this kind.
+        kind: "points" only if skin weights are left out. A character with ``held`` is always of this kind.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
-        indices: (V, 4) uint16; empty for kind "points": all follow the first transform.
-        weights: (V, 4) float32; likewise.
+        indices: (V, 4) uint16. Empty for kind "points": all vertices follow the first transform.
+        weights: (V, 4) float32. Empty in the same case.
         pivots: (J, 3) float32 metres.
         edges: (E, 2) int32.
         colours: (V, 3) uint8 sRGB, or None.
-        held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
-        pulls: (J - 1,) float32, how hard each pulls, 0 where it is hard; None: all are hard.
-        surface: how the surface follows them; None: as it does by default.
-        names: (J,) of the joints that the bones end at; None where they have none.
-        materials: with their textures; None: the colours are all there is.
-        stiffness: (V,) float32 above 0, for kind "graph", as it is painted; None: 1 everywhere.
+        held: (J - 1,) int32, for kind "points" the vertex that each transform except the first moves.
+        pulls: (J - 1,) float32, the stiffness of each constraint, 0 for hard constraints. None: all are hard.
+        surface: how the surface follows the control points. None: the default.
+        names: (J,) names of the joints at the bones' ends. None if they have none.
+        materials: materials with their textures. None: only the colours.
+        stiffness: (V,) float32 above 0, for kind "graph", as painted. None: 1 everywhere.
     """
 
     id: Name
@@ -139,7 +138,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
 
 
 def _check_materials(given: MaterialsMessage, faces: int) -> None:
-    """Raises ValueError where the parts do not belong to so many faces, or the textures are too large."""
+    """Raises ValueError if the parts do not match the number of faces, or the textures are too large."""
     expect("of", given.of, 4 * faces)
     expect("uvs", given.uvs, 24 * faces * given.sets)
     if given.tints is not None:

@@ -1,4 +1,4 @@
-"""Converts between the documents of the library and the messages of the wire; pure functions."""
+"""Converts between the documents of the library and the messages of the wire, with pure functions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from enliven.wire.streams import (
 )
 
 JOINT_STEP = 2.0**-11
-"""Metres; a joint is at most 0.25 mm off along each axis (0.43 mm in all), up to 16 m from the origin."""
+"""Metres. A joint is off by at most 0.25 mm along each axis (0.43 mm in total), up to 16 m from the
+origin."""
 
 
 def pose_to_message(
@@ -40,10 +41,10 @@ def pose_to_message(
     captured_ns: int = 0,
     published_ns: int = 0,
 ) -> PoseMessage:
-    """Returns the message of a pose; ``codec`` is of the same character and revision.
+    """Returns the message of a pose. ``codec`` must belong to the same character and revision.
 
     Raises:
-        InputError: where the pose has another number of transforms than the character.
+        InputError: if the pose has another number of transforms than the character.
     """
     return PoseMessage(
         pose.character,
@@ -58,7 +59,7 @@ def pose_to_message(
 
 
 def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
-    """The pose, off by at most what :mod:`enliven.wire.quantize` states.
+    """Returns the pose of a message, within the errors of :mod:`enliven.wire.quantize`.
 
     Raises:
         ValueError: for bytes that are not a pose of the codec's character.
@@ -68,14 +69,15 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
 
 
 def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
-    """Returns the message of bodies; a joint that is not finite becomes the origin with confidence 0."""
+    """Returns the message of bodies. A joint that is not finite becomes the origin with confidence 0."""
     return BodiesMessage(time_ns, captured_ns, [_packed(body) for body in bodies])
 
 
 def as_sent(bodies: Iterable[Body]) -> list[Body]:
-    """Returns bodies with joints, confidence and stature rounded to what the wire carries.
+    """Returns bodies with joints, confidence and stature rounded to the precision of the wire.
 
-    A stage that performs these makes of a recording what it made live. A joint that is not finite stays so.
+    A stage that performs these gets the same result from a recording as live. A joint that is not finite
+    stays so.
     """
     return [
         replace(
@@ -104,12 +106,12 @@ def _packed(body: Body) -> PackedBody:
 
 
 def _shares(values: AnyArray) -> bytes:
-    """Numbers in [0, 1] as bytes."""
+    """Returns numbers in [0, 1] as bytes."""
     return bytes(np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8).tobytes())
 
 
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
-    """The bodies, as exact as the wire carries them."""
+    """Returns the bodies of a message, in the precision of the wire."""
     return [_unpacked(body) for body in message.bodies]
 
 
@@ -141,12 +143,12 @@ def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
 
 
 def _clipped(sentence: str) -> str:
-    """Returns the sentence cut to 160 bytes."""
+    """Returns the sentence truncated to 160 bytes."""
     return sentence.encode()[:160].decode(errors="ignore")
 
 
 def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
-    """The states, in the order in which they were sent."""
+    """Returns the health states of messages, in the order in which they were sent."""
     return [
         HealthState(m.kind, Severity(m.severity), m.since_ns, escaped(m.what), escaped(m.mend), m.performer)
         for m in messages
@@ -163,13 +165,13 @@ def cues_to_message(
     owners: AnyArray | None = None,
     held: int | None = None,
 ) -> CuesMessage:
-    """Returns the message of cues; a "free" state with nodes becomes a preview.
+    """Returns the message of cues. A "free" state with nodes becomes a preview.
 
     Args:
         nodes: (K,) node indices.
         strengths: (K,) in [0, 1].
         owners: (K,) the id of the performer that owns each node.
-        held: how many of the nodes are held, the others are previewed.
+        held: number of leading nodes that are held. The others are previewed.
     """
     if state not in ("free", "preview", "possessed"):
         raise InputError(
@@ -191,7 +193,10 @@ def cues_to_message(
 
 
 def _numbered(owners: AnyArray | None) -> tuple[list[int], bytes]:
-    """Returns the different owners and (K,) the owner of each node; at most 64, the others as the last."""
+    """Returns the distinct owners, at most 64, and (K,) the owner of each node.
+
+    Further owners become the last one.
+    """
     if owners is None or not len(owners):
         return [], b""
     performers, which = np.unique(owners, return_inverse=True)
@@ -212,8 +217,10 @@ def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:
 
 
 def props_to_message(props: Props) -> PropsMessage:
-    """Returns the message of props; a prop without a finite place, and props beyond the limit, are left
-    out."""
+    """Returns the message of props.
+
+    Props without a finite place, and props beyond the limit, are left out.
+    """
     known = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
     steps = np.rint(props.positions[known] / JOINT_STEP)
     millimetres = np.rint(np.nan_to_num(props.sizes[known]) * 1000)
@@ -230,7 +237,7 @@ def props_to_message(props: Props) -> PropsMessage:
 
 
 def message_to_props(message: PropsMessage) -> Props:
-    """The props, as exact as the wire carries them.
+    """Returns the props of a message, in the precision of the wire.
 
     Raises:
         InputError: for a shape that this program does not know.

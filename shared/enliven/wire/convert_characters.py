@@ -1,4 +1,4 @@
-"""Converts between characters and their messages; pure functions."""
+"""Converts between characters and their messages, with pure functions."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from enliven.wire.convert_materials import materials_to_message, message_to_mate
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _RIGID_VERTICES = 100_000
-"""Vertices up to which skin weights of one rigid piece are sent for older viewers, which need them: 24 bytes
-a vertex."""
+"""Maximum vertices of a rigid piece with explicit skin weights. Older viewers need these weights, which
+take 24 bytes per vertex."""
 
 
 def character_to_message(character: Character, revision: int) -> CharacterMessage:
     """Returns the message of a whole character.
 
     Raises:
-        InputError: where its id or its mesh is larger than the wire carries.
+        InputError: if its id or its mesh is too large for the wire.
     """
     _check_size(character)
     skinned = character.kind != "points" or len(character.vertices) <= _RIGID_VERTICES
@@ -58,10 +58,10 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
 
 
 def message_to_character(message: CharacterMessage) -> Character:
-    """The character, checked as one that was built here.
+    """Returns the character of a message, with the same checks as for one that was built here.
 
     Raises:
-        InputError: where a number is not finite or an index points outside.
+        InputError: if a number is not finite or an index is out of range.
     """
     numbers = [from_bytes(d, "<f4", 1) for d in (message.vertices, message.weights, message.pivots)]
     if not all(np.isfinite(a).all() for a in numbers):
@@ -89,13 +89,13 @@ def message_to_character(message: CharacterMessage) -> Character:
 
 
 def _names(character: Character) -> list[str] | None:
-    """Returns the names of the joints; None where one is empty or longer than the wire carries."""
+    """Returns the names of the joints. None if one is empty or too long for the wire."""
     names = list(character.names or ())
     return names if names and all(0 < len(name) <= MAX_JOINT_NAME for name in names) else None
 
 
 def _skin(message: CharacterMessage) -> SkinWeights:
-    """Returns the skin weights; without any, every vertex follows the first transform."""
+    """Returns the skin weights. Without any, every vertex follows the first transform."""
     if message.indices:
         return SkinWeights(from_bytes(message.indices, "<u2", 4), from_bytes(message.weights, "<f4", 4))
     shape = (message.vertex_count, 4)

@@ -1,4 +1,4 @@
-"""Converts between the materials of characters and their messages; nothing in them is decoded."""
+"""Converts between the materials of characters and their messages, without decoding textures."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven.wire.characters import (
 from enliven.wire.fields import from_bytes, to_bytes
 
 _MOST_SETS = 4
-"""Sets of texture coordinates of a message."""
+"""Maximum number of sets of texture coordinates in a message."""
 
 
 def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | None:
-    """Returns the message; None without materials, or where they are larger than the wire carries."""
+    """Returns the message. None without materials, or if they are too large for the wire."""
     if materials is None:
         return None
     size = sum(len(texture.image) for texture in materials.textures)
@@ -39,10 +39,10 @@ def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | 
 
 
 def message_to_materials(message: MaterialsMessage | None) -> MeshMaterials | None:
-    """Returns the materials, checked as those of a file.
+    """Returns the materials, with the same checks as for those of a file.
 
     Raises:
-        InputError: where the parts do not fit together, or a material is no JSON object.
+        InputError: if the parts do not match, or a material is not a JSON object.
     """
     if message is None:
         return None

@@ -1,10 +1,10 @@
-"""Converts bytes on a socket to checked messages and back; malformed bytes are counted and dropped.
+"""Converts bytes on a socket to checked messages and back. Malformed bytes are counted and dropped.
 
 On the stream socket a message is its topic's name, a zero byte, the version, and the MessagePack payload, in
-one part; on the control socket the version and the payload. Streams are arrays of their fields in order,
-requests and replies maps by name. Unknown fields are ignored and a field that came later has a default, so a
-newer program may append. Types, lengths and finiteness are checked on receipt; numbers in ``bytes`` are
-little-endian.
+one part. On the control socket it is the version and the payload. Streams are arrays of their fields in
+order, requests and replies are maps by name. Unknown fields are ignored and later fields have a default, so a
+newer program may append fields. Types, lengths and finiteness are checked on receipt. Numbers in ``bytes``
+are little-endian.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from enliven.wire.topics import BY_TYPE, REPLY, REQUEST, STREAMS, Topic
 log = logging.getLogger(__name__)
 
 VERSION = 1
-"""Of the wire. Raised when an old program could misread a new message."""
+"""Version of the wire. It is raised if an old program could misread a new message."""
 
 _ID_KEY = b"\xa2id"
 """The key of a reply's number in MessagePack."""
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
-"""Bytes of a whole number in MessagePack by its first byte; all others take one."""
+"""Bytes of an integer in MessagePack by its first byte. All others take one byte."""
 
 _UNENCODABLE = "a name or a number in it cannot be sent"
-"""Reason for refusing text with lone surrogates, and whole numbers of more than 64 bits."""
+"""Reason for refusing text with lone surrogates, and integers of more than 64 bits."""
 
 _ENCODER = msgspec.msgpack.Encoder()
 
 
 class Malformed(Exception):
-    """Bytes that are no message; ``kind`` groups them for counting."""
+    """Bytes that are not a valid message. ``kind`` groups them for counting."""
 
     def __init__(self, kind: str, why: str) -> None:
         super().__init__(f"{kind}: {why}")
@@ -49,7 +49,7 @@ class Malformed(Exception):
 
 
 class OtherVersion(Malformed):
-    """A message of a program with another version of the wire; ``version`` is theirs."""
+    """A message of a program with another version of the wire. ``version`` is that of the sender."""
 
     def __init__(self, version: int) -> None:
         super().__init__(
@@ -59,20 +59,20 @@ class OtherVersion(Malformed):
 
 
 def pack_stream(message: Any) -> bytes:
-    """A stream message as it goes on the socket.
+    """Returns the bytes of a stream message for the socket.
 
     Raises:
-        KeyError: for an object that is no message of the table.
+        KeyError: for an object without a topic in the table.
     """
     topic = BY_TYPE[type(message)]
     return topic.name.encode() + b"\0" + bytes([VERSION]) + _ENCODER.encode(message)
 
 
 def pack_checked(message: Any) -> bytes:
-    """Returns a stream message as it goes on the socket, after it was read again as a viewer would.
+    """Returns the bytes of a stream message for the socket, after decoding them again as a viewer would.
 
     Raises:
-        KeyError: for an object that is no message of the table.
+        KeyError: for an object without a topic in the table.
         Malformed: for a message that viewers would refuse.
     """
     topic = BY_TYPE[type(message)]
@@ -85,10 +85,10 @@ def pack_checked(message: Any) -> bytes:
 
 
 def check_request(body: Any) -> None:
-    """Checks that a request can be sent and read again.
+    """Checks that a request can be encoded and decoded.
 
     Raises:
-        InputError: with the field that is out of its range, and the range.
+        InputError: for a field that is out of its range. The message names the field and the range.
     """
     where = f"request {type(body).__name__}"
     try:
@@ -100,10 +100,10 @@ def check_request(body: Any) -> None:
 
 
 def check_character(character: Character) -> None:
-    """Checks that a character can be sent and read again.
+    """Checks that a character can be encoded and decoded.
 
     Raises:
-        InputError: with the field that is out of its range, and the range.
+        InputError: for a field that is out of its range. The message names the field and the range.
     """
     message = character_to_message(character, 1)
     where, mend = f"character {character.id!r}", "Change it in the project."
@@ -129,15 +129,15 @@ def _described(reason: str) -> str:
 
 
 def payload(message: Any) -> bytes:
-    """The MessagePack alone, as a recording holds it."""
+    """Returns only the MessagePack payload, as stored in a recording."""
     return _ENCODER.encode(message)
 
 
 def unpack_stream(data: bytes) -> tuple[Topic, Any]:
-    """The topic and the checked message.
+    """Returns the topic and the checked message.
 
     Raises:
-        Malformed: whatever the bytes are.
+        Malformed: for any invalid bytes.
     """
     name, found, _ = data[:64].partition(b"\0")
     topic = STREAMS.get(name.decode("ascii", "replace"))
@@ -147,28 +147,30 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
 
 
 def pack_control(message: Any) -> bytes:
-    """A request or reply as it goes on the socket."""
+    """Returns the bytes of a request or reply for the socket."""
     return bytes([VERSION]) + _ENCODER.encode(message)
 
 
 def reply_head(number: int) -> bytes:
-    """Returns the bytes before the :func:`payload` of an answer, so that a long answer is packed once for
-    all."""
-    # A nil is one byte, the last: the answer takes its place.
+    """Returns the bytes that precede the :func:`payload` of an answer.
+
+    So a long answer is packed once for all viewers.
+    """
+    # A nil is one byte, the last one. The answer replaces it.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
 
 
 def reply_number(data: bytes) -> int:
-    """Returns the number of the request that a reply answers, without reading the rest of it.
+    """Returns the number of the request that a reply answers, without decoding the rest of it.
 
     Raises:
-        Malformed: for bytes that do not begin as a reply of this version.
+        Malformed: for bytes that do not start like a reply of this version.
     """
     if not data:
         raise Malformed(REPLY.name, "it is empty")
     if data[0] != VERSION:
         raise OtherVersion(data[0])
-    # A short map, its first key "id", and a whole number, which says how many bytes it takes.
+    # A short map with the first key "id", then an integer with its own length prefix.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
     if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
         raise Malformed(REPLY.name, "it has no number")
@@ -179,10 +181,10 @@ def reply_number(data: bytes) -> int:
 
 
 def unpack_control(data: bytes, topic: Topic) -> Any:
-    """The checked request or reply.
+    """Returns the checked request or reply.
 
     Raises:
-        Malformed: whatever the bytes are.
+        Malformed: for any invalid bytes.
     """
     return _checked(topic, data)
 
@@ -204,7 +206,10 @@ def _checked(topic: Topic, data: bytes) -> Any:
 
 @functools.cache
 def _decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
-    """Returns the checking decoder of a class of messages; ``bodies`` are those that a request may have."""
+    """Returns the checking decoder of a class of messages.
+
+    ``bodies`` are the classes that a request may contain.
+    """
     return msgspec.msgpack.Decoder(kind[Union[bodies]] if bodies else kind)  # noqa: UP007
 
 
@@ -212,7 +217,7 @@ class Rejects:
     """Counts malformed messages by kind, and logs each kind once.
 
     Args:
-        where: which socket, for the log.
+        where: name of the socket, for the log.
     """
 
     def __init__(self, where: str) -> None:
@@ -221,11 +226,11 @@ class Rejects:
 
     @property
     def total(self) -> int:
-        """How many messages were dropped."""
+        """Number of dropped messages."""
         return self.counts.total()
 
     def add(self, error: Malformed | EnlivenError | ValueError) -> None:
-        """Count one malformed message."""
+        """Counts one malformed message."""
         kind = error.kind if isinstance(error, Malformed) else "refused"
         self.counts[kind] += 1
         if self.counts[kind] == 1:

@@ -1,4 +1,4 @@
-"""The types of messages' fields with their ranges, and arrays as bytes."""
+"""Field types of messages with their ranges, and conversion of arrays to bytes."""
 
 from __future__ import annotations
 
@@ -15,56 +15,58 @@ Text = Annotated[str, Meta(max_length=400)]
 Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
 MAX_REVISION = 2**31 - 1
-"""Largest revision of a character: an edge that changes one 30 times a second gets there in two years."""
+"""Maximum revision of a character: an edge that changes one 30 times per second reaches it in two years."""
 RevisionNumber = Annotated[int, Meta(ge=0, le=MAX_REVISION)]
 Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
-"""Of a performer."""
+"""Id of a performer."""
 Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]
 """SHA-256 of some bytes."""
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 MAX_GROWTH = 4.0
-"""How many times its own size a character may stand on a stage, and the inverse: from a cat to a house."""
+"""Maximum scale of a character on a stage, and its inverse: from a cat to a house."""
 Growth = Annotated[float, Meta(ge=1 / MAX_GROWTH, le=MAX_GROWTH)]
 MAX_EXAGGERATION = 4.0
-"""How far soft parts may swing past the motion, in times of a mass on a spring: more looks like a fault."""
+"""Maximum overshoot of soft parts, as a multiple of a mass on a spring: more looks like an error."""
 Exaggeration = Annotated[float, Meta(ge=0.0, le=MAX_EXAGGERATION)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
 Metres = Annotated[float, Meta(gt=0.0, le=100.0)]
-"""A length within a stage and the room about it."""
+"""A length within a stage and its surroundings."""
 
 MAX_TRANSFORM_BYTES = 256 * 1024
-"""Bytes of a coded pose: 4096 transforms of 12 numbers that take at most 34 bits each, and room."""
+"""Maximum bytes of a coded pose: 4096 transforms of 12 numbers with at most 34 bits each, plus a margin."""
 MAX_VERTICES = 2_000_000
-"""Vertices of a character: a larger one from a stranger is refused before memory is taken for it."""
+"""Maximum vertices of a character: a larger one from a stranger is refused before memory is allocated."""
 MAX_FACES = 4_000_000
-"""Triangles of a character: a closed mesh has twice as many as vertices."""
+"""Maximum triangles of a character: a closed mesh has twice the number of its vertices."""
 MAX_TRANSFORMS = 4096
-"""Transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred bones."""
+"""Maximum transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred
+bones."""
 MAX_PROPS = 1024
-"""Loose things of a message: more than the physics moves in real time."""
+"""Maximum props of a message: more than the physics simulates in real time."""
 MAX_SETTINGS = 32 * 1024
-"""Characters of an actor's settings: all with 400 stiff spots."""
+"""Maximum length of an actor's settings: all settings with 400 stiff spots."""
 MAX_PART_BYTES = 64 * 1024
-"""Bytes of one part of a character on its way to an edge: a message of it is read within a frame."""
+"""Maximum bytes of one part of an uploaded character: such a message is read within a frame."""
 MAX_SENT_BYTES = 32 * 1024 * 1024
-"""Packed bytes of a character that an edge takes: a million vertices; 20,000 are half a megabyte."""
+"""Maximum packed bytes of an uploaded character: a million vertices. 20,000 vertices take half a megabyte."""
 MAX_CHARACTERS = 1024
-"""Characters on a stage: far more than any edge moves."""
+"""Maximum characters on a stage: far more than any edge animates."""
 MAX_MESSAGE_BYTES = 264 * 1024
-"""Bytes of one stream message with its topic: a coded pose of the largest character, and room."""
+"""Maximum bytes of one stream message with its topic: a coded pose of the largest character, plus a
+margin."""
 MAX_LATEST = 4096
-"""Most latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
+"""Maximum latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
 MAX_GLANCE = 128
-"""Pixels of a side of the small picture of what a camera sees: it is shown in a corner of a window."""
+"""Maximum pixels, width or height, of the camera preview: it is shown in a corner of a window."""
 MAX_PHRASES = 64
-"""Phrases of a voice control: more than a performer remembers, or a recogniser tells apart."""
+"""Maximum phrases of a voice control: more than a performer remembers, or a recogniser distinguishes."""
 MAX_HEALTH = 8
-"""Health states of a heartbeat: more would exceed the size that older programs accept."""
+"""Maximum health states of a heartbeat: more would exceed the size that older programs accept."""
 
 
 def expect(name: str, data: bytes, length: int) -> None:
-    """Raises ValueError where an array has another number of bytes than its declared count needs."""
+    """Raises ValueError if the number of bytes of an array does not match its declared count."""
     if len(data) != length:
         raise ValueError(f"{name} has {len(data)} bytes, expected {length}")
 

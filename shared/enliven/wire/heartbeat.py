@@ -1,4 +1,4 @@
-"""The heartbeat of an edge, heard once: for a check from a script or from another machine."""
+"""Receives one heartbeat of an edge, for a check from a script or from another machine."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
     """Returns the next heartbeat of an edge.
 
     Args:
-        seconds: to wait for it; an edge sends two a second.
+        seconds: maximum time to wait. An edge sends two per second.
 
     Raises:
-        ResourceError: if none comes in time, or the edge speaks another version of the wire.
+        ResourceError: if none arrives in time, or the edge has another version of the wire.
     """
     context: zmq.Context[Any] = zmq.Context.instance()
     socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS), ""

@@ -1,4 +1,4 @@
-"""Converts boards of matches to messages and back."""
+"""Converts lists of matches to messages and back."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
 _MOST_ROWS = 16
-"""Matches that are sent: the field's limit, and more than a screen shows."""
+"""Maximum matches that are sent: the field's limit, and more than a screen shows."""
 _MOST_JOINTS = 1024
-"""Joints of a match that are sent: a message stays below its topic's limit."""
+"""Maximum joints of a match that are sent, so that a message stays below its topic's limit."""
 
 
 def board_to_message(board: Board) -> MatchesMessage:
-    """Returns the message of a board: at most sixteen matches, places to a quarter of a millimetre."""
+    """Returns the message of a match list: at most sixteen matches, positions to a quarter of a
+    millimetre."""
     rows = board.rows[:_MOST_ROWS]
     shown = board.shown if board.shown < len(rows) else -1
     return MatchesMessage(
@@ -34,7 +35,7 @@ def board_to_message(board: Board) -> MatchesMessage:
 
 
 def message_to_board(message: MatchesMessage) -> Board:
-    """The board, as exact as the wire carries it."""
+    """Returns the match list of a message, in the precision of the wire."""
     return Board(
         message.character,
         message.state,

@@ -1,4 +1,4 @@
-"""Free ports, for programs that are started together and must agree on them beforehand."""
+"""Finds free ports, for programs that are started together and must agree on them beforehand."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import socket
 
 
 def free_ports(count: int = 2, host: str = "127.0.0.1") -> tuple[int, ...]:
-    """Returns ``count`` different TCP ports of ``host`` that no program listens on now."""
+    """Returns ``count`` different TCP ports of ``host`` without a listening program."""
     sockets = [socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) for _ in range(count)]
     try:
         for s in sockets:

@@ -1,15 +1,14 @@
-"""Codes a pose in few bytes: every transform is predicted from its neighbour, and only the difference is
-sent.
+"""Encodes a pose in few bytes: every transform is predicted from its neighbour; only residuals are sent.
 
-The transforms of a character form a tree: the shortest one along the character's edges. The place to which
-the parent's transform moves a child's pivot is the one that embedded deformation's regulariser pulls the
-child towards (Sumner et al. 2007, eq. 6) and, for a bone, exactly the child's joint. So the differences are
-small integers, and Rice codes make them few bits. Both ends build the tree from the character that both
-hold; four check bytes refuse a pose of any other character or revision.
+The transforms of a character form a tree: the minimum spanning tree along the character's edges. A child's
+pivot is predicted by the parent's transform. This is the position towards which the regulariser of embedded
+deformation pulls the child (Sumner et al. 2007, eq. 6) and, for a bone, exactly the child's joint. So the
+residuals are small integers, and Rice codes store them in few bits. Both ends build the tree from the
+character that both hold. Four check bytes refuse a pose of any other character or revision.
 
-Layout: the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
-(J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction runs
-on the decoded parents, so errors never add up along the tree.
+The layout is the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
+(J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction uses
+the decoded parents, so errors never add up along the tree.
 """
 
 from __future__ import annotations
@@ -39,22 +38,22 @@ from enliven.wire.quantize import (
 )
 
 COLUMNS = 12
-"""Integers of a transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
+"""Integers per transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
 
 
 @dataclass(frozen=True)
 class Encoded:
-    """The bytes of a pose, and how many transforms were not finite or too large and had to be changed."""
+    """The bytes of a pose, and the number of transforms that had to be changed: not finite, or too large."""
 
     data: bytes
     clamped: int
 
 
 class PoseCodec:
-    """Encodes and decodes the poses of one character; factor once, use every frame.
+    """Encodes and decodes the poses of one character. Create once, use every frame.
 
     Args:
-        character: its pivots and edges give the tree; both ends must hold the same.
+        character: its pivots and edges define the tree. Both ends must hold the same one.
 
     Raises:
         InputError: for more than ``MAX_TRANSFORMS`` transforms.
@@ -76,13 +75,13 @@ class PoseCodec:
         self._check = zlib.crc32(b"".join(a.tobytes() for a in tree)).to_bytes(4, "little")
 
     def encode(self, pose: Pose) -> Encoded:
-        """The bytes of a pose: equal poses give equal bytes.
+        """Returns the bytes of a pose. Equal poses give equal bytes.
 
-        A transform that is not finite follows its parent; an entry beyond +-64, or a position more than 500 m
-        from where it is expected, is pulled back. Both are counted in ``clamped``.
+        A transform that is not finite follows its parent. An entry beyond +-64, or a position more than 500 m
+        from its prediction, is clamped. Both are counted in ``clamped``.
 
         Raises:
-            InputError: where the pose has another number of transforms than the character.
+            InputError: if the pose has another number of transforms than the character.
         """
         count = len(self._pivots)
         if pose.linear.shape != (count, 3, 3) or pose.positions.shape != (count, 3):
@@ -98,7 +97,7 @@ class PoseCodec:
         return Encoded(self._check + encode_columns(table).tobytes(), int(clamped))
 
     def decode(self, data: bytes) -> tuple[Float32, Float32]:
-        """(J, 3, 3) linear and (J, 3) positions in metres.
+        """Returns (J, 3, 3) linear parts and (J, 3) positions in metres.
 
         Raises:
             ValueError: for bytes that are not a pose of this character.
@@ -113,18 +112,22 @@ class PoseCodec:
 
 
 def warm_up() -> None:
-    """Compile the decoder, or load it compiled: seconds the first time, for which no frame should wait."""
+    """Compiles the decoder, or loads it compiled.
+
+    The first time takes seconds, which no frame should wait for.
+    """
     table = np.empty((1, COLUMNS), np.int32)
-    decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)  # bytes cannot be written to
+    decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)  # bytes give a read-only array
     _restore(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
-    """The shortest tree over (J, 3) pivots: (J,) indices in the order they join it, (J,) parents by index.
+    """Returns the minimum spanning tree of (J, 3) pivots: (J,) joining order and (J,) parents by index.
 
-    Edges of the character, (E, 2), are taken before any other pair, so that two legs do not predict each
-    other; pairs without an edge only join what would stay apart. The first transform is the root, its parent
-    is -1. Prim's algorithm; ties go to the lower index, so that both ends find the same tree.
+    Edges of the character, (E, 2), are preferred to any other pair, so that two legs do not predict each
+    other. Pairs without an edge only join otherwise separate parts. The first transform is the root, with
+    parent -1. Prim's algorithm is used. Ties are resolved by the lower index, so that both ends find the same
+    tree.
     """
     count = len(pivots)
     neighbours: list[list[int]] = [[] for _ in range(count)]
@@ -146,11 +149,11 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
 
 
 _APART = 1e9
-"""Square metres added between pivots that no edge joins."""
+"""Square metres added to pairs of pivots without an edge."""
 
 
 def _squared_distances(points: Float, point: Float) -> Float:
-    """(J,) square metres; summed in a fixed order, so that every machine gets the same bits."""
+    """Returns (J,) square metres, summed in a fixed order, so that every machine gets the same bits."""
     d = points - point
     return np.asarray(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2])
 
@@ -159,10 +162,10 @@ def _squared_distances(points: Float, point: Float) -> Float:
 def _expect(
     i: int, parent: int, pivots: Float, linear: Float, positions: Float, shared: bool, out: Float
 ) -> None:
-    """out (3,) = where the decoded parent puts transform i.
+    """Writes to ``out`` (3,) the position of transform i that its decoded parent predicts.
 
-    ``shared``: by the mean of both ends' linear parts, for a graph's nodes blend half-way between them; a
-    bone's child hangs rigidly on its parent.
+    ``shared``: the mean of both ends' linear parts is used, because a graph's nodes are blended half-way
+    between them. A bone's child is rigidly attached to its parent.
     """
     for a in range(3):
         out[a] = pivots[i, a] if parent < 0 else positions[parent, a]
@@ -178,7 +181,7 @@ def _expect(
 def _decode_linear(
     i: int, parent: int, row: Int32, quaternions: Float, stretches: Int32, room: Float, linear: Float
 ) -> None:
-    """Fill transform i's quaternion, stretch and linear part from its row and its parent's."""
+    """Fills transform i's quaternion, stretch and linear part from its row and its parent's values."""
     before = quaternions[parent] if parent >= 0 else quaternions[len(linear)]
     step = ROTATION_STEP
     turned_by(before, row[3] * step, row[4] * step, row[5] * step, quaternions[i])
@@ -194,9 +197,9 @@ def _decode_linear(
 def _difference_linear(
     a: Float, i: int, parent: int, quaternions: Float, stretches: Int32, rooms: Float, row: Int32
 ) -> None:
-    """row[3:] = what the parent's decoded rotation and stretch lack to make the (3, 3) ``a``.
+    """Writes to row[3:] the residual between the (3, 3) ``a`` and the parent's decoded rotation and stretch.
 
-    The rotation is sought in the parent's frame, where it is small and soon found.
+    The rotation is computed in the parent's frame, where it is small and converges fast.
     """
     q, turn, stretch = rooms[2, 0, :4], rooms[2, 1, :3], rooms[2, 2]
     rotation, relative = rooms[3, :3, :3], rooms[4, :3, :3]
@@ -217,7 +220,10 @@ def _difference_linear(
 
 @njit(cache=True, nogil=True)
 def _tame(source: Float, a: Float) -> bool:
-    """Copy a linear part, scaled back where an entry is beyond ``LARGEST_LINEAR``; whether it was needed."""
+    """Copies a linear part, scaled down if an entry exceeds ``LARGEST_LINEAR``.
+
+    Returns True if it was scaled.
+    """
     largest = 0.0
     for r in range(3):
         for c in range(3):
@@ -231,7 +237,7 @@ def _tame(source: Float, a: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _is_finite(linear: Float, position: Float) -> bool:
-    """Whether a transform has no NaN and no infinity."""
+    """Returns True if a transform has no NaN and no infinity."""
     for r in range(3):
         if not np.isfinite(position[r]):
             return False
@@ -243,7 +249,7 @@ def _is_finite(linear: Float, position: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _rooms(count: int) -> tuple[Float, Int32, Float]:
-    """Decoded quaternions with the identity at the end, decoded stretches, and room for the kernels."""
+    """Returns arrays for decoded quaternions (the identity at the end), decoded stretches, and work space."""
     quaternions = np.empty((count + 1, 4))
     quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
     return quaternions, np.empty((count, 6), np.int32), np.empty((5, 4, 6))
@@ -253,7 +259,7 @@ def _rooms(count: int) -> tuple[Float, Int32, Float]:
 def _differences(
     linear: Float, positions: Float, pivots: Float, order: Int, parents: Int, shared: bool
 ) -> tuple[Int32, int]:
-    """(J, 12) differences from what the decoded parents predict, in tree order; the changed."""
+    """Returns (J, 12) residuals of the predictions, in tree order, and the number of clamped transforms."""
     count, clamped = len(order), 0
     table = np.zeros((count, COLUMNS), np.int32)
     quaternions, stretches, rooms = _rooms(count)
@@ -281,7 +287,7 @@ def _differences(
 
 @njit(cache=True, nogil=True)
 def _restore(table: Int32, pivots: Float, order: Int, parents: Int, shared: bool) -> tuple[Float32, Float32]:
-    """(J, 3, 3) linear parts and (J, 3) positions from the differences."""
+    """Returns (J, 3, 3) linear parts and (J, 3) positions from the residuals."""
     count = len(order)
     quaternions, stretches, rooms = _rooms(count)
     linear, positions, expected = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(3)

@@ -1,4 +1,4 @@
-"""Transforms as small integers: A = Q S, rotation Q by its rotation vector and stretch S entry by entry.
+"""Quantises transforms A = Q S to small integers: Q by its rotation vector, S entry by entry.
 
 The steps are powers of two, so that an integer times its step is exact in floating point:
 
@@ -12,7 +12,7 @@ A vertex within r metres of its pivot is thus at most 0.21 mm + r (0.85e-3 |S| +
 r = 0.2 m in the worst case, and a tenth of that in practice. The rotation's bound holds because the
 exponential map never stretches: |log(exp(a)^-1 exp(b))| <= |a - b|.
 
-The kernels write into arrays that they are given, since they run for every node of every frame.
+The kernels write into given arrays, since they run for every node of every frame.
 """
 
 from __future__ import annotations
@@ -26,22 +26,23 @@ from enliven.rotation import nearest_quaternion
 POSITION_STEP = 2.0**-12
 """Metres, 0.24 mm: half of it, the error, is far below what a viewer shows."""
 ROTATION_STEP = 2.0**-10
-"""Radians; a unit quaternion is three such numbers below pi: 39 bits before they are packed."""
+"""Radians. A unit quaternion is three such numbers below pi: 39 bits before they are packed."""
 STRETCH_STEP = 2.0**-9
-"""Of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2 mm."""
+"""Step of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2
+mm."""
 POSITION_ERROR = POSITION_STEP / 2
-"""Metres, along each axis."""
+"""Maximum position error along each axis, metres."""
 ROTATION_ERROR = ROTATION_STEP * math.sqrt(3.0) / 2
-"""Radians."""
+"""Maximum rotation error, radians."""
 STRETCH_ERROR = STRETCH_STEP / 2
-"""In each entry of S."""
+"""Maximum error of each entry of S."""
 LARGEST_LINEAR = 64.0
-"""Entries of a linear part beyond this are scaled back to it."""
+"""Maximum entry of a linear part. Larger ones are scaled down to it."""
 
 
 @njit(cache=True, nogil=True)
 def rotation_vector(q: Float, out: Float) -> None:
-    """out (3,) = axis times angle, radians, of a unit quaternion; |.| <= pi, the same for q and -q."""
+    """Writes to ``out`` (3,) axis times angle of a unit quaternion, at most pi, equal for q and -q."""
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
     scale = 2.0 * sign
@@ -52,7 +53,7 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
-    """out (4,) = the unit quaternion a exp(v), w >= 0, for the rotation vector v = (x, y, z) in radians."""
+    """Writes to ``out`` (4,) the unit quaternion a exp(v), w >= 0, for the rotation vector v = (x, y, z)."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5
     if angle > 1e-12:
@@ -68,13 +69,14 @@ def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def nearest_rotation(a: Float, room: Float, out: Float) -> None:
-    """out (4,) = the quaternion, w >= 0, of the rotation Q that maximises trace(Q^T A).
+    """Writes to ``out`` (4,) the quaternion, w >= 0, of the rotation Q that maximises trace(Q^T A).
 
-    That is A's polar part where det A > 0. Q^T A is symmetric for every A, a reflected or singular one too.
+    For det A > 0 this is the rotation of A's polar decomposition. Q^T A is symmetric for every A, also for a
+    reflected or singular one.
 
     Args:
         a: (3, 3) finite.
-        room: (2, 4, 4) to work in.
+        room: (2, 4, 4) work space.
     """
     if _polar_by_newton(a, room[0]):
         _quaternion_of_matrix(room[0], out)
@@ -86,8 +88,11 @@ def nearest_rotation(a: Float, room: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _polar_by_newton(a: Float, x: Float) -> bool:
-    """x[:3, :3] = the polar part of A by X <- (X + X^-T) / 2 (Higham, "Computing the polar decomposition",
-    1986, eq. 3.2); False where A is reflected, or too near to singular for a few steps."""
+    """Writes to x[:3, :3] the rotation of A's polar decomposition.
+
+    Returns False if A is reflected or nearly singular.
+
+    The iteration is X <- (X + X^-T) / 2 (Higham, "Computing the polar decomposition", 1986, eq. 3.2)."""
     size = 0.0
     for r in range(3):
         for c in range(3):
@@ -111,8 +116,8 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
         x[0, 0], x[0, 1], x[0, 2] = 0.5 * x[0, 0] + f * c00, 0.5 * x[0, 1] + f * c01, 0.5 * x[0, 2] + f * c02
         x[1, 0], x[1, 1], x[1, 2] = 0.5 * x[1, 0] + f * c10, 0.5 * x[1, 1] + f * c11, 0.5 * x[1, 2] + f * c12
         x[2, 0], x[2, 1], x[2, 2] = 0.5 * x[2, 0] + f * c20, 0.5 * x[2, 1] + f * c21, 0.5 * x[2, 2] + f * c22
-        # After one step no singular value is below 1, so det - 1 bounds how far each was above 1 before this
-        # step, which squares it.
+        # After one step no singular value is below 1. So det - 1 bounds the excess of each over 1 before this
+        # step, and the step squares the excess.
         if step > 0 and det - 1.0 < 1e-5:
             return True
     return False
@@ -120,7 +125,7 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _quaternion_of_matrix(m: Float, out: Float) -> None:
-    """out (4,) = the quaternion, w >= 0, of a rotation matrix (Shepperd, 1978: divide by the largest)."""
+    """Writes to ``out`` (4,) the quaternion, w >= 0, of a matrix (Shepperd, 1978: divide by the largest)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace > max(m[0, 0], m[1, 1], m[2, 2]):
         s = 2.0 * math.sqrt(1.0 + trace)
@@ -140,7 +145,7 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretch_of(a: Float, rotation: Float, out: Float) -> None:
-    """out (6,) = entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A, less the identity."""
+    """Writes to ``out`` (6,) entries 00, 11, 22, 01, 02, 12 of the symmetric part of Q^T A - I."""
     for c in range(6):
         i, j = (c, c) if c < 3 else (0, c - 2) if c < 5 else (1, 2)
         entry = 0.0
@@ -151,7 +156,7 @@ def stretch_of(a: Float, rotation: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretched(rotation: Float, s: Float, out: Float) -> None:
-    """out (3, 3) = Q S for the six entries of :func:`stretch_of`."""
+    """Writes to ``out`` (3, 3) Q S for the six entries of :func:`stretch_of`."""
     for m in range(3):
         r0, r1, r2 = rotation[m, 0], rotation[m, 1], rotation[m, 2]
         out[m, 0] = r0 * (1 + s[0]) + r1 * s[3] + r2 * s[4]

@@ -1,9 +1,10 @@
-"""Unit quaternions in four bytes each: the smallest three components in ten bits.
+"""Unit quaternions in four bytes each: the three smallest components with ten bits each.
 
-The largest component is left out (its sign made positive, which changes nothing of the rotation), since the
-others and the unit length give it back. The 32 bits, little-endian: bits 30-31 say which one is missing (0 is
-w), then the others in order, bits 20-29, 10-19 and 0-9, each 511 + value / STEP. A rotation is at most
-:data:`ERROR` radians off; 1023 is never written, and any bits are some rotation.
+The largest component is omitted, since the others and the unit length determine it. Its sign is made
+positive, which does not change the rotation. Layout of the 32 bits, little-endian: bits 30-31 are the index
+of the omitted component (0 is w). The others follow in order, bits 20-29, 10-19 and 0-9, each 511 + value /
+STEP. A rotation is off by at most :data:`ERROR` radians. 1023 is never written, and any bits decode to a
+rotation.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from enliven.rotation import canonical, normalized
 STEP = math.sqrt(0.5) / 511
 """Step of a component: all but the largest are within +-sqrt(1/2)."""
 ERROR = 2 * math.sqrt(3.0) * STEP
-"""Radians, 0.27 degrees: three components half a step off, the fourth at most sqrt(3) times as far."""
+"""Radians, 0.27 degrees: three components are off by half a step, the fourth by at most sqrt(3) times
+that."""
 
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _SHIFTS = np.array([20, 10, 0])
 
 
 def pack_quaternions(quaternions: AnyArray) -> bytes:
-    """4 N bytes of (N, 4) unit quaternions; one that is not finite goes as the identity."""
+    """Returns 4 N bytes of (N, 4) unit quaternions. One that is not finite is sent as the identity."""
     q = normalized(quaternions)
     missing = np.abs(q).argmax(1)
     rows = np.arange(len(q))
@@ -36,7 +38,7 @@ def pack_quaternions(quaternions: AnyArray) -> bytes:
 
 
 def unpack_quaternions(data: bytes) -> Float:
-    """(N, 4) unit quaternions, w >= 0, of 4 N bytes."""
+    """Returns (N, 4) unit quaternions, w >= 0, from 4 N bytes."""
     bits = np.frombuffer(data, "<u4").astype(np.int64)
     missing = bits >> 30
     others = ((((bits[:, None] >> _SHIFTS) & 1023) - 511) * STEP).astype(np.float64)

@@ -28,15 +28,18 @@ from enliven.wire.streams import Revision, StatusMessage
 
 
 class Ask(Struct, tag=True, frozen=True):
-    """A request of a viewer; each is a class with a line in :data:`REQUESTS`."""
+    """A request of a viewer. Each is a class with an entry in :data:`REQUESTS`."""
 
 
 class Order(Ask, frozen=True):
-    """A request that only the edge's loop can carry out, by a handler that it registers."""
+    """A request that only the edge's loop can carry out, by a registered handler."""
 
 
 class Hello(Ask, frozen=True):
-    """Introduces a viewer and asks for the state; ``listening`` once the streams have reached it."""
+    """Introduces a viewer and asks for the state.
+
+    ``listening`` is True once the streams have reached the viewer.
+    """
 
     viewer: Name
     listening: bool = False
@@ -49,21 +52,21 @@ class GetState(Ask, frozen=True):
 
 
 Mode = Literal["alone", "join", "extend", "preview"]
-"""Which other performers keep a character when one takes hold, see :class:`Possess`."""
+"""Which other performers keep a character when one possesses it, see :class:`Possess`."""
 
 
 class Possess(Order, frozen=True):
-    """A body takes hold of a character.
+    """Lets a performer possess a character.
 
     Attributes:
-        character: its id; None: the only one, of several the free one nearest to the performer.
-        body: the performer's id; None: a performer in view, for "join" one that does not hold it yet; of
-            several characters none who holds another one, if there is such a performer.
-        parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
+        character: its id. None: the only one, or of several the free one nearest to the performer.
+        body: the performer's id. None: a performer in view, for "join" one that does not hold it yet. With
+            several characters, performers that hold another one are avoided.
+        parts: the parts that possess, names of :data:`enliven.person.body.PARTS`, joined with "+".
         mode: the other performers that hold it afterwards. "alone": none, as in programs that do not know
-            this field. "join": all that did, and this performer lets its earlier parts go. "extend": as
-            "join", but this performer also keeps its earlier parts, except bones that take hold anew.
-            "preview": nothing changes but the cues, which show from now on what this performer would hold.
+            this field. "join": all that did, and this performer releases its earlier parts. "extend": as
+            "join", but this performer also keeps its earlier parts, except bones that are possessed again.
+            "preview": only the cues change. They then show what this performer would hold.
     """
 
     character: Name | None = None
@@ -73,32 +76,32 @@ class Possess(Order, frozen=True):
 
 
 class Release(Order, frozen=True):
-    """Makes a performer (None: every one) let a character (None: all that the performer holds) go."""
+    """Makes a performer (None: every one) release a character (None: all that the performer holds)."""
 
     character: Name | None = None
     body: Identity | None = None
 
 
 class Smooth(Order, frozen=True):
-    """Sets the smoothing of a performer's joints from now on: 0 none; None: as the settings say."""
+    """Sets the smoothing of a performer's joints. 0: none. None: as in the settings."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
 class Lock(Order, frozen=True):
-    """Keeps the cast: people who come later stay bystanders; or ends that."""
+    """Locks the cast, so that people that arrive later stay bystanders, or unlocks it."""
 
     on: bool
 
 
 class Look(Order, frozen=True):
-    """Tells from where the viewer looks, world frame: the meaning of a pose is decided on the screen.
+    """Reports the viewer's view in the world frame: poses are matched as they look on the screen.
 
     Attributes:
         direction: (3,) from the eye into the scene, not zero.
-        up: (3,) the screen's up, not along it.
-        eye: (3,) metres, for a perspective view; None for an orthographic one.
+        up: (3,) the screen's up direction, not parallel to ``direction``.
+        eye: (3,) metres, for a perspective view. None for an orthographic one.
     """
 
     direction: tuple[Number, Number, Number]
@@ -107,27 +110,30 @@ class Look(Order, frozen=True):
 
 
 class Browse(Order, frozen=True):
-    """Shows another match of a character (None: of each rigged one), so many places on in the ranking; 0
-    follows the pose again."""
+    """Shows another match of a character (None: of each rigged one), ``step`` places on in the ranking.
+
+    0 follows the pose again.
+    """
 
     character: Name | None = None
     step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
 
 
 class PutCharacter(Order, frozen=True):
-    """Puts a character on the stage, or in the place of the one with its id, once all its data is there.
+    """Puts a character on the stage, or replaces the one with its id, once all its data has arrived.
 
-    The answer is :class:`Done` once it stands there, and until then :class:`Awaited`: ask again. The data is
-    a project file of one character, of any rig, without textures; it follows in :class:`CharacterPart`.
+    The answer is :class:`Done` once it is on the stage, and :class:`Awaited` until then: ask again. The data
+    is a project file of one character, of any rig, without textures. It follows in :class:`CharacterPart`.
 
     Attributes:
-        id: the name that it has on the stage.
-        revision: higher than that of the character in the place of which it is put. Count by one: the edge
-            refuses a revision far above the newest one, or above ``MAX_REVISION``.
-        digest: SHA-256 of the data; equal data is sent once.
+        id: its id on the stage.
+        revision: higher than that of the replaced character. Count by one: the edge refuses a revision far
+            above the newest one, or above ``MAX_REVISION``.
+        digest: SHA-256 of the data. Equal data is sent once.
         size: bytes of the data.
-        fit: whether a possessed mesh is first brought to a person's height, and to where a standing person
-            fits into it, as a mesh from a file is; else it stands as modelled, in metres.
+        fit: True scales a possessed mesh to a person's height, and moves it to where a standing person fits
+            into it. A mesh from a file is treated in this way. False keeps the modelled size and position, in
+            metres.
     """
 
     id: Name
@@ -138,7 +144,7 @@ class PutCharacter(Order, frozen=True):
 
 
 class CharacterPart(Order, frozen=True):
-    """A part of the data of a character that :class:`PutCharacter` announced; parts come in order."""
+    """A part of the data of a character that :class:`PutCharacter` announced. Parts must arrive in order."""
 
     id: Name
     digest: Digest
@@ -147,7 +153,7 @@ class CharacterPart(Order, frozen=True):
 
 
 class RemoveCharacter(Order, frozen=True):
-    """Takes a character from the stage; performers who held it are free."""
+    """Removes a character from the stage and frees its performers."""
 
     character: Name
 
@@ -156,12 +162,12 @@ class Resize(Order, frozen=True):
     """Changes the size of a character (None: the one that is held, or would be) on the stage, or its swing.
 
     Attributes:
-        do: "hands": the distance between a performer's hands multiplies its size from now on; asked again,
-            or once they keep still, it stays. "end": it stays as it is. "set": it is of this size.
-            "exaggerate": its soft parts swing so far past the motion.
-        body: for "hands", the performer; None: who holds it, else the first in view.
-        size: for "set", how many times its own size.
-        exaggeration: for "exaggerate", how far; None: as the stage's settings say.
+        do: "hands": the distance between a performer's hands scales it from now on. Repeating the request, or
+            still hands, ends this. "end": ends it with the current size. "set": sets the size. "exaggerate":
+            sets the overshoot of its soft parts.
+        body: for "hands", the performer. None: the holder, or else the first in view.
+        size: for "set", the factor of its own size.
+        exaggeration: for "exaggerate", the overshoot. None: as in the stage's settings.
     """
 
     do: Literal["hands", "end", "set", "exaggerate"]
@@ -172,20 +178,21 @@ class Resize(Order, frozen=True):
 
 
 class Scan(Order, frozen=True):
-    """Scans with the edge's camera: what is to be done now.
+    """Controls a scan with the edge's camera.
 
     Attributes:
         do: "start" a new scan; "pause" it; "go on", also after it was done, which adds to it; "undo" the last
             seconds; "done": it becomes a character of the stage; "cancel" it.
-        name: for "start", the id of the character that it becomes; None: "scan", or "scan 2", ...
-        voxel: for "start", metres of a voxel's side.
-        within: for "start", metres; what is farther is left out, and the thing may be turned.
-        whole: for "done", keep all that was scanned, and not what stands on the floor.
-        moved: for "start", the thing is turned and put down meanwhile; all its sides end in one mesh.
-        turned: for "start", the thing turns, on a turntable, and is followed while it moves.
-        person: for "start", a person before a camera that stands still, who turns once or holds still.
-        box: for "done", keep what is in a box: six metres on the stage, its lowest corner and its highest.
-        stage_from_scan: with a box, where the scan stood on the stage when the box was drawn.
+        name: for "start", the id of the resulting character. None: "scan", or "scan 2", ...
+        voxel: for "start", metres, size of a voxel.
+        within: for "start", metres. Depth beyond it is ignored, so the object may be turned.
+        whole: for "done", keeps the whole scan, and not only the object on the floor.
+        moved: for "start", the object is turned and put down during the scan. All its sides end in one mesh.
+        turned: for "start", the object turns on a turntable, and is tracked while it moves.
+        person: for "start", a person in front of a fixed camera turns around once or holds still.
+        box: for "done", keeps the content of a box: six metres on the stage, its lowest and its highest
+            corner.
+        stage_from_scan: with a box, the pose of the scan on the stage when the box was drawn.
     """
 
     do: Literal["start", "pause", "go on", "undo", "done", "cancel"]
@@ -211,19 +218,25 @@ class Scan(Order, frozen=True):
 
 
 class Listen(Order, frozen=True):
-    """Opens the edge's microphone for spoken commands, or closes it; open it only from the edge's machine."""
+    """Opens or closes the edge's microphone for spoken commands.
+
+    It can be opened from the edge's machine only.
+    """
 
     on: bool
 
 
 class PlayPhysics(Order, frozen=True):
-    """Puts loose objects that characters can knock about on the stage; "none" removes them."""
+    """Puts rigid objects that characters can push on the stage. "none" removes them."""
 
     world: Literal["none", "boxes", "dodgeball"]
 
 
 class Ping(Ask, frozen=True):
-    """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
+    """Asks for the edge's clock, and shows that the viewer is alive.
+
+    ``sent_ns`` is the viewer's wall clock.
+    """
 
     viewer: Name
     sent_ns: Nanoseconds
@@ -248,13 +261,14 @@ class Done(Struct, tag=True, frozen=True):
 
 
 class Awaited(Struct, tag=True, frozen=True):
-    """The character is on its way: the edge has the first ``received`` bytes, or prepares it with all."""
+    """The character is being uploaded: the edge has the first ``received`` bytes, or all of them and
+    prepares it."""
 
     received: Count
 
 
 class Refused(Struct, tag=True, frozen=True):
-    """The request was not carried out; ``reason`` says why."""
+    """The request was not carried out. ``reason`` contains the reason."""
 
     reason: Text
 
@@ -273,20 +287,20 @@ REQUESTS: list[type[Ask]] = [
     *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
     *(Listen, PlayPhysics),
 ]
-"""All requests that this program reads; a program that reads one more appends its class."""
+"""All requests that this program reads. A program with another request appends its class."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong
 Body = TypeVar("Body")
 
 
 class Request(Struct, Generic[Body], frozen=True):
-    """A viewer's request, one of :data:`REQUESTS`; the reply carries the same id."""
+    """A viewer's request, one of :data:`REQUESTS`. The reply has the same id."""
 
     id: Count
     body: Body
 
 
 class Reply(Struct, frozen=True):
-    """What the edge answers."""
+    """The edge's reply to a request."""
 
     id: Count
     body: Answer

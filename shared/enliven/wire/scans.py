@@ -1,4 +1,4 @@
-"""The messages of a scan: how it goes, and the surface as it grows."""
+"""The messages of a scan: its progress, and its growing surface."""
 
 from __future__ import annotations
 
@@ -10,49 +10,49 @@ from msgspec import Meta, Struct, field
 from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, expect
 
 MAX_PIECE_VERTICES = 8192
-"""Vertices of a piece: three times what a chair's seat and back have in one."""
+"""Maximum vertices of a piece: three times what the seat and back of a chair have in one."""
 MAX_PIECE_FACES = 16_384
-"""Triangles of a piece: twice its vertices."""
+"""Maximum triangles of a piece: twice its vertices."""
 Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
 Matrix = Annotated[list[Number], Meta(min_length=12, max_length=12)]
 """The upper three rows of a transform, row by row."""
 
 ThingWord = Literal["", "stands", "carried", "settling", "sought", "found", "turning", "lost", "person"]
-"""Where a thing is that is moved while it is scanned, see :class:`ScanMessage`."""
+"""The state of an object that is moved while it is scanned, see :class:`ScanMessage`."""
 
 
 class ScanMessage(Struct, array_like=True, frozen=True):
-    """How the scan goes (topic "scan").
+    """The progress of a scan (topic "scan").
 
     Attributes:
-        number: of the scan, counted from the edge's start; 0 where none was begun.
-        phase: "off"; "scanning"; "paused"; "finishing": the mesh is made; "done": ``character`` stands on the
-            stage; "failed": ``note`` says why, and it can go on.
-        tracking: what became of the newest image, a word of :class:`enliven.scanning.ScanState`; empty
-            before the first.
+        number: number of the scan, counted from the edge's start. 0 if none was started.
+        phase: "off"; "scanning"; "paused"; "finishing": the mesh is made; "done": ``character`` is on the
+            stage; "failed": ``note`` contains the reason, and the scan can go on.
+        tracking: the result of the newest image, a word of :class:`enliven.scanning.ScanState`. Empty before
+            the first.
         time_ns: the sensor's clock.
-        fused: images in the surface.
-        way: metres that the camera was carried.
-        full: whether the memory is full, so that nothing new is added.
-        undoable: seconds that "undo" would take back; 0 where it cannot.
-        missing: share of what is near that was not seen yet, 0..1.
-        stage_from_scan: where the surface stands on the stage.
-        stage_from_camera: the camera, as of :mod:`enliven.camera`; empty before the first image.
-        view: from where most of what is missing is seen, and what to look at: six metres on the stage; or
-            empty.
-        character: the id of what it became, or empty.
-        note: one sentence for people, or empty.
-        mend: what to do about it.
-        thing: of a thing that is moved while it is scanned: it "stands", or lies; is "carried", or lost, and
-            nothing is added; "settling": something stands still, and it is looked for in that; "sought": in
-            vain so far; was "found" just now; it is "turning" and followed, and what is seen of it is added;
-            or was "lost" meanwhile; or it is a "person", and what is missing are the sides not seen yet. Else
-            empty.
-        seconds: for which it is looked for, or was until it was found.
-        places: in which it was found so far; the surface is the thing alone from the first move on.
+        fused: number of images in the surface.
+        way: metres that the camera was moved.
+        full: True if the memory is full, so that no new surface is added.
+        undoable: seconds that "undo" would remove. 0 if undo is not possible.
+        missing: fraction of the nearby surface that was not seen yet, 0..1.
+        stage_from_scan: pose of the surface on the stage.
+        stage_from_camera: pose of the camera, as in :mod:`enliven.camera`. Empty before the first image.
+        view: next best view: camera position and target, six metres on the stage, or empty.
+        character: the id of the resulting character, or empty.
+        note: one sentence for users, or empty.
+        mend: the remedy.
+        thing: the state of an object that is moved while it is scanned, or empty. "stands": it rests.
+            "carried": it is carried or lost, and nothing is added. "settling": something stands still, and is
+            compared with the object. "sought": so without success until now. "found": it was found a moment
+            ago. "turning": it is tracked while it moves, and its visible part is added. "lost": tracking of
+            it failed. "person": a person is scanned, and ``missing`` counts the sides not seen yet.
+        seconds: how long the search for the object takes, or took until it was found.
+        places: number of places in which it was found. From the first move on, the surface is the object
+            only.
         ends: of a person that is "done": fifteen metres on the stage, the ends of head, left and right hand,
-            left and right foot, where all were seen.
-        joints: of the same sixty, its twenty joints, where its trunk was seen.
+            left and right foot, if all were seen.
+        joints: of the same person sixty metres, its twenty joints, if its trunk was seen.
     """
 
     number: Count = 0
@@ -84,17 +84,17 @@ class ScanMessage(Struct, array_like=True, frozen=True):
 
 
 class ScanPieceMessage(Struct, array_like=True, frozen=True):
-    """A part of the growing surface, in the place of what it was before (topic "scan piece").
+    """A part of the growing surface, which replaces its earlier version (topic "scan piece").
 
     Attributes:
-        number: of the scan.
-        place: of the piece, in sides of pieces.
-        side: steps of a piece's side.
+        number: number of the scan.
+        place: index of the piece, in multiples of a piece's side.
+        side: number of steps of a piece's side.
         step: metres.
         vertices: (V, 3) uint16 in steps from the piece's corner, the scan's world.
-        seen: (V,) uint8, 255 where it was seen well.
+        seen: (V,) uint8, 255 for well observed vertices.
         faces: (F, 3) uint16.
-        colours: (V, 3) uint8 sRGB; empty without.
+        colours: (V, 3) uint8 sRGB. Empty without colour.
     """
 
     number: Count

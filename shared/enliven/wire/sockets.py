@@ -10,15 +10,16 @@ import zmq
 from enliven.errors import InputError
 
 POSE_PORT = 5580
-"""TCP port of the streams where none is chosen: above 1023, so that no privilege is needed."""
+"""Default TCP port of the streams: above 1023, so that no privilege is needed."""
 CONTROL_PORT = 5581
-"""TCP port of the requests where none is chosen: the one after the streams'."""
+"""Default TCP port of the requests: the one after the streams'."""
 QUEUE = 1000
-"""Messages that wait to be sent to an edge."""
+"""Maximum messages that wait to be sent to an edge."""
 UNREAD_STREAMS = 500
-"""Messages of an edge that wait to be read: 128 MB of the longest. More wait in the system's buffers."""
+"""Maximum messages of an edge that wait to be read: 128 MB of the longest. More wait in the system's
+buffers."""
 UNREAD_REPLIES = 4
-"""Replies of an edge that wait to be read: each may be a character of 128 MB."""
+"""Maximum replies of an edge that wait to be read: each may be a character of 128 MB."""
 
 
 @dataclass(frozen=True)
@@ -34,20 +35,22 @@ class Endpoint:
 
     @property
     def stream_address(self) -> str:
-        """What a viewer connects its SUB socket to."""
+        """The address for a viewer's SUB socket."""
         return f"tcp://{_bracketed(self.host)}:{self.pose_port}"
 
     @property
     def control_address(self) -> str:
-        """What a viewer connects its DEALER socket to."""
+        """The address for a viewer's DEALER socket."""
         return f"tcp://{_bracketed(self.host)}:{self.control_port}"
 
 
 def parse_endpoint(text: str) -> Endpoint:
-    """``host``, ``host:port`` (the commands are one port on) or ``host:port:control_port``; IPv6 in brackets.
+    """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
+
+    Without a control port, it is the port after ``port``.
 
     Raises:
-        InputError: where it is none of these.
+        InputError: if it is none of these.
     """
     host, ports = text.strip().removeprefix("tcp://"), ""
     if host.startswith("["):
@@ -69,15 +72,17 @@ def parse_endpoint(text: str) -> Endpoint:
 
 
 def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: int) -> zmq.Socket[bytes]:
-    """A viewer's socket: never blocks its caller, never lingers, drops an edge that sends too much at once.
+    """Returns a viewer's socket: non-blocking, without lingering.
+
+    It drops an edge that sends too much at once.
+
+    TCP keep-alive detects an edge that vanished without closing, so that it is connected again. libzmq's own
+    heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is full.
 
     Args:
-        kind: of the socket, such as ``zmq.SUB``.
-        max_bytes: of a message.
-        unread: messages that wait to be read.
-
-    TCP's keep-alive finds an edge that vanished without closing, so that it is connected anew. libzmq's own
-    heartbeat would too, but it aborts the program where a connection breaks while its queue is full.
+        kind: kind of the socket, such as ``zmq.SUB``.
+        max_bytes: maximum size of a message.
+        unread: maximum messages that wait to be read.
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)

@@ -34,9 +34,9 @@ class PoseMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        revision: of the character that the transforms belong to.
-        instance: of the edge's process; a restarted edge has another.
-        sequence: counts the poses of this character from 0; a gap is a loss.
+        revision: revision of the character that the transforms belong to.
+        instance: random number of the edge's process. A restarted edge has another.
+        sequence: counts the poses of this character from 0. A gap is a loss.
         time_ns: the sensor's clock.
         captured_ns: the edge's wall clock when the frame was read.
         published_ns: the edge's wall clock when the pose was sent.
@@ -60,9 +60,9 @@ class PackedBody(Struct, array_like=True, frozen=True):
         id: stable while the person is in view.
         joints: (20, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
         confidence: (20,) uint8, 255 for certain.
-        orientations: (20,) uint32 of :mod:`enliven.wire.quaternions`, world_from_bone; empty where unknown.
-        contacts: (2,) uint8, 255 where the left and the right foot surely stand; empty where unknown.
-        stature_mm: millimetres from soles to crown when standing straight; 0 where unknown.
+        orientations: (20,) uint32 of :mod:`enliven.wire.quaternions`, world_from_bone. Empty if unknown.
+        contacts: (2,) uint8, 255 if the left or the right foot certainly stands. Empty if unknown.
+        stature_mm: millimetres from soles to crown when standing straight. 0 if unknown.
     """
 
     id: Identity
@@ -92,15 +92,15 @@ class CuesMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
+        state: "free"; "preview": the nodes would be held if the body possessed it now; "possessed".
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the firmest.
-        body: the performer's id, the first of several; -1 for none.
-        time_ns: the sensor's clock, the time of the poses that it goes with.
-        held: so many of the first nodes are held, the others would be by the next performer; None: all of
-            them, unless the state is "preview".
+        body: the performer's id, the first of several. -1 for none.
+        time_ns: the sensor's clock, the time of the matching poses.
+        held: number of leading nodes that are held. The others would be held by the next performer. None: all
+            are held, unless the state is "preview".
         performers: the ids of the performers that own the nodes.
-        owners: (K,) uint8 which of the performers holds each node; empty: all are of ``body``.
+        owners: (K,) uint8 index of the performer that holds each node. Empty: all belong to ``body``.
     """
 
     character: Name
@@ -122,20 +122,21 @@ class CuesMessage(Struct, array_like=True, frozen=True):
 
 
 class HoldMessage(Struct, array_like=True, frozen=True):
-    """A performer took hold of a character, or let go (topic "holds").
+    """A performer possessed or released a character (topic "holds").
 
     Attributes:
         character: its id.
-        time_ns: the sensor's clock, of the frame that the change follows; "take over" comes before it.
-        mode: what happened; "remove": the character left the stage.
-        revision: of the character; 0 where it left.
-        body: the performer's id; -1: all of them.
-        parts: of the body that took hold.
-        former: the id of the performer who held it before, for "take over"; else -1.
-        holders: the ids of all who hold it from now on.
-        settings: the actor's, as JSON.
-        place: where the mesh stood before: scale, radians about +Y, x, y, z in metres; or empty.
-        size: metres of the mesh as modelled for one of its rest space.
+        time_ns: the sensor's clock, of the frame before the change. A "take over" already applies to that
+            frame.
+        mode: the kind of change. "remove": the character left the stage.
+        revision: revision of the character. 0 if it left.
+        body: the performer's id. -1: all of them.
+        parts: the parts of the body that possess.
+        former: the id of the previous holder, for "take over". Otherwise -1.
+        holders: the ids of all holders after the change.
+        settings: the actor's settings, as JSON.
+        place: placement of the mesh before: scale, radians about +Y, x, y, z in metres; or empty.
+        size: metres of the modelled mesh per metre of its rest space.
     """
 
     character: Name
@@ -152,17 +153,17 @@ class HoldMessage(Struct, array_like=True, frozen=True):
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):
-    """All loose things at one moment, so that a late viewer needs no history (topic "props").
+    """All props at one moment, so that a late viewer needs no history (topic "props").
 
     Attributes:
-        time_ns: the sensor's clock, the time of the poses that it goes with.
-        ids: (P,) uint16, stable while the thing exists.
+        time_ns: the sensor's clock, the time of the matching poses.
+        ids: (P,) uint16, stable while the prop exists.
         shapes: (P,) uint8, 0 a box, 1 a ball.
-        sizes: (P, 3) uint16 millimetres: half edges of a box, the radius three times for a ball.
+        sizes: (P, 3) uint16 millimetres: half edges of a box; for a ball the radius, three times.
         colours: (P, 3) uint8 sRGB.
         positions: (P, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world frame.
         turns: (P,) uint32 of :mod:`enliven.wire.quaternions`, world_from_prop.
-        note: one line for people, or empty.
+        note: one line for users, or empty.
     """
 
     time_ns: Nanoseconds
@@ -187,13 +188,13 @@ class PackedMatch(Struct, array_like=True, frozen=True):
     """One match of a source with a character.
 
     Attributes:
-        name: of the joint that the branches begin at.
-        place: in the ranking, from 0.
+        name: name of the joint at the start of the branches.
+        place: rank, from 0.
         score: sum of cosines.
-        sizes: (m,) uint8, how many joints each branch of the source would drive, the first included.
+        sizes: (m,) uint8, number of joints that each branch of the source would drive, including the first.
         points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
-        limbs: (m,) uint8, the performer's limb of each branch; empty: not known, as from an older edge.
-        body: the id of the performer of these limbs; -1: not known.
+        limbs: (m,) uint8, the performer's limb of each branch. Empty: not known, from an older edge.
+        body: the id of the performer of these limbs. -1: not known.
     """
 
     name: Name
@@ -211,17 +212,17 @@ class PackedMatch(Struct, array_like=True, frozen=True):
 
 
 class MatchesMessage(Struct, array_like=True, frozen=True):
-    """The possible meanings of a performer's pose on a character (topic "matches").
+    """The candidate matches of a performer's pose with a character (topic "matches").
 
     Attributes:
         character: its id.
-        state: "off": no performer chooses; "choosing"; "playing": the match that is shown drives.
-        body: the performer's id; -1 for none.
+        state: "off": no performer chooses; "choosing"; "playing": the shown match drives.
+        body: the performer's id. -1 for none.
         time_ns: the sensor's clock.
-        shown: which of ``matches`` is meant; -1 for none.
-        matches: the best, and the one that is meant.
-        total: how many there are.
-        held: 0..1, how long of the time to hold still has passed.
+        shown: index of the shown one among ``matches``. -1 for none.
+        matches: the best ones, and the shown one.
+        total: total number of matches.
+        held: 0..1, elapsed fraction of the time to hold still.
     """
 
     character: Name
@@ -239,15 +240,15 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):
-    """One thing that is wrong at the edge.
+    """One problem at the edge.
 
     Attributes:
-        kind: a word of :class:`enliven.health.HealthKind`, or one that a later program knows.
-        severity: 0 to note, 1 the tracking suffers, 2 there is none.
-        since_ns: when it began, the sensor's clock.
-        what: what is wrong, one sentence.
-        mend: what to do about it, one sentence.
-        performer: the id of the performer that it is about; -1: it is about the sensor or the whole scene.
+        kind: a word of :class:`enliven.health.HealthKind`, or one of a later program.
+        severity: 0 a note, 1 tracking is impaired, 2 tracking fails.
+        since_ns: when it started, the sensor's clock.
+        what: the problem, one sentence.
+        mend: the remedy, one sentence.
+        performer: the id of the affected performer. -1: it affects the sensor or the whole scene.
     """
 
     kind: Name
@@ -266,20 +267,19 @@ class Revision(Struct, array_like=True, frozen=True):
 
 
 class StageMessage(Struct, array_like=True, frozen=True):
-    """The characters that stand on the stage from a frame on, sent where one came, changed or went (topic
-    "stage")."""
+    """The characters on the stage from a frame on, sent if one came, changed or left (topic "stage")."""
 
     time_ns: Nanoseconds
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
 
 
 class SizeMessage(Struct, array_like=True, frozen=True):
-    """How large a character stands on the stage and how far it swings, where that changed (topic "sizes").
+    """The size of a character on the stage and its swing, sent when they change (topic "sizes").
 
     Attributes:
-        size: how many times its own size.
-        body: the id of the performer who changes it by both hands; -1: it is not being changed.
-        exaggeration: how far soft parts swing past the motion; None: as the stage's settings say.
+        size: factor of its own size.
+        body: the id of the performer that changes it by both hands. -1: it is not being changed.
+        exaggeration: overshoot of soft parts. None: as in the stage's settings.
     """
 
     character: Name
@@ -289,13 +289,13 @@ class SizeMessage(Struct, array_like=True, frozen=True):
 
 
 class CameraMessage(Struct, array_like=True, frozen=True):
-    """Where the edge's camera stands, and a small picture of what it sees (topic "camera").
+    """The camera preview: the pose of the edge's camera, and a small depth image (topic "camera").
 
     Attributes:
-        place: world_from_camera, its three upper rows, row by row; the camera looks along +Z, down is +Y.
-        lens: focal lengths and principal point (fx, fy, cx, cy), in heights of its image.
-        width, height: pixels of the picture; 0 where the sensor tracks people itself and has none.
-        nearness: (height * width) bytes, row by row: 255 at the camera, 1 far away, 0 where nothing is known.
+        place: world_from_camera, its three upper rows, row by row. The camera looks along +Z, down is +Y.
+        lens: focal lengths and principal point (fx, fy, cx, cy), as fractions of its image height.
+        width, height: pixels of the image. 0 if the sensor tracks people itself and has no image.
+        nearness: (height * width) bytes, row by row: 255 at the camera, 1 far away, 0 unknown.
     """
 
     place: Annotated[list[Number], Meta(min_length=12, max_length=12)]
@@ -312,8 +312,8 @@ class CallMessage(Struct, array_like=True, frozen=True):
     """A pedal, button or voice at the edge asks the windows to record (topic "calls").
 
     Attributes:
-        word: "record" begins, or ends what is recorded; "stop" ends it; "again" begins the last one anew.
-        control: the name of what asks.
+        word: "record" starts or ends a recording; "stop" ends it; "again" starts the last one again.
+        control: the name of the control.
     """
 
     word: Literal["record", "stop", "again"]
@@ -321,15 +321,15 @@ class CallMessage(Struct, array_like=True, frozen=True):
 
 
 class HeardMessage(Struct, array_like=True, frozen=True):
-    """A microphone at the edge heard speech (topic "heard"); silence and noise send nothing.
+    """A microphone at the edge received speech (topic "heard"). Silence and noise send nothing.
 
     Attributes:
         control: the name of the voice control.
-        words: the phrase, or the words that were understood of other speech. Empty for other speech at an
-            edge that is open to other machines: talk in the room is not sent there.
-        understood: whether it is a phrase of the list.
-        action: the command that the phrase means; empty if it was not understood.
-        refused: why the stage did not carry out the command; empty if it did.
+        words: the phrase, or the recognised words of other speech. Empty for other speech at an edge that is
+            open to other machines: private talk is not sent there.
+        understood: True if it is a phrase of the list.
+        action: the command of the phrase. Empty if it was not understood.
+        refused: why the stage did not carry out the command. Empty if it did.
     """
 
     control: Name
@@ -345,8 +345,8 @@ class VoiceMessage(Struct, array_like=True, frozen=True):
     Attributes:
         state: "off": the microphone is closed; "starting"; "listening"; "missing": it cannot listen.
         what: for "missing", the reason, one sentence.
-        mend: what to do about it, one sentence.
-        phrases: that it knows.
+        mend: the remedy, one sentence.
+        phrases: the known phrases.
         actions: the command of each phrase.
     """
 
@@ -365,10 +365,10 @@ class PhysicsMessage(Struct, array_like=True, frozen=True):
     """The state of the edge's physics, sent when it changes (topic "physics").
 
     Attributes:
-        world: the loose objects that are on the stage, or being prepared.
+        world: the kind of rigid objects on the stage, or being prepared.
         state: "off"; "preparing"; "on"; "missing": the library is not installed; "failed".
         what: for "missing" and "failed", the reason, one sentence.
-        mend: what to do about it, one sentence.
+        mend: the remedy, one sentence.
     """
 
     world: Literal["none", "boxes", "dodgeball"]
@@ -378,22 +378,22 @@ class PhysicsMessage(Struct, array_like=True, frozen=True):
 
 
 class StatusMessage(Struct, array_like=True, frozen=True):
-    """The edge's heartbeat, twice a second (topic "status").
+    """The edge's heartbeat, twice per second (topic "status").
 
     Attributes:
         edge: the edge's name.
         instance: random for each start of the process.
-        revision: of the edge's state; a viewer that sees a new one asks for the state again.
+        revision: revision of the edge's state. A viewer that receives a new one asks for the state again.
         published_ns: the edge's wall clock.
         sensor: the sensor's identity, or empty.
         phase: the edge's activity, such as "waiting", "watching", "tracking" or "ended".
-        note: one sentence for people, or empty.
-        fps: poses a second.
-        latency_p50_ms: milliseconds from frame read to pose published, the median of late.
-        latency_p99_ms: the same, of the slowest in a hundred.
-        performers: people in view.
-        dropped: frames that came too fast and were passed over, since the start.
-        health: what is wrong, the gravest first.
+        note: one sentence for users, or empty.
+        fps: poses per second.
+        latency_p50_ms: milliseconds from frame read to pose published, the recent median.
+        latency_p99_ms: the same, the 99th percentile.
+        performers: number of people in view.
+        dropped: number of frames that came too fast and were dropped, since the start.
+        health: the current problems, the gravest first.
     """
 
     edge: Name

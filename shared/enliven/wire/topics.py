@@ -1,8 +1,8 @@
-"""The one table of all messages on the wire.
+"""The table of all messages on the wire.
 
 Sockets, recorder, late-join state, receiver, timeline, player of takes and tests derive from it. A new stream
-message is a class in :mod:`enliven.wire.streams` and a row here; a new request is a class and an entry in
-:data:`enliven.wire.requests.REQUESTS`, and its handler where the edge lists them.
+message is a class in :mod:`enliven.wire.streams` and a row here. A new request is a class, an entry in
+:data:`enliven.wire.requests.REQUESTS`, and a handler in the edge's list.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ class Topic:
     """One kind of message.
 
     Attributes:
-        name: on the wire, ASCII.
+        name: name on the wire, ASCII.
         type: the message class.
-        way: "stream" goes from the edge to every viewer, "state" to one that asks for it, "request" from a
-            viewer to its edge, "reply" back.
-        max_bytes: of the payload; a longer message is dropped unread.
-        rate_hz: how often it is expected while the edge works; 0: whenever there is a reason.
+        way: "stream" goes from the edge to every viewer, "state" to a viewer that asks for it, "request" from
+            a viewer to its edge, "reply" back.
+        max_bytes: maximum payload. A longer message is dropped without decoding.
+        rate_hz: expected rate while the edge works. 0: irregular.
         keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
-        latched: the newest of each key is also told to a viewer that joins late.
+        latched: True sends the newest message of each key to viewers that join late.
         key: messages with an equal key replace each other.
-        recorded: a take holds it.
+        recorded: True stores it in takes.
     """
 
     name: str
@@ -62,20 +62,20 @@ class Topic:
 
     @property
     def of_character(self) -> bool:
-        """Whether its messages are about one character each, and go with it."""
+        """True if each of its messages is about one character, and is removed with it."""
         return self.key is _character
 
 
 TOPICS: list[Topic] = []
-"""All topics, in the order in which they were registered."""
+"""All topics, in order of registration."""
 STREAMS: dict[str, Topic] = {}
-"""The topics that go to every viewer, by name."""
+"""The topics that are sent to every viewer, by name."""
 BY_TYPE: dict[type[Any], Topic] = {}
 """All topics by the class of their messages."""
 
 
 def register(topic: Topic) -> Topic:
-    """Adds a topic to the table, before the sockets are opened; returns it."""
+    """Adds a topic to the table, and returns it. Call before the sockets are opened."""
     TOPICS.append(topic)
     BY_TYPE[topic.type] = topic
     if topic.way == "stream":
@@ -84,12 +84,12 @@ def register(topic: Topic) -> Topic:
 
 
 def _character(message: Any) -> str:
-    """Returns the id of the character that a message is about: the newest of each character is kept."""
+    """Returns the id of a message's character: the newest message of each character is kept."""
     return str(message.character)
 
 
 def _stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
-    """Registers a topic with a message in every frame; takes keep all of them."""
+    """Registers a topic with a message in every frame. Takes store all of them."""
     return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
 
 
@@ -124,4 +124,4 @@ REQUEST = register(Topic("request", Request, "request", 4 * 1024 + MAX_PART_BYTE
 REPLY = register(Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every"))
 
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())
-"""Bytes of the longest message on the stream socket, envelope included."""
+"""Maximum bytes of a message on the stream socket, including the envelope."""

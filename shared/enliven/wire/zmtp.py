@@ -1,7 +1,8 @@
-"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out; it opens no socket.
+"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out. It opens no socket.
 
-Viewers speak ZMTP by libzmq. The listener does not: one connection that mixes PINGs into a flood and is reset
-makes libzmq 4.3.5 abort its program (``!_io_error`` in stream_engine_base.cpp), with heartbeats or without.
+Viewers use libzmq for ZMTP. The listener does not: libzmq 4.3.5 aborts its program (``!_io_error`` in
+stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
+without.
 """
 
 from __future__ import annotations
@@ -13,44 +14,44 @@ GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0")
 """The first 64 bytes of both sides: signature, version 3.1, no keys."""
 
 _MORE = 1
-"""Flag of a frame that another frame of the same message follows."""
+"""Flag of a frame that is followed by another frame of the same message."""
 _LONG = 2
-"""Flag of a frame with a length of 8 bytes in place of 1."""
+"""Flag of a frame with a length of 8 bytes instead of 1."""
 _COMMAND = 4
-"""Flag of a frame that is a command of the protocol and no message."""
+"""Flag of a frame that is a command of the protocol, not a message."""
 _MOST_PARTS = 8
-"""Parts of one message; a viewer sends one, libzmq's REQ sockets two."""
+"""Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
 _MOST_CONTEXT = 16
-"""Bytes of a PING that are sent back, as the protocol says."""
+"""Maximum bytes of a PING that are sent back, as the protocol requires."""
 _TTL_BYTES = 2
-"""Bytes of a PING's time to live, which stand before its context."""
+"""Bytes of a PING's time to live, which precede its context."""
 
 
 class ZmtpError(Exception):
-    """Bytes that are not ZMTP, or longer than allowed: the connection is to be closed."""
+    """Bytes that are not ZMTP, or longer than allowed: the connection must be closed."""
 
 
 def framed(data: bytes, flags: int = 0) -> bytes:
-    """One frame: its flags, its length and the data."""
+    """Returns one frame: its flags, its length and the data."""
     return head(len(data), flags) + data
 
 
 def head(length: int, flags: int = 0) -> bytes:
-    """Returns the bytes before ``length`` bytes of data, so that long data need not be copied."""
+    """Returns the bytes that precede ``length`` bytes of data, so that long data need not be copied."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
 
 
 class ZmtpSession:
-    """The protocol state of one connection; feed it, then take until nothing is left.
+    """The protocol state of one connection. Call ``feed``, then ``take`` until nothing is left.
 
     Args:
-        kind: of the socket that listens; "ROUTER" hears DEALER and REQ, "PUB" hears SUB.
-        most: bytes of a frame that is taken.
+        kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ, "PUB" accepts SUB.
+        most: maximum bytes of an accepted frame.
 
     Attributes:
-        ready: whether both sides have introduced themselves.
-        answers: bytes that are to be sent to the other side now; the caller empties it.
-        missing: bytes of the frame that has begun, as far as its length is known.
+        ready: True after the handshake.
+        answers: bytes to send to the other side now. The caller empties it.
+        missing: missing bytes of the current frame, as far as its length is known.
     """
 
     def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
@@ -61,18 +62,18 @@ class ZmtpSession:
         self._parts: list[bytes] = []
 
     def feed(self, data: bytes) -> None:
-        """Adds bytes that were received."""
+        """Adds received bytes."""
         del self._bytes[: self._at]
         self._at = 0
         self._bytes += data
 
     def take(self) -> list[bytes] | None:
-        """The next message's parts; an empty list for anything else; None where bytes are missing.
+        """Returns the next message's parts. An empty list for anything else, None if bytes are missing.
 
-        A subscription is one part, 1 or 0 (no longer) and the topic's beginning.
+        A subscription is one part, 1 or 0 (unsubscribe) and the topic's prefix.
 
         Raises:
-            ZmtpError: for what is not ZMTP 3, or too long.
+            ZmtpError: for bytes that are not ZMTP 3, or too long.
         """
         if not self._greeted:
             return self._greeting()
@@ -93,7 +94,7 @@ class ZmtpSession:
         return parts
 
     def _greeting(self) -> list[bytes] | None:
-        """Checks the other side's first 64 bytes, as far as they have come, and answers them."""
+        """Checks the other side's first 64 bytes, as far as they have arrived, and answers them."""
         said = self._bytes[: len(GREETING)]
         if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
             raise ZmtpError("this is not ZMTP 3")
@@ -107,7 +108,7 @@ class ZmtpSession:
         return []
 
     def _frame(self) -> tuple[int, bytes] | None:
-        """(flags, data) of the next whole frame, or None."""
+        """Returns (flags, data) of the next complete frame, or None."""
         have = len(self._bytes) - self._at
         if have < 2:
             return None
@@ -127,7 +128,7 @@ class ZmtpSession:
         return flags, bytes(self._bytes[start : self._at])
 
     def _command(self, data: bytes) -> list[bytes]:
-        """Handles an introduction, a PING or a subscription; an unknown command is ignored."""
+        """Handles a handshake, a PING or a subscription. An unknown command is ignored."""
         name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
         if name == b"READY" and not self.ready:
             self.ready = True

@@ -1,4 +1,4 @@
-"""Depth images of a recording: their pixels, and how many millimetres one step is."""
+"""Depth images of a recording: their pixels, and their depth step in millimetres."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from enliven.frames import TIME_LIMIT_NS
 from enliven_edge.importing.bags.ros1 import Fields
 
 _WIDEST = 8192
-"""Pixels of an image's side; the makers' largest have 1,600."""
+"""Maximum pixels of an image's side; the makers' largest have 1,600."""
 _PNG_BEGINS = 12
-"""Bytes that ROS puts before the PNG of a packed depth image."""
+"""Bytes that ROS puts before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
 """The makers' names of images with 16-bit distances."""
 
 
 def plain_image(fields: Fields) -> UInt16:
-    """Returns (H, W) the pixels of a ``sensor_msgs/Image`` after its header.
+    """Returns (H, W) the pixels of a ``sensor_msgs/Image``, read after its header.
 
     Raises:
-        InputError: where it is no depth image, or has another size than it says.
+        InputError: if it is not a depth image, or its size differs from the declared one.
     """
     height, width = fields.count(), fields.count()
     encoding = fields.text().lower()
@@ -45,10 +45,10 @@ def plain_image(fields: Fields) -> UInt16:
 
 
 def packed_image(fields: Fields) -> UInt16:
-    """Returns (H, W) the pixels of a ``sensor_msgs/CompressedImage`` after its header.
+    """Returns (H, W) the pixels of a ``sensor_msgs/CompressedImage``, read after its header.
 
     Raises:
-        InputError: where it is no depth image.
+        InputError: if it is not a depth image.
     """
     fields.text()
     packed = fields.block()[_PNG_BEGINS:]
@@ -69,10 +69,10 @@ def in_millimetres(depth: UInt16, millimetres: float) -> UInt16:
 
 
 def checked_step(millimetres: float, where: str) -> float:
-    """Returns a plausible step of depth without float32's rounding, which keeps seven digits.
+    """Returns a plausible depth step, rounded to the seven digits of float32.
 
     Raises:
-        InputError: where it is none.
+        InputError: if it is implausible.
     """
     if not (math.isfinite(millimetres) and 0.0 < millimetres <= 1000.0):
         raise InputError(f"its step of depth is {millimetres} mm", where=where, mend="Record it again.")
@@ -83,7 +83,7 @@ def checked_time(time_ns: int, where: str) -> int:
     """Returns a plausible time of a recording, nanoseconds.
 
     Raises:
-        InputError: where it is beyond all calendars.
+        InputError: if it is beyond all calendars.
     """
     if abs(time_ns) >= TIME_LIMIT_NS:
         raise InputError(f"an image has the time {time_ns} ns", where=where, mend="Copy the recording again.")
@@ -93,15 +93,15 @@ def checked_time(time_ns: int, where: str) -> int:
 def plain_lens(
     size: tuple[int, int], lens: tuple[float, ...], model: str, bent: tuple[float, ...], where: str
 ) -> Intrinsics:
-    """The camera of a recording.
+    """Returns the camera of a recording.
 
     Args:
         lens: (fx, fy, cx, cy) pixels.
-        model: of the distortion, as the maker names it.
-        bent: its k1, k2, p1, p2, k3.
+        model: the maker's name of the distortion model.
+        bent: distortion coefficients k1, k2, p1, p2, k3.
 
     Raises:
-        InputError: for a model that is not ours.
+        InputError: for an unsupported distortion model.
     """
     if not any(bent):
         bent = (0.0,) * 5
@@ -115,10 +115,10 @@ def plain_lens(
 def rational_places(camera: Intrinsics, bent: tuple[float, ...]) -> Int:
     """Returns (H*W,) the pixel of a distorted image (OpenCV's rational model) for each undistorted pixel.
 
-    The nearest one: between depths there is no mean. H*W stands for none.
+    The nearest pixel is used, because depths must not be averaged. H*W stands for none.
 
     Args:
-        camera: the lens without its distortion.
+        camera: the intrinsics without distortion.
         bent: k1, k2, p1, p2, k3, k4, k5, k6.
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = bent

@@ -1,7 +1,7 @@
 """Reads recordings of OrbbecSDK 2.4 and later.
 
-Its image messages have a field that their written definition lacks, so that no reader that follows the
-definition understands them.
+Its image messages have a field that is missing in their written definition. A reader that follows the
+definition therefore cannot read them.
 """
 
 from __future__ import annotations
@@ -38,35 +38,36 @@ _IMAGES, _STREAM, _DEVICE, _PROPERTY = (
 _VERSION = 0
 """Orbbec's property number of the file's version."""
 _PRECISION = 75
-"""Orbbec's property number of the step of depth as a level, an index of the steps below."""
+"""Orbbec's property number of the depth step as a level, an index of the steps below."""
 _UNIT = 176
-"""Orbbec's property number of the step of depth in millimetres."""
+"""Orbbec's property number of the depth step in millimetres."""
 _IN_DEVICE = 85
-"""Orbbec's property number of whether the camera itself computed depth from its disparities."""
+"""Orbbec's property number that shows if the camera itself computed depth from its disparities."""
 _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
-"""Millimetres a step of depth, by Orbbec's level of precision."""
+"""Millimetres per depth step, by Orbbec's level of precision."""
 _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
 """Orbbec's distortion models by their numbers."""
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
-"""USB's product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
+"""USB product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
 _KNOWN = re.compile(r"Gemini [3-9]\d\d|Astra 2")
-"""Cameras that compute depth from disparities themselves, where a property says so, in the steps above. The
-library plays those of a Gemini 2 with a quarter of the recorded numbers; older ones were not tried."""
+"""Cameras that can compute depth from disparities themselves; a property of the recording reports it. The
+depth steps are those above. The library plays those of a Gemini 2 with a quarter of the recorded numbers;
+older ones were not tried."""
 _PLAY = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
-"""Orbbec's number of the distortion model with six radial coefficients; with three it equals ours."""
+"""Orbbec's number of the distortion model with six radial coefficients. With three it equals ours."""
 _NONE = (0.0,) * 5
 """Distortion coefficients k1, k2, p1, p2, k3 of an image without distortion."""
 
 
 @dataclass
 class _About:
-    """The information beside the images of a recording, most of it at its end.
+    """The description of a recording's images, most of it at its end.
 
     Attributes:
-        camera: the lens of the images that are handed on.
-        places: (H*W,) from where in a recorded image each of their pixels comes; None: all stay.
-        name, product, serial: the camera's own name, USB's product id, its serial number.
+        camera: the intrinsics of the delivered images.
+        places: (H*W,) the source pixel of each delivered pixel in the recorded image. None: unchanged.
+        name, product, serial: the camera's own name, USB product id and serial number.
         properties: its settings, as bytes, by Orbbec's numbers.
     """
 
@@ -82,10 +83,10 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
     """Yields the depth images of a recording.
 
     Args:
-        device: the name to give the sensor; None for one with its serial number.
+        device: the name to give the sensor. None for a name with its serial number.
 
     Raises:
-        InputError: where it holds none, or cannot be understood.
+        InputError: if it has none, or has an unsupported format.
     """
     about = _about(path)
     assert about.camera is not None
@@ -106,7 +107,7 @@ def check_playback(path: Path) -> None:
     """Checks that Orbbec's library can play a recording: it hangs on one of another version.
 
     Raises:
-        InputError: where it cannot.
+        InputError: if it cannot.
     """
     _about(path)
 
@@ -135,7 +136,7 @@ def _about(path: Path) -> _About:
 
 
 def _check_depth(about: _About, path: Path) -> None:
-    """Checks that the images are depth, and no disparities."""
+    """Checks that the images are depth, not disparities."""
     made = about.properties.get(_IN_DEVICE)
     if made is not None and not any(made):
         what = "it holds the camera's disparities in place of depth"
@@ -153,14 +154,15 @@ def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
 
 
 def _step(about: _About, path: Path) -> float:
-    """Returns millimetres of one step of depth."""
+    """Returns the millimetres of one depth step."""
     level = round(_value(about, _PRECISION, "i", 0.0))
     usual = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0
     return checked_step(_value(about, _UNIT, "f", usual), str(path))
 
 
 def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
-    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion of a foreign model."""
+    """Reads ``custom_msg/OBStreamProfileInfo``: the intrinsics, and the undistortion of an unsupported
+    model."""
     fields.numbers("BB12f")
     width, height, _fps = (int(each) for each in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")

@@ -26,13 +26,13 @@ _SMALL = re.compile(
     r"/device_\d+(/info|/sensor_\d+/(option/Depth[_ ]Units/value|Depth_\d+(/info)?/camera_info))"
 )
 _USUAL_STEP = 1.0
-"""Millimetres a step of depth where none was recorded: that of the D400 family."""
+"""Millimetres per depth step if none was recorded: that of the D400 family."""
 Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
 
 @dataclass
 class _About:
-    """The information about a recording's cameras, by the beginnings of their topics."""
+    """The descriptions of a recording's cameras, by the prefixes of their topics."""
 
     cameras: dict[str, Intrinsics] = field(default_factory=dict)
     steps: dict[str, float] = field(default_factory=dict)
@@ -43,11 +43,11 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
     """Yields the depth images of one camera of a recording.
 
     Args:
-        read: the messages of the file.
-        device: its serial number, or the name to give the sensor; None for the only camera.
+        read: returns the messages of the file.
+        device: its serial number, or the name to give the sensor. None for the only camera.
 
     Raises:
-        InputError: where there is none, or several and none is chosen.
+        InputError: if there is none, or several and none is chosen.
     """
     about = _about(path, read)
     stream = _chosen(about, device, path)
@@ -71,7 +71,7 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
 
 
 def _frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
-    """Reads an image of a recording; its number stands before it in a .bag, after it in a .db3."""
+    """Reads an image of a recording. Its number precedes it in a .bag, and follows it in a .db3."""
     number = None if isinstance(fields, AlignedFields) else fields.count()
     seconds, rest = fields.numbers("II")
     fields.text()
@@ -106,12 +106,15 @@ def _about(path: Path, read: Read) -> _About:
 
 
 def _is_small(topic: str) -> bool:
-    """Returns whether a topic describes a camera; a .db3 also has its lens as text beside each image."""
+    """Returns True if a topic describes a camera.
+
+    A .db3 also repeats its intrinsics as text with each image.
+    """
     return _SMALL.fullmatch(topic) is not None
 
 
 def _camera(fields: Fields) -> Intrinsics:
-    """Reads a lens: ``sensor_msgs/CameraInfo`` in a .bag, text in a .db3."""
+    """Reads intrinsics: ``sensor_msgs/CameraInfo`` in a .bag, text in a .db3."""
     if isinstance(fields, AlignedFields):
         return _camera_in_words(fields)
     fields.numbers("III")
@@ -136,7 +139,7 @@ def _camera_in_words(fields: Fields) -> Intrinsics:
 
 
 def _step(fields: Fields) -> float:
-    """Returns millimetres of one step of depth."""
+    """Returns the millimetres of one depth step."""
     try:
         metres = float(fields.text() if isinstance(fields, AlignedFields) else fields.number("f"))
     except ValueError:

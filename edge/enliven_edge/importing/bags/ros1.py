@@ -14,22 +14,22 @@ from enliven.files import open_file
 from enliven_edge.extras import need
 
 _MOST_TEXT = 4096
-"""Bytes of a name, or of a number as text."""
+"""Maximum bytes of a name, or of a number as text."""
 
 
 class Fields:
-    """A message as ROS 1 writes it: numbers side by side, texts and blocks with their size before.
+    """A message in the format of ROS 1: packed numbers; texts and blocks are preceded by their size.
 
     Args:
         data: the message.
-        where: the file and topic, for messages.
+        where: the file and topic, for error messages.
     """
 
     def __init__(self, data: bytes, where: str) -> None:
         self._data, self._at, self.where = data, 0, where
 
     def number(self, kind: str) -> int | float:
-        """Reads the next number, of a kind of :mod:`struct`, such as "I" or "d"."""
+        """Reads the next number, with a format of :mod:`struct`, such as "I" or "d"."""
         (value,) = self.numbers(kind)
         return value
 
@@ -41,7 +41,7 @@ class Fields:
         """Reads the next numbers, one for each letter.
 
         Raises:
-            InputError: where the message is shorter.
+            InputError: if the message is too short.
         """
         return struct.unpack("<" + kinds, self._take(struct.calcsize("<" + kinds)))
 
@@ -53,7 +53,7 @@ class Fields:
         return self._take(size).decode("utf-8", errors="replace")
 
     def block(self) -> bytes:
-        """Reads the next bytes, as many as the number before them states."""
+        """Reads the next block of bytes, which is preceded by its size."""
         return self._take(self.count())
 
     def damaged(self) -> InputError:
@@ -69,7 +69,8 @@ class Fields:
 
 
 class AlignedFields(Fields):
-    """A message as ROS 2 writes it (CDR, little-endian): numbers lie at multiples of their size."""
+    """A message in the format of ROS 2 (CDR, little-endian): numbers are aligned to multiples of their
+    size."""
 
     def __init__(self, data: bytes, where: str) -> None:
         super().__init__(data[4:], where)
@@ -90,15 +91,15 @@ class AlignedFields(Fields):
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MOST_HEADER = 1 << 16
-"""Bytes of a record's header; a connection's has a topic's name."""
+"""Maximum bytes of a record's header, which may contain a topic's name."""
 _MOST_CHUNK = 1 << 27
-"""Bytes of a chunk, unpacked: the makers' have one message or 768 KiB, an image has up to 50 MB."""
+"""Maximum bytes of a decompressed chunk: the makers' have one message or 768 KiB, an image up to 50 MB."""
 _MESSAGE = 2
 """Record kind (op) of message data in a bag."""
 _CHUNK = 5
 """Record kind (op) of a chunk of records."""
 _CONNECTION = 7
-"""Record kind (op) of a connection, which names a topic; the other kinds are the index."""
+"""Record kind (op) of a connection, which names a topic. The other kinds are the index."""
 _COPY = "Copy it again; it was not closed, or copied only in part."
 
 
@@ -110,10 +111,10 @@ class Message(NamedTuple):
 
 
 def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
-    """Yields the messages of the wanted topics, in the order of the file.
+    """Yields the messages of the requested topics, in the order of the file.
 
     Raises:
-        InputError: where the file is damaged, cut off, or would not fit into memory.
+        InputError: if the file is damaged, cut off, or would not fit into memory.
     """
     with open_file(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -136,7 +137,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
 def _inside(
     chunk: bytes, topics: dict[bytes, str], wanted: Callable[[str], bool], path: Path
 ) -> Iterator[Message]:
-    """Yields the messages of a chunk; its connections are added to ``topics``."""
+    """Yields the messages of a chunk. Its connections are added to ``topics``."""
     at = 0
     while at < len(chunk):
         header_at, at = _extent(chunk, at, path)
@@ -153,7 +154,7 @@ def _inside(
 
 
 def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
-    """Returns the begin and the end of a sized part of a chunk."""
+    """Returns the start and the end of a sized part of a chunk."""
     begin = at + 4
     end = begin + int.from_bytes(chunk[at:begin], "little")
     if begin > len(chunk) or end > len(chunk):
@@ -162,7 +163,7 @@ def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
 
 
 def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
-    """Returns the content of a chunk, never more than it states."""
+    """Returns the decompressed content of a chunk, limited to its declared size."""
     how, size = header.get(b"compression", b""), int.from_bytes(header.get(b"size", b"")[:4], "little")
     if size > _MOST_CHUNK:
         raise _too_large(size, path)
@@ -186,7 +187,7 @@ def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
 
 
 def _lz4_unpacked(packed: bytes, most: int, path: Path) -> bytes:
-    """Returns at most ``most`` bytes of a chunk that lz4 packed.
+    """Returns at most ``most`` bytes of a chunk that lz4 compressed.
 
     Raises:
         ResourceError: if the library is not installed.
@@ -224,7 +225,7 @@ def _size(file: BinaryIO, path: Path) -> int:
 
 
 def _sized(file: BinaryIO, most: int, path: Path) -> bytes:
-    """Reads the next bytes of the file, as many as the number before them states."""
+    """Reads the next bytes of the file, which are preceded by their number."""
     size = _size(file, path)
     if size > os.fstat(file.fileno()).st_size - file.tell():
         raise _cut(file.tell(), path)

@@ -14,16 +14,16 @@ from enliven_edge.importing.bags.ros1 import AlignedFields, Message
 
 MAGIC = b"SQLite format 3\0"
 _MOST_MESSAGE = 1 << 27
-"""Bytes of a message; an image has up to 50 MB."""
+"""Maximum bytes of a message; an image has up to 50 MB."""
 _MOST_TOPICS = 1000
-"""Topics of a recording: a camera's has some 200, one for each option."""
+"""Maximum number of topics in a recording: a camera has some 200, one for each option."""
 
 
 def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
-    """Yields the messages of the wanted topics, in the order in which they were recorded.
+    """Yields the messages of the requested topics, in the order of recording.
 
     Raises:
-        InputError: where the file is damaged or no recording.
+        InputError: if the file is damaged or not a recording.
     """
     open_file(path).close()
     try:
@@ -41,14 +41,14 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MOST_TOPICS}"
 _MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
-"""Counts real tables only: a view of such a name could be made to run for ever."""
+"""Counts real tables only: a view of that name could run endlessly."""
 
 
 def _opened(path: Path) -> sqlite3.Connection:
     """Opens the database for reading.
 
     Raises:
-        sqlite3.Error: where it is none, or has no such tables.
+        sqlite3.Error: if it is not a database, or lacks these tables.
     """
     database = sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
     try:

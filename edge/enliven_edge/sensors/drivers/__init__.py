@@ -1,15 +1,14 @@
-"""Depth cameras: each driver opens, reads and closes one, or without it rehearses with a recording's images.
+"""Drivers of depth cameras: each opens, reads and closes a camera, or rehearses with a recording's images.
 
-What they have in common, such as opening them anew and keeping crashes out of the edge, is not done here but
-in :mod:`enliven_edge.sensors.reopening` and :mod:`enliven_edge.sensors.isolation`. What their arguments have
-in common is said here:
+Their common tasks are elsewhere: :mod:`enliven_edge.sensors.reopening` opens cameras again, and
+:mod:`enliven_edge.sensors.isolation` keeps crashes out of the edge. Their common arguments are:
 
     width, height: pixels of the depth image.
-    fps: images a second.
+    fps: images per second.
     rehearse: a recording that is played through the camera's library in place of a camera.
-    before: the identity of the camera that was open last; of several it is taken again.
+    before: the identity of the camera that was open last. It is preferred if there are several.
 
-Every driver raises InputError for a mode, preset or recording that cannot be used, and ResourceError where
+Every driver raises InputError for a mode, preset or recording that cannot be used. It raises ResourceError if
 its library or the camera is missing, or the camera is in use.
 """
 

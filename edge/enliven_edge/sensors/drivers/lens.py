@@ -1,4 +1,4 @@
-"""The typical lens and range of a camera model that does not report them: ``firmware_configs/sensors``."""
+"""Typical intrinsics and range of a camera model that does not report them: ``firmware_configs/sensors``."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from enliven.errors import InputError
 from enliven_edge.sensors.profile import typical_camera
 
 _SHORTEST = 10.0
-"""Pixels of focal length below which a camera has reported none: depth cameras have 150 to 1,000."""
+"""Minimum focal length in pixels. Below it a camera has reported none: depth cameras have 150 to 1,000."""
 _FARTHEST = 65535
-"""Millimetres, the greatest depth of an image."""
+"""Millimetres, the largest depth in an image."""
 
 
 def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
-    """The profile of a camera that calls itself so.
+    """Returns the profile of a camera with a given name.
 
     Args:
-        kinds: the profile by a regular expression that the name contains; the first that does counts.
-        otherwise: the profile of a camera that none of them fits.
+        kinds: the profile by a regular expression that matches part of the name. The first match counts.
+        otherwise: the profile of a camera without a match.
     """
     fits = (profile for words, profile in kinds.items() if re.search(words, name, re.IGNORECASE))
     return next(fits, otherwise)
@@ -37,18 +37,18 @@ def known_or_typical(
     name: str,
     rehearsed: bool = False,
 ) -> tuple[Intrinsics, bool]:
-    """The intrinsics that a device reports, or those of its model's profile where it reports none.
+    """Returns the intrinsics of a device, or those of its model's profile if it reports none.
 
     Args:
-        lens: (fx, fy, cx, cy) pixels, as the device says them.
+        lens: (fx, fy, cx, cy) pixels, as the device reports them.
         profile: a profile of ``firmware_configs/sensors``.
-        rehearsed: it is a recording's, which cannot be asked for another size.
+        rehearsed: True for a recording, which cannot deliver another size.
 
     Returns:
-        the camera, and whether the device told it.
+        the intrinsics, and whether the device reported them.
 
     Raises:
-        InputError: where the profile's image has another shape.
+        InputError: if the profile's image has another shape.
     """
     fx, fy, cx, cy = lens
     if min(fx, fy) >= _SHORTEST:
@@ -66,10 +66,12 @@ def known_or_typical(
 
 
 def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
-    """A function that removes depths out of a camera's range; arguments and errors as of :func:`limits`.
+    """Returns a function that removes depths outside a camera's range.
+
+    See :func:`limits` for arguments and errors.
 
     Returns:
-        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
+        takes (H, W) uint16 millimetres, and returns them with 0 outside the range.
     """
     low, high = limits(reach, profile, rehearsed)
     if (low, high) == (0, _FARTHEST):
@@ -78,14 +80,14 @@ def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callabl
 
 
 def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[int, int]:
-    """The least and the greatest depth that a camera can have measured, millimetres.
+    """Returns the minimum and maximum depth that a camera can measure, millimetres.
 
     Args:
-        reach: (near, far) metres; 0 stands for the profile's, or in a rehearsal for any: a recording may be
-            of another camera.
+        reach: (near, far) metres. 0 stands for the profile's value. In a rehearsal 0 means no limit, because
+            the recording may come from another camera.
 
     Raises:
-        InputError: where the reach is empty.
+        InputError: if the range is empty.
     """
     known = typical_camera(profile)
     typical = (0.0, 0.0) if rehearsed else (known.near, known.far)

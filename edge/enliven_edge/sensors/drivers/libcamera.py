@@ -1,4 +1,5 @@
-"""Cameras of a Raspberry Pi, and others that libcamera knows: one for bodies from colour, two for depth."""
+"""Cameras of a Raspberry Pi, and others that libcamera supports: one for bodies from colour, two for
+depth."""
 
 from __future__ import annotations
 
@@ -21,34 +22,35 @@ from enliven_edge.sensors.stereo import (
 )
 
 _HOT = 75.0
-"""Degrees Celsius of the image sensor up to which the IMX296 of the Global Shutter Camera is specified."""
+"""Maximum degrees Celsius of the image sensor in the specification of the IMX296 (Global Shutter Camera)."""
 
 
 class LibcameraSensor(Sensor):
-    """One camera that sees bodies by their colour, or with a calibration two that measure depth.
+    """One camera that tracks bodies in colour images, or two calibrated cameras that measure depth.
 
     Args:
-        calibration: the file that ``enliven calibrate-stereo`` wrote; without it the left camera works alone.
-        left, right: cameras, as seen from behind: numbers as libcamera counts them, or parts of their ids.
-        width, height: pixels of one camera's images; those of two are the calibration's.
-        fps: images a second.
-        near, far: metres between which depth is told.
-        apart_ms: milliseconds by which the times of a pair may differ: a hand at 1 m/s goes 1 mm in one,
-            which is 2 cm of its depth at 2 m where the cameras are 10 cm apart.
-        exposure_us: microseconds of exposure; 0: as the cameras find best.
-        gain: of the image sensor, where the exposure is given.
+        calibration: the file that ``enliven calibrate-stereo`` wrote. Without it only the left camera is
+            used.
+        left, right: cameras, as seen from behind: libcamera's numbers, or parts of their ids.
+        width, height: pixels of one camera's images. Two cameras use the size of the calibration.
+        fps: images per second.
+        near, far: metres, range of valid depth.
+        apart_ms: maximum milliseconds between the times of a pair. A hand at 1 m/s moves 1 mm in one, which
+            is 2 cm of its depth at 2 m if the cameras are 10 cm apart.
+        exposure_us: microseconds of exposure. 0: automatic.
+        gain: gain of the image sensor, if the exposure is given.
         tuning: a tuning file for the Raspberry Pi's image processor.
-        rehearse: a folder of image pairs that are taken in place of the cameras'.
-        view: degrees that the one camera sees from left to right.
-        stand: metres of the one camera above the floor.
-        tilt: degrees that it looks down.
-        body_height: metres of the performers that it sees.
-        python, model: where MediaPipe is, as for the webcam.
-        source: finds the landmarks, in place of MediaPipe.
+        rehearse: a folder of image pairs that replace the cameras' images.
+        view: degrees, horizontal field of view of the single camera.
+        stand: metres, height of the single camera above the floor.
+        tilt: degrees that the single camera looks down.
+        body_height: metres, height of the performers in front of the single camera.
+        python, model: location of MediaPipe, as for the webcam.
+        source: detects the landmarks, in place of MediaPipe.
 
     Raises:
         InputError: for a calibration, folder or option that cannot be used.
-        ResourceError: where a library or camera is missing, or a camera is in use.
+        ResourceError: if a library or camera is missing, or a camera is in use.
     """
 
     isolated = True
@@ -119,7 +121,8 @@ class LibcameraSensor(Sensor):
                 return self._depth(*pair)
 
     def condition(self) -> Condition:
-        """How far apart the two cameras' last images were, and the image sensor's temperature."""
+        """Returns the time offset between the two cameras' last images, and the image sensor's
+        temperature."""
         apart = self._pairing.apart_ns
         link = "" if apart is None else f"CSI, two cameras {1e-6 * abs(apart):.2f} ms apart"
         return Condition(link, temperature=self._images.temperature(), hot=_HOT)
@@ -130,7 +133,7 @@ class LibcameraSensor(Sensor):
             self._eye.close()
 
     def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
-        """Makes the matcher of a calibration; returns (width, height) of the images that it is for."""
+        """Creates the matcher of a calibration. Returns the calibrated image size (width, height)."""
         known = load_calibration(Path(calibration))
         opencv().setNumThreads(1)
         self._rectification = Rectification(known)
@@ -138,7 +141,7 @@ class LibcameraSensor(Sensor):
         return known.width, known.height
 
     def _depth(self, left: CameraImage, right: CameraImage) -> DepthFrame:
-        """The depth of a pair, in the rectified left camera."""
+        """Returns the depth of an image pair, in the rectified left camera."""
         assert self._matcher is not None
         depth = self._matcher.depth(left.image, right.image)
         camera = self._rectification.intrinsics

@@ -1,4 +1,4 @@
-"""Images of cameras that libcamera knows, by its own Python binding."""
+"""Images of cameras that libcamera supports, by its own Python binding."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout,
 from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4
-"""Images that a camera may have under way: one is filled, one is read, two are between."""
+"""Number of image buffers of a camera: one is filled, one is read, two are in between."""
 _SERVER = 1
-"""Value of the Raspberry Pi's control SyncMode for the first camera, which sets the beat."""
+"""Value of the Raspberry Pi's control SyncMode for the first camera, which provides the clock."""
 _CLIENT = 2
-"""Value of the control SyncMode for the other cameras, which follow."""
+"""Value of the control SyncMode for the other cameras, which follow the clock."""
 
 
 class LibcameraImages:
-    """One or two cameras, running.
+    """One or two running cameras.
 
     Args:
-        cameras: for each a number, counted from 0 as libcamera lists them, or a part of its id.
+        cameras: for each a number, counted from 0 in libcamera's order, or a part of its id.
         size: (width, height) of the images.
-        fps: images a second, where the camera can be told.
-        colour: deliver colour rather than grey.
-        exposure_us: microseconds of exposure; 0: as the camera finds best.
-        gain: of the sensor, where the exposure is given.
-        tuning: a tuning file for the Raspberry Pi's image processor; empty: the sensor's own.
+        fps: images per second, if the camera supports setting it.
+        colour: deliver colour instead of grey.
+        exposure_us: microseconds of exposure. 0: automatic.
+        gain: gain of the sensor, if the exposure is given.
+        tuning: a tuning file for the Raspberry Pi's image processor. Empty: the sensor's own.
 
     Attributes:
         name: the cameras' ids.
-        sizes: (width, height) of each camera's images, which may differ from what was asked for.
+        sizes: (width, height) of each camera's images, which may differ from the requested size.
 
     Raises:
         InputError: for a camera or tuning file that cannot be used.
-        ResourceError: where the library or a camera is missing, or a camera is in use.
+        ResourceError: if the library or a camera is missing, or a camera is in use.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class LibcameraImages:
             for camera in found:
                 self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
             wishes = _wishes(fps, exposure_us, gain)
-            # Followers wait for the beat, so they are started before it begins.
+            # Followers wait for the clock, so they are started before it.
             for eye in reversed(self._eyes):
                 beat = {} if len(found) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
                 eye.start({**wishes, **beat})
@@ -76,12 +76,12 @@ class LibcameraImages:
         self.sizes = [eye.size for eye in self._eyes]
 
     def read(self, timeout: float | None = None) -> CameraImage | None:
-        """The next picture of any of the cameras, copied out of the camera's memory.
+        """Returns the next image of any of the cameras, copied out of the camera's memory.
 
         Raises:
-            TimeoutError: when none came in time.
-            InputError: for an image that the camera calls damaged.
-            ResourceError: where a camera was lost.
+            TimeoutError: if none came in time.
+            InputError: for an image that the camera reports as damaged.
+            ResourceError: if a camera was lost.
         """
         deadline = time.monotonic() + (timeout or 0.0)
         while not self._ready:
@@ -96,18 +96,18 @@ class LibcameraImages:
         return picture
 
     def temperature(self) -> float | None:
-        """Degrees Celsius of the image sensor, where it says."""
+        """Returns the degrees Celsius of the image sensor, if it reports them."""
         return self._celsius
 
     def close(self) -> None:
-        """Lets the cameras go; a second call does nothing."""
+        """Releases the cameras. A second call does nothing."""
         eyes, self._eyes = self._eyes, []
         for eye in eyes:
             eye.close()
         self._ready = []
 
     def _found(self, wanted: list[str]) -> list[Any]:
-        """The cameras that are meant."""
+        """Returns the requested cameras."""
         there = list(self._manager.cameras)
         if not there:
             mend = "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
@@ -129,7 +129,8 @@ class LibcameraImages:
 
 
 _MOST_BUFFERS = 64
-"""Buffers of a camera, at most; a request's number is that of the camera times this, plus the buffer's."""
+"""Maximum number of buffers of a camera. A request's id is the camera's number times this, plus the
+buffer's number."""
 
 
 class _Eye:
@@ -156,7 +157,7 @@ class _Eye:
             raise
 
     def start(self, wishes: dict[str, Any]) -> None:
-        """Lets images come; wishes that the camera does not know are left out."""
+        """Starts the image stream. Settings that the camera does not support are left out."""
         known = {control.name: control for control in self._camera.controls}
         self._camera.start({known[name]: value for name, value in wishes.items() if name in known})
         self._running = True
@@ -164,7 +165,7 @@ class _Eye:
             self._camera.queue_request(request)
 
     def picture(self, request: Any) -> CameraImage:
-        """What a request that is done brought; the request goes to the camera again."""
+        """Returns the image of a completed request, and queues the request again."""
         if request.status != self._lib.Request.Status.Complete:
             raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
         number = request.cookie % _MOST_BUFFERS
@@ -172,7 +173,7 @@ class _Eye:
         told = {control.name: value for control, value in request.metadata.items()}
         self.celsius = told.get("SensorTemperature", self.celsius)
         time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
-        # Libcamera 0.4's virtual cameras leave the status of sound images as it was in memory.
+        # Virtual cameras of libcamera 0.4 leave the status of good images uninitialised.
         sound = about.status != self._lib.FrameMetadata.Status.Error
         image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
         request.reuse()
@@ -182,7 +183,7 @@ class _Eye:
         return CameraImage(self.number, image, time_ns, sequence)
 
     def close(self) -> None:
-        """Lets the camera go."""
+        """Releases the camera."""
         if self._running:
             self._running = False
             with contextlib.suppress(RuntimeError, OSError):
@@ -219,7 +220,7 @@ class _Eye:
         self._config = config
 
     def _make_requests(self) -> None:
-        """A request for each buffer, and each buffer's first plane as an array."""
+        """Creates a request for each buffer, and maps each buffer's first plane as an array."""
         self._allocator = self._lib.FrameBufferAllocator(self._camera)
         self._allocator.allocate(self._stream)
         self._buffers = self._allocator.buffers(self._stream)[:_MOST_BUFFERS]
@@ -236,7 +237,7 @@ class _Eye:
 
 
 def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
-    """What the cameras are told when they start, by libcamera's names of its controls."""
+    """Returns the settings of the cameras at the start, by libcamera's names of its controls."""
     step = round(1e6 / fps)
     wishes: dict[str, Any] = {"FrameDurationLimits": (step, step)}
     if exposure_us > 0:
@@ -245,5 +246,5 @@ def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
 
 
 def _short(camera: str) -> str:
-    """The part of an id that tells cameras apart: the bus and the sensor."""
+    """Returns the part of an id that distinguishes cameras: the bus and the sensor."""
     return "/".join(camera.split("/")[-2:]) or camera

@@ -1,7 +1,8 @@
-"""Libcamera's own Python binding, the cameras that it knows, and how their images lie in memory.
+"""Libcamera's own Python binding, its list of cameras, and the memory layout of their images.
 
-It is used rather than Picamera2, which stands on it: it runs wherever libcamera does, on the kernel's virtual
-camera too, and needs nothing else. There is no wheel of it; the system's package manager installs it.
+The binding is used directly instead of Picamera2, which builds on it. It runs wherever libcamera does, also
+on the kernel's virtual camera, and needs nothing else. There is no wheel of it: the system's package manager
+installs it.
 """
 
 from __future__ import annotations
@@ -22,20 +23,20 @@ from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 
 _SYSTEM = Path("/usr/lib")
-"""Where Debian and Raspberry Pi OS have Python modules; Debian 12 alone has them below its architecture."""
+"""Folder of the Python modules of Debian and Raspberry Pi OS. Debian 12 has them below its architecture."""
 _INSTALL = (
     "Type: sudo apt install python3-libcamera; and use the system's Python: "
     "python3 -m venv --system-site-packages .venv"
 )
 _BOARD = Path("/proc/device-tree/model")
-"""Where Linux has the name of a small computer."""
+"""Linux's file with the name of a single-board computer."""
 _LISTING = 10.0
-"""Seconds that libcamera may take to list its cameras; it took half a second."""
+"""Maximum seconds that libcamera may take to list its cameras. It took half a second."""
 
 
 @dataclass(frozen=True)
 class ListedCamera:
-    """One camera that libcamera knows.
+    """One camera that libcamera supports.
 
     Attributes:
         model: the name of its image sensor.
@@ -47,12 +48,12 @@ class ListedCamera:
 
 
 def listed_cameras() -> list[ListedCamera]:
-    """The cameras in libcamera's order; none where it is not installed on anything but a Raspberry Pi.
+    """Returns the cameras in libcamera's order. Empty if it is not installed, except on a Raspberry Pi.
 
-    They are asked for in a process of their own, since libcamera ends its process where it fails itself.
+    The list is made in a separate process, since libcamera terminates its process on internal errors.
 
     Raises:
-        ResourceError: where it does not load or does not answer, or a Raspberry Pi has it not.
+        ResourceError: if libcamera does not load or does not answer, or is missing on a Raspberry Pi.
     """
     if not _installed() and not _is_raspberry_pi():
         return []
@@ -73,11 +74,11 @@ def listed_cameras() -> list[ListedCamera]:
 
 
 def libcamera_library(tuning: str) -> Any:
-    """The binding, also where the system has it outside of what this Python looks through.
+    """Imports the binding, also if the system has it outside of this Python's search path.
 
     Raises:
-        InputError: where there is no such tuning file.
-        ResourceError: where it is not installed for this Python.
+        InputError: if the tuning file does not exist.
+        ResourceError: if it is not installed for this Python.
     """
     if tuning:
         if not Path(tuning).is_file():
@@ -98,7 +99,7 @@ def libcamera_library(tuning: str) -> Any:
 
 
 def _places() -> list[str]:
-    """The system's folders that hold the binding."""
+    """Returns the system's folders that contain the binding."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     places = [*_SYSTEM.glob(f"*/python{version}/site-packages"), _SYSTEM / "python3" / "dist-packages"]
     return [str(place) for place in places if (place / "libcamera").is_dir()]
@@ -116,7 +117,7 @@ def _is_raspberry_pi() -> bool:
 
 
 def tell() -> None:
-    """Prints a line of JSON: the cameras' models and ids, or why there can be none."""
+    """Prints a line of JSON: the cameras' models and ids, or the reason why there are none."""
     try:
         cameras = libcamera_library("").CameraManager.singleton().cameras
     except ResourceError as error:
@@ -127,7 +128,8 @@ def tell() -> None:
 
 
 class Layout(NamedTuple):
-    """How an image lies in its first plane: bytes a pixel, and which are grey, or red, green and blue."""
+    """Memory layout of an image in its first plane: bytes per pixel, and the index of grey, or of red,
+    green, blue."""
 
     bytes: int
     channels: tuple[int, ...]
@@ -143,18 +145,18 @@ GREY = {
     "XBGR8888": Layout(4, (1,)),
     "XRGB8888": Layout(4, (1,)),
 }
-"""Formats that grey is read from, the best first; of red, green and blue the green: most light is there."""
+"""Formats with usable grey, the best first. Of RGB formats the green channel is used: it has most light."""
 COLOUR = {
     "BGR888": Layout(3, (0, 1, 2)),
     "RGB888": Layout(3, (2, 1, 0)),
     "XBGR8888": Layout(4, (0, 1, 2)),
     "XRGB8888": Layout(4, (2, 1, 0)),
 }
-"""Formats that colour is read from; libcamera names them from the highest byte down."""
+"""Formats with usable colour. Libcamera names them from the highest byte down."""
 
 
 def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
-    """(H, W) or (H, W, 3) a copy of the image in a plane's bytes; None where they are too few.
+    """Returns a copy of the image in a plane's bytes, (H, W) or (H, W, 3). None if there are too few bytes.
 
     Args:
         size: (width, height) of the image.

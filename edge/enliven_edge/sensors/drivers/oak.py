@@ -23,13 +23,14 @@ from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
-"""Milliseconds that the library looks for a camera (of itself 10 s); one that is there answers at once."""
+"""Milliseconds that the library searches for a camera (default 10 s). A connected camera answers
+immediately."""
 _NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
-"""What the library says when it finds no camera at all, or not the one that was asked for."""
+"""The library's messages if it finds no camera at all, or not the requested one."""
 _FELT_HZ = 100
-"""Readings of the accelerometer a second; the mean of a second is gravity."""
+"""Readings of the accelerometer per second. The mean over a second is gravity."""
 _KINDS = {"LITE": "oak-d-lite"}
-"""The profile of a camera, by what its product name contains; the others have the OAK-D's pair."""
+"""The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
 _HOT = 105.0
 """Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
 
@@ -38,12 +39,12 @@ class OakSensor(Sensor):
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
-        device: its id, USB port or network address; empty: the only one.
+        device: its id, USB port or network address. Empty: the only camera.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
-        subpixel: finer steps of the depth, at the price of some speed.
-        left_right_check: leave out what one of the two cameras sees alone.
-        colour: the colour camera's image too; depth is then as that camera sees it.
-        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
+        subpixel: finer depth steps, at the cost of some speed.
+        left_right_check: remove pixels that only one of the two cameras sees.
+        colour: adds the colour camera's image. Depth is then registered to that camera.
+        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -62,7 +63,7 @@ class OakSensor(Sensor):
         before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
-        # A crash of the camera's program is kept here, and not sent to its makers unasked.
+        # A crash dump of the firmware is stored here, and not sent to its makers without consent.
         os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
         os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = library("depthai", "oak")
@@ -106,7 +107,7 @@ class OakSensor(Sensor):
         return self._frame(image)
 
     def condition(self) -> Condition:
-        """The link, the chip's temperature, and gravity where there is an accelerometer."""
+        """Returns the link, the chip's temperature, and gravity if it has an accelerometer."""
         if self._rehearsal is not None:
             return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
         speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
@@ -133,10 +134,12 @@ class OakSensor(Sensor):
         checks: tuple[bool, bool],
         colour: bool,
     ) -> tuple[Any, Any]:
-        """The depth of a camera's stereo pair, its colour or None, and its accelerometer where it has one.
+        """Returns the depth of a camera's stereo pair and its colour or None.
+
+        Also starts its accelerometer, if any.
 
         Args:
-            checks: subpixel, and whether left and right are compared.
+            checks: subpixel, and left-right check.
         """
         dai = self._dai
         presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
@@ -174,7 +177,7 @@ class OakSensor(Sensor):
         return depth, seen
 
     def _found(self, wanted: str) -> Any:
-        """The camera, opened; where none is seen the library looks for one a while."""
+        """Opens the camera. If none is visible yet, the library searches for a while."""
         dai = self._dai
         found = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
 
@@ -191,7 +194,7 @@ class OakSensor(Sensor):
             raise refused("oak", error) from None
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame."""
+        """Converts an image to a frame."""
         colour = None
         try:
             if self._coloured:
@@ -207,7 +210,7 @@ class OakSensor(Sensor):
         return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
-        """The camera of an image; its depth is rectified, so that it has no distortion."""
+        """Returns the intrinsics of an image. Its depth is rectified, so it has no distortion."""
         matrix = transformation.getIntrinsicMatrix()
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
@@ -218,7 +221,10 @@ class OakSensor(Sensor):
         return self._camera
 
     def _down(self) -> tuple[float, float, float] | None:
-        """Gravity's direction in the depth camera's frame; at rest an accelerometer feels the opposite."""
+        """Returns gravity's direction in the depth camera's frame.
+
+        A resting accelerometer measures the opposite.
+        """
         if self._felt is None:
             return None
         while (data := self._felt.tryGet()) is not None:
@@ -232,7 +238,7 @@ class OakSensor(Sensor):
         return x, y, z
 
     def _rehearsed(self, path: str, colour: bool) -> tuple[Any, Any]:
-        """The images of a recording, from a node on this machine in place of the camera's stereo node.
+        """Returns a recording's images, from a node on this machine that replaces the camera's stereo node.
 
         Returns:
             depth, and colour or None.
@@ -240,14 +246,14 @@ class OakSensor(Sensor):
         dai = self._dai
 
         class Recorded(dai.node.ThreadedHostNode):  # type: ignore[misc, name-defined]
-            """Hands on what the rehearsal sends."""
+            """Passes on the images that the rehearsal sends."""
 
             def __init__(self) -> None:
                 super().__init__()
                 self.out, self.colour = self.createOutput(), self.createOutput()
 
             def run(self) -> None:
-                """Nothing to do: the rehearsal has a thread of its own."""
+                """Does nothing: the rehearsal has its own thread."""
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
@@ -262,7 +268,7 @@ class OakSensor(Sensor):
         return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """An image of the recording, as a camera's stereo node would send it, and its colour."""
+        """Sends an image of the recording as a camera's stereo node would, and its colour."""
         dai, camera = self._dai, frame.intrinsics
         self._last_colour = self._last_colour if frame.colour is None else frame.colour
         if self._coloured and self._last_colour is not None:
@@ -275,7 +281,7 @@ class OakSensor(Sensor):
 
 
 def keep_dump_of(device: Any) -> None:
-    """Keeps the dump that a camera has of a crash of its own program, and clears it there."""
+    """Stores a camera's dump of a firmware crash, and clears it on the camera."""
     try:
         crash_reports.folder().mkdir(parents=True, exist_ok=True)
         crash_reports.tidy()

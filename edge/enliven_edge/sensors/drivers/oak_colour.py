@@ -1,4 +1,5 @@
-"""The colour of an OAK beside its depth: as its camera sees both, joined by their times."""
+"""The colour of an OAK in addition to its depth: registered to the colour camera, and synchronised by
+time."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from enliven.arrays import UInt8, UInt16
 
 
 def aligned(dai: Any, pipeline: Any, stereo: Any, size: tuple[int, int], fps: float) -> tuple[Any, Any]:
-    """(depth, colour) outputs of a device, both as the colour camera sees, without its distortion."""
+    """Returns (depth, colour) outputs of a device, both registered to the colour camera and undistorted."""
     camera = pipeline.create(dai.node.Camera).build(dai.CameraBoardSocket.CAM_A)
     colour = camera.requestOutput(size, dai.ImgFrame.Type.RGB888i, fps=fps, enableUndistortion=True)
     if pipeline.getDefaultDevice().getPlatform() != dai.Platform.RVC4:
@@ -24,7 +25,10 @@ def aligned(dai: Any, pipeline: Any, stereo: Any, size: tuple[int, int], fps: fl
 
 
 def together(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> Any:
-    """Groups of a "depth" and a "colour" image, taken within half a step and joined on this machine."""
+    """Returns groups of a "depth" and a "colour" image, taken within half a frame interval.
+
+    Joined on this machine.
+    """
     sync = pipeline.create(dai.node.Sync)
     sync.setRunOnHost(True)
     sync.setSyncThreshold(timedelta(seconds=0.5 / fps))
@@ -34,7 +38,7 @@ def together(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> An
 
 
 def message(dai: Any, pixels: UInt8 | UInt16, kind: Any, number: int, time_ns: int) -> Any:
-    """An image as the library's own message: (H, W) depth or (H, W, 3) colour."""
+    """Returns an image as a message of the library: (H, W) depth or (H, W, 3) colour."""
     image = dai.ImgFrame()
     image.setType(kind)
     image.setWidth(pixels.shape[1])

@@ -21,30 +21,30 @@ from enliven_edge.sensors.drivers.playback import playbacks
 from enliven_edge.sensors.drivers.refusals import refused
 
 _STILL = 100
-"""Readings of the accelerometer, a second at 100 Hz: their mean is gravity."""
+"""Number of accelerometer readings, one second at 100 Hz. Their mean is gravity."""
 _SYNC = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
-"""How several cameras keep time: the modes of OBMultiDeviceSyncMode that need no more than a cable."""
+"""Synchronisation of several cameras: the modes of OBMultiDeviceSyncMode that need only a cable."""
 _KINDS = {
     r"Gemini (2|210|215)\b": "orbbec-gemini2",
     r"Gemini (3\d\d|435)": "orbbec-gemini335",
     "Astra 2": "orbbec-astra2",
     "Femto": "orbbec-femto-mega",
 }
-"""The profile of a camera, by its name, a regular expression."""
+"""The profile of a camera, by a regular expression for its name."""
 
 
 class OrbbecSensor(Sensor):
     """A depth camera of Orbbec, or a recording through the same library.
 
     Args:
-        device: its serial number, name, USB path or network address; empty: the only one.
-        width, height: pixels of the depth image; 0: as the camera does of itself.
-        fps: images a second; 0: as the camera does of itself.
-        near, far: metres outside which a depth counts as unknown; 0: what its maker promises.
-        preset: the name of a set of the camera's own settings, such as "High Accuracy"; empty: as it is.
-        sync: how several cameras keep time, such as "primary" and "secondary"; empty: as it is.
+        device: its serial number, name, USB path or network address. Empty: the only camera.
+        width, height: pixels of the depth image. 0: the camera's default.
+        fps: images per second. 0: the camera's default.
+        near, far: metres, range of valid depth. 0: the range that its maker specifies.
+        preset: the name of one of the camera's own presets, such as "High Accuracy". Empty: unchanged.
+        sync: synchronisation of several cameras, such as "primary" and "secondary". Empty: unchanged.
         rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
-        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
+        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -112,7 +112,8 @@ class OrbbecSensor(Sensor):
             raise refused("orbbec", error, self.name, self._rehearsed) from None
 
     def condition(self) -> Condition:
-        """The link, the temperature (no limit is published), and gravity where there is an accelerometer."""
+        """Returns the link, the temperature (no limit is published), and gravity if it has an
+        accelerometer."""
         slow, usb = self._link.startswith("USB2"), self._link.replace("USB", "USB ")
         return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
 
@@ -122,7 +123,7 @@ class OrbbecSensor(Sensor):
         self._left = []
 
     def _found(self, wanted: str, before: str) -> Any:
-        """The camera, opened; the library tells when it is unplugged."""
+        """Opens the camera. The library reports when it is unplugged."""
         self._context = self._ob.Context()
         device = opened_device(self._ob, self._context, wanted, before)
         about = device.get_device_info()
@@ -132,12 +133,12 @@ class OrbbecSensor(Sensor):
         return device
 
     def _changed(self, removed: Any, _added: Any) -> None:
-        """Notes that this camera was unplugged; called by the library on a thread of its own."""
+        """Records that this camera was unplugged. Called by the library on its own thread."""
         gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
         self._gone = self._gone or self._uid in gone
 
     def _play_next(self) -> None:
-        """The next part of a recording as the camera."""
+        """Uses the next part of a recording as the camera."""
         self._stop()
         self._device, self._shift_ns = self._left.pop(0)
         self._part += 1
@@ -145,14 +146,14 @@ class OrbbecSensor(Sensor):
         self._prepare(*self._settings)
 
     def _played(self, part: int, status: Any) -> None:
-        """Notes that a part is over; called by the library on a thread of its own."""
+        """Records that a part has ended. Called by the library on its own thread."""
         if status == self._ob.OBPlaybackStatus.STOPPED:
             self._played_parts = part
 
     def _prepare(
         self, mode: tuple[int, int, int], reach: tuple[float, float], preset: str, sync: str
     ) -> None:
-        """Settles how the camera measures, before it begins."""
+        """Configures the camera before it starts."""
         ob, about = self._ob, self._device.get_device_info()
         self._link = about.get_connection_type()
         self._kind = kind_of(about.get_name(), _KINDS, "orbbec-gemini335")
@@ -167,7 +168,7 @@ class OrbbecSensor(Sensor):
         self._config.enable_stream(profile)
 
     def _configure(self, preset: str, sync: str) -> None:
-        """Gives the camera a preset of its own and its part among several; a recording has both already."""
+        """Sets the camera's preset and its synchronisation mode. A recording has both already."""
         if preset:
             listed = self._device.get_available_preset_list()
             known = [listed.get_name_by_index(i) for i in range(len(listed))]
@@ -181,7 +182,7 @@ class OrbbecSensor(Sensor):
             self._device.set_multi_device_sync_config(config)
 
     def _start(self) -> None:
-        """Lets the images come; a recording begins with the first call of ``read``, so that none is late."""
+        """Starts the images. A recording starts with the first call of ``read``, so that no image is lost."""
         if self._started:
             return
         self._started = True
@@ -206,12 +207,15 @@ class OrbbecSensor(Sensor):
         self._started = False
 
     def _feel(self, frame: Any) -> None:
-        """A reading of the accelerometer; called by the library on a thread of its own."""
+        """Stores a reading of the accelerometer. Called by the library on its own thread."""
         felt = frame.as_accel_frame()
         self._felt.append((felt.get_x(), felt.get_y(), felt.get_z()))
 
     def _down(self) -> tuple[float, float, float] | None:
-        """Gravity's direction in the depth camera's frame; at rest an accelerometer feels the opposite."""
+        """Returns gravity's direction in the depth camera's frame.
+
+        A resting accelerometer measures the opposite.
+        """
         felt = list(self._felt)
         if not felt:
             return None
@@ -219,7 +223,7 @@ class OrbbecSensor(Sensor):
         return x, y, z
 
     def _celsius(self) -> float | None:
-        """The hottest part that the camera tells of."""
+        """Returns the temperature of the hottest part that the camera reports."""
         try:
             all_parts = self._device.get_temperature()
         except self._ob.OBError:
@@ -228,7 +232,10 @@ class OrbbecSensor(Sensor):
         return max((float(getattr(all_parts, name)) for name in names), default=None)
 
     def _lens(self, profile: Any) -> Any:
-        """Takes the camera's lens; returns a filter of the library for a distortion that ours cannot say."""
+        """Reads the camera's intrinsics.
+
+        Returns the library's undistortion filter for models that enliven does not support.
+        """
         ob, bent = self._ob, profile.get_distortion()
         told = profile.get_intrinsic()
         lens = (told.fx, told.fy, told.cx, told.cy)

@@ -1,4 +1,4 @@
-"""Orbbec's library and the cameras that it sees."""
+"""Orbbec's library and the cameras that it finds."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 
 _PORT = 8090
-"""The port at which Orbbec's network cameras answer."""
+"""The network port of Orbbec's cameras."""
 _OLDEST = (2, 0)
-"""OrbbecSDK 1 has another interface."""
+"""Oldest supported version: OrbbecSDK 1 has another interface."""
 _MODES_SHOWN = 8
-"""Modes that are named where the wanted one is none."""
+"""Maximum number of modes that an error message lists."""
 
 
 def orbbec_library() -> Any:
-    """pyorbbecsdk, told to keep its log files to itself."""
+    """Imports pyorbbecsdk, and turns its log files off."""
     ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
     found = (
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
@@ -34,18 +34,18 @@ def orbbec_library() -> Any:
 
 
 def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
-    """A camera by its serial number, name, USB path or network address; the only one where nothing is wanted.
+    """Opens a camera by its serial number, name, USB path or network address. Without one, the only camera.
 
     Args:
-        before: the serial number of the camera that was open last, which goes before others.
+        before: the serial number of the camera that was open last, which is preferred.
 
     Raises:
-        ResourceError: where it is not there or cannot be opened, or there are several and none was named.
+        ResourceError: if it is missing or cannot be opened, or there are several and none was named.
     """
     try:
         listed = context.query_devices()
         known = [_names(listed, index) for index in range(len(listed))]
-        # A camera that may not be opened has no serial number.
+        # A camera without permission to open has no serial number.
         found = {names[0] or names[2]: index for index, names in enumerate(known)}
         meant = {name: index for name, index in found.items() if wanted in ("", *known[index])}
         if not meant and _is_address(wanted):
@@ -59,10 +59,12 @@ def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
 
 
 def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:
-    """The depth stream of a width, height and rate, 0 standing for any; the camera's own is preferred.
+    """Returns the depth stream of a width, height and rate.
+
+    0 stands for any; the camera's default is preferred.
 
     Raises:
-        InputError: where there is none, naming the nearest.
+        InputError: if no such mode exists. The message lists the nearest ones.
     """
     listed = pipeline.get_stream_profile_list(ob.OBSensorType.DEPTH_SENSOR)
     modes: dict[tuple[int, int, int], Any] = {}
@@ -83,7 +85,7 @@ def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) ->
 
 
 def _names(listed: Any, index: int) -> list[str]:
-    """What a connected camera may be called by: its serial number first."""
+    """Returns the accepted names of a connected camera, its serial number first."""
     ask = ("serial_number", "name", "uid", "ip_address", "user_name")
     return [getattr(listed, f"get_device_{word}_by_index")(index) for word in ask]
 

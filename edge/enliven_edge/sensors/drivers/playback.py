@@ -1,8 +1,8 @@
-"""Orbbec's playback files, written from our recordings, so that Orbbec's own library can rehearse with them.
+"""Writes Orbbec's playback files from our recordings, so that Orbbec's own library can rehearse with them.
 
 The layout is that of OrbbecSDK 2 (``RosWriter``): a ROS bag of version 2.0 with messages of Orbbec's own. Its
-image messages have fields that their written definition lacks, and some checksums of types are made up; the
-library compares them all.
+image messages have fields that their written definition lacks, and some checksums of types are arbitrary. The
+library compares all of them.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ from enliven_edge.sensors.replay import ReplaySensor
 log = logging.getLogger(__name__)
 
 BEGINNING_US = 1_000_000
-"""Microseconds at which a playback begins: ROS knows no time 0."""
+"""Microseconds at which a playback starts: ROS has no time 0."""
 _MOST_BYTES = 1 << 30
-"""Bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is played."""
+"""Maximum bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is
+played."""
 _HEADER_SIZE = 4096
-"""Bytes of the first record, which is written again at the end."""
+"""Bytes of the first record, which is rewritten at the end."""
 _OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
     b"\2",
     b"\3",
@@ -45,14 +46,14 @@ _OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = 
 _DEPTH = 3
 """Orbbec's number of the depth sensor, its stream and its frames."""
 _Y16 = 8
-"""Orbbec's number of the format of 16 bits a pixel."""
+"""Orbbec's number of the format with 16 bits per pixel."""
 _BROWN_CONRADY = 3
-"""Orbbec's number of the distortion model that ours is."""
+"""Orbbec's number of the distortion model that enliven uses."""
 _CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
-"""USB's vendor and product and the name of the camera that a playback claims to be: the library
-plays the depth of a Femto as it is."""
+"""USB vendor, USB product and name of the camera that a playback claims to be: the library plays the depth
+of a Femto without changes."""
 _FILE_VERSION = 2.0
-"""What OrbbecSDK 2.4 and later write and accept."""
+"""The file version that OrbbecSDK 2.4 and later write and accept."""
 _MADE_UP = "0123456789abcdef0123456789abcdef"
 _TOPICS = {
     "image": ("/cam/sensor_3/frameType_3", "sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"),
@@ -65,12 +66,12 @@ _TOPICS = {
 
 @dataclass(frozen=True)
 class Playback:
-    """What was written.
+    """A written playback file.
 
     Attributes:
         path: the file.
-        images: how many.
-        shift_ns: nanoseconds to add to a played time for the recording's.
+        images: number of images.
+        shift_ns: nanoseconds to add to a played time to get the recording's time.
     """
 
     path: Path
@@ -79,12 +80,13 @@ class Playback:
 
 
 def write_playback(recording: str, path: Path) -> list[Playback]:
-    """Writes the depth images of one of our recordings as a playback of Orbbec's, which has one lens.
+    """Writes the depth images of our recording as an Orbbec playback, which has one set of intrinsics.
 
-    Images of another size or lens go into further files beside it; images of another sensor are left out.
+    Images of another size or intrinsics go into further files next to it. Images of another sensor are left
+    out.
 
     Raises:
-        InputError: where it is no recording, or none of a depth camera.
+        InputError: if it is not a recording, or has no depth camera.
     """
     parts: list[Playback] = []
     with ReplaySensor(recording, speed=0.0) as sensor:
@@ -98,7 +100,7 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
 
 
 def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], before: int) -> Playback:
-    """Writes the images of one camera into one file; the files before it hold ``before`` images."""
+    """Writes the images of one camera into one file. ``before`` counts the images of the files before it."""
     first, images = next(frames), 0
     shift_ns = first.time_ns - 1000 * BEGINNING_US
     with _Bag(path) as bag:
@@ -116,7 +118,7 @@ def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame
 
 
 def _depths(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
-    """The depth images of the first sensor that has any, until there are enough."""
+    """Yields the depth images of the first sensor that has any, up to the size limit."""
     left, name, images = _MOST_BYTES, None, 0
     while (frame := _next(sensor)) is not None:
         if isinstance(frame, DepthFrame) and frame.sensor == (name or frame.sensor):
@@ -128,7 +130,7 @@ def _depths(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
 
 
 def _next(sensor: ReplaySensor) -> Frame | None:
-    """The next frame that can be used; None at the end."""
+    """Returns the next frame that can be used. None at the end."""
     while True:
         try:
             return sensor.read()
@@ -137,7 +139,7 @@ def _next(sensor: ReplaySensor) -> Frame | None:
 
 
 class _Bag:
-    """A ROS bag that is written; the index that a reader needs comes at its end."""
+    """A ROS bag that is being written. Its index is at its end."""
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("wb")
@@ -158,7 +160,7 @@ class _Bag:
         self._file.close()
 
     def write(self, messages: list[tuple[str, int, bytes]]) -> None:
-        """One chunk of messages: their kind, time (microseconds) and content."""
+        """Writes one chunk of messages: their kind, time (microseconds) and content."""
         body, where = b"", dict[int, list[bytes]]()
         for kind, time_us, content in messages:
             if kind not in self._connections:
@@ -215,12 +217,13 @@ def _time(time_us: int) -> bytes:
 
 
 def _head(time_us: int = BEGINNING_US) -> bytes:
-    """ROS's head of a message: a count, a time and a name."""
+    """Returns the ROS header of a message: a count, a time and a name."""
     return struct.pack("<I", 0) + _time(time_us) + _sized(b"")
 
 
 def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
-    """``sensor_msgs/Image`` with Orbbec's fields behind it: bits of a pixel, number, times and metadata."""
+    """Returns ``sensor_msgs/Image``, followed by Orbbec's fields: bits per pixel, number, times and
+    metadata."""
     height, width = depth.shape
     shape = struct.pack("<II", height, width) + _sized(b"mono16") + struct.pack("<BI", 0, 2 * width)
     pixels = _sized(np.ascontiguousarray(depth, "<u2").tobytes())
@@ -229,7 +232,7 @@ def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
 
 
 def _device() -> bytes:
-    """``custom_msg/OBDeviceInfo``."""
+    """Returns ``custom_msg/OBDeviceInfo``."""
     vendor, product, name = _CAMERA
     serial, link = b"rehearsal", b"USB3.0"
     text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
@@ -239,7 +242,7 @@ def _device() -> bytes:
 
 
 def _stream(camera: Intrinsics, fps: int) -> bytes:
-    """``custom_msg/OBStreamProfileInfo``: how the depth camera sees."""
+    """Returns ``custom_msg/OBStreamProfileInfo``: the intrinsics of the depth camera."""
     k1, k2, p1, p2, k3 = camera.distortion
     bent = any(camera.distortion)
     values = [*np.eye(3).ravel(), 0.0, 0.0, 0.0]
@@ -254,15 +257,15 @@ def _stream(camera: Intrinsics, fps: int) -> bytes:
 
 
 def _property(number: int, value: bytes) -> bytes:
-    """``custom_msg/OBProperty``."""
+    """Returns ``custom_msg/OBProperty``."""
     return _head() + struct.pack("<I", number) + _sized(value) + struct.pack("<I", len(value))
 
 
 def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
-    """The cameras that play a recording of ours or of Orbbec's, one after the other: each has one lens.
+    """Returns devices that play a recording of ours or Orbbec's, one for each set of intrinsics.
 
     Returns:
-        each with nanoseconds to add to a played time for the recording's.
+        each device with the nanoseconds to add to a played time to get the recording's time.
 
     Raises:
         InputError: for a recording that cannot be used.
@@ -276,7 +279,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         else:
             written = write_playback(path, Path(folder) / "rehearsal.bag")
             files = [(part.path, part.shift_ns) for part in written]
-        # The library has the files open; they go with their last user.
+        # The library has the files open; they disappear with their last user.
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:

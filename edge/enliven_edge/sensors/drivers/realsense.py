@@ -27,22 +27,22 @@ from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 _STILL = 100
-"""Readings of the accelerometer, half a second at 200 Hz: their mean is gravity."""
+"""Number of accelerometer readings, half a second at 200 Hz. Their mean is gravity."""
 _HOT = 90.0
-"""Degrees Celsius of the vision processor at which the makers' data sheet ends (D400 family)."""
+"""Maximum degrees Celsius of the vision processor in the makers' data sheet (D400 family)."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
-"""The profile of a camera, by what its name contains; the others have the D435's pair."""
+"""The profile of a camera, by a part of its name. The others have the stereo pair of the D435."""
 
 
 class RealSenseSensor(Sensor):
     """A depth camera of the D400 family, or the images of a recording through the same library.
 
     Args:
-        serial: which camera; empty: the only one.
+        serial: the serial number. Empty: the only camera.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
-        laser: whether the pattern projector is on.
-        colour: its colour too, laid over the depth; without depth there is none.
-        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
+        laser: True turns the pattern projector on.
+        colour: adds colour, registered to the depth. Pixels without depth have no colour.
+        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -85,7 +85,7 @@ class RealSenseSensor(Sensor):
         return self._frame(frame.as_depth_frame())
 
     def condition(self) -> Condition:
-        """The link, the vision processor's temperature, and gravity where there is an accelerometer."""
+        """Returns the link, the vision processor's temperature, and gravity if it has an accelerometer."""
         if self._rehearsal is not None and (told := self._rehearsal.condition()):
             return told
         rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
@@ -104,7 +104,7 @@ class RealSenseSensor(Sensor):
             stream.close()
 
     def _found(self, serial: str, before: str) -> Any:
-        """The camera of this serial number, or the only one."""
+        """Returns the camera with this serial number, or the only one."""
         rs = self._rs
         try:
             devices = list(rs.context().query_devices())
@@ -114,7 +114,7 @@ class RealSenseSensor(Sensor):
         return chosen("realsense", "a RealSense camera", known, serial, "serial", before)
 
     def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
-        """Starts the depth images, the colour where asked for, and the accelerometer where there is one."""
+        """Starts the depth images, the colour if requested, and the accelerometer if there is one."""
         rs, info = self._rs, self._rs.camera_info
         own = self._device.supports(info.serial_number)
         serial = self._device.get_info(info.serial_number) if own else "rehearsal"
@@ -161,10 +161,10 @@ class RealSenseSensor(Sensor):
             self._depth.set_option(key, float(value))
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame; the library does not look whether it has all its bytes."""
+        """Converts an image to a frame. The library does not check that all its bytes are present."""
         self._held, seconds = image, 1e-3 * image.get_timestamp()
         size = width, height = image.get_width(), image.get_height()
-        there = image.get_data_size() or 2 * width * height  # A device of software does not say it.
+        there = image.get_data_size() or 2 * width * height  # A software device does not report it.
         if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
             raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):
@@ -181,7 +181,7 @@ class RealSenseSensor(Sensor):
         return DepthFrame(depth, self._camera, time_ns, self.name, colour, sequence=number)
 
     def _learn_lens(self, profile: Any) -> None:
-        """The camera of a stream, or the usual one where the device does not know its own."""
+        """Reads the intrinsics of a stream, or the typical ones if the device does not report them."""
         try:
             lens = profile.get_intrinsics()
         except RuntimeError:
@@ -192,7 +192,10 @@ class RealSenseSensor(Sensor):
         )
 
     def _down(self) -> tuple[float, float, float] | None:
-        """Gravity's direction, the mean of the last readings: at rest an accelerometer feels the opposite."""
+        """Returns gravity's direction, the mean of the last readings.
+
+        A resting accelerometer measures the opposite.
+        """
         while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _STILL:
             felt = frame.as_motion_frame().get_motion_data()
             self._gravity.append(np.array([felt.x, felt.y, felt.z]))
@@ -203,7 +206,7 @@ class RealSenseSensor(Sensor):
         return x, y, z
 
     def _rehearsed(self, path: str, colour: bool) -> Any:
-        """A device of software, with the camera of the recording."""
+        """Returns a software device with the camera of the recording."""
         assert self._rehearsal is not None
         rs, camera = self._rs, self._rehearsal.first.intrinsics
         device = rs.software_device()
@@ -216,7 +219,7 @@ class RealSenseSensor(Sensor):
         return device
 
     def _rehearsed_stream(self, camera: Intrinsics) -> Any:
-        """A stream of the device of software for images of this camera."""
+        """Returns a stream of the software device for images of this camera."""
         assert self._rehearsal is not None
         rs, stream = self._rs, self._rs.video_stream()
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
@@ -226,7 +229,7 @@ class RealSenseSensor(Sensor):
         return self._sensor.add_video_stream(stream).as_video_stream_profile()
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """An image of the recording, handed to the library as a camera would."""
+        """Passes an image of the recording to the library as a camera would."""
         if self._sent_colour is not None:
             self._sent_colour.send(frame, number)
         camera = frame.intrinsics

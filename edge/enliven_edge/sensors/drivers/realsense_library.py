@@ -1,4 +1,4 @@
-"""librealsense, its depth streams and lenses, and the colour that it lays over the depth."""
+"""librealsense, its depth streams and intrinsics, and the colour that it registers to the depth."""
 
 from __future__ import annotations
 
@@ -17,21 +17,24 @@ from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.rehearsal import WAITING
 
 _MODES_SHOWN = 8
-"""Modes that are named where the wanted one is none."""
+"""Maximum number of modes that an error message lists."""
 
 
 def realsense_library() -> Any:
-    """pyrealsense2, which needs libusb: that of the wheel libusb-package where the system has none."""
+    """Imports pyrealsense2, which needs libusb.
+
+    The wheel libusb-package provides it if the system has none.
+    """
     usb = library("libusb_package", "realsense")
     ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
     return library("pyrealsense2", "realsense")
 
 
 def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> Any:
-    """The depth stream of a width, height and rate.
+    """Returns the depth stream of a width, height and rate.
 
     Raises:
-        InputError: where there is none, naming the nearest.
+        InputError: if no such mode exists. The message lists the nearest ones.
     """
     modes = {}
     for each in sensor.get_stream_profiles():
@@ -50,10 +53,10 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
 
 
 def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tuple[Intrinsics, bool]:
-    """The camera as the library describes it, or as its kind's profile does, and whether the library did.
+    """Returns the intrinsics from the library or the model's profile, and whether the library had them.
 
     Raises:
-        InputError: for a distortion of another model: the fields of the inverse one are none of ours.
+        InputError: for another distortion model. The coefficients of the inverse model have another meaning.
     """
     known = (rs.distortion.none, rs.distortion.brown_conrady)
     if lens.model not in known and any(lens.coeffs):
@@ -69,20 +72,24 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
 
 
 def whole(millimetres: float) -> float:
-    """Millimetres a step of the depth, 1 exactly where it is but for its float32."""
+    """Returns millimetres per depth step.
+
+    Values that differ from 1 by float32 rounding only become exactly 1.
+    """
     return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres
 
 
 _PATIENCE_MS = 15
-"""Milliseconds that a depth image waits for its colour: half a step at 30 a second."""
+"""Milliseconds that a depth image waits for its colour: half a frame interval at 30 fps."""
 _LONGEST_MS = 10_000
-"""Milliseconds in which the library joins or aligns two images that are there."""
+"""Maximum milliseconds in which the library joins or aligns two available images."""
 
 
 class AlignedColour:
-    """Pairs colour images with depth images by their times, and lays them over the depth.
+    """Pairs colour images with depth images by their times, and registers them to the depth.
 
-    Depth stays as it is. A pixel without depth has no colour: where it would lie is not known.
+    Depth stays unchanged. A pixel without depth has no colour, because its place in the colour image is not
+    known.
 
     Args:
         rs: the library.
@@ -99,7 +106,10 @@ class AlignedColour:
         self._align = rs.align(rs.stream.depth)
 
     def over(self, depth: Any) -> UInt8 | None:
-        """(H, W, 3) the colour of a depth image of the library, of its size; None where none came with it."""
+        """Returns the colour (H, W, 3) of a depth image of the library, of its size.
+
+        None if none came with it.
+        """
         colour = self._of(depth.get_timestamp())
         if colour is None:
             return None
@@ -109,7 +119,7 @@ class AlignedColour:
         return np.array(both.get_color_frame().get_data())
 
     def _of(self, time: float) -> Any:
-        """The colour image of a moment, milliseconds; one that is too new waits for its depth."""
+        """Returns the colour image at a time in milliseconds. A newer image waits for its depth."""
         while True:
             if self._waiting is None:
                 there, self._waiting = self.queue.try_wait_for_frame(_PATIENCE_MS)
@@ -128,10 +138,10 @@ class AlignedColour:
 
 
 def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: str) -> tuple[Any, Any]:
-    """The sensor and the stream profile of a device's colour, of the nearest size at this rate.
+    """Returns the sensor and the stream profile of a device's colour, of the nearest size at this rate.
 
     Raises:
-        InputError: where there is none.
+        InputError: if there is none.
     """
     found = []
     for sensor in device.query_sensors():
@@ -151,10 +161,10 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
 
 
 class RehearsedColour:
-    """The colour stream of a device of software, with the camera of a recording.
+    """The colour stream of a software device, with the camera of a recording.
 
     Raises:
-        InputError: where it has no colour.
+        InputError: if the recording has no colour.
     """
 
     def __init__(self, rs: Any, device: Any, depth: Any, first: DepthFrame, fps: int, path: str) -> None:
@@ -173,7 +183,7 @@ class RehearsedColour:
         depth.register_extrinsics_to(self._stream, same)
 
     def send(self, frame: DepthFrame, number: int) -> None:
-        """The colour of an image, or of the last one that had any."""
+        """Sends the colour of an image, or the last colour before it."""
         self._last = self._last if frame.colour is None else frame.colour
         made = self._rs.software_video_frame()
         made.pixels, made.bpp, made.stride = np.ascontiguousarray(self._last), 3, 3 * self._last.shape[1]
@@ -184,7 +194,7 @@ class RehearsedColour:
 
 
 def lens_of(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:
-    """The library's description of a camera, scaled to images of this size."""
+    """Returns the library's description of a camera, scaled to images of this size."""
     x, y = width / camera.width, height / camera.height
     lens = rs.intrinsics()
     lens.width, lens.height, lens.fx, lens.fy = width, height, camera.fx * x, camera.fy * y

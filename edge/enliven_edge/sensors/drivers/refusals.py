@@ -1,4 +1,5 @@
-"""Errors of camera libraries that cannot open a camera, as sentences with advice, of ``refusals.toml``."""
+"""Error messages of camera libraries that cannot open a camera, as sentences with advice, from
+``refusals.toml``."""
 
 from __future__ import annotations
 
@@ -12,14 +13,14 @@ from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, attached
 
 Device = TypeVar("Device")
 Sentence = tuple[str, str]
-"""What is wrong, and what to do about it."""
+"""A problem and its remedy."""
 _CHECK = "then type: enliven doctor"
 REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
-"""The advice where no device is found."""
+"""The advice if no device is found."""
 
 
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
-    """By sensor, and for "system", the table of the file."""
+    """Returns the table of the file, by sensor and for "system"."""
     told = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
     known = {name: (each["what"], each["mend"]) for name, each in told.pop("sentences").items()}
     known["not allowed"] = (FORBIDDEN, ALLOW)
@@ -27,18 +28,18 @@ def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
 
 
 SAID = _read()
-"""By sensor: a part of a library's message, and its meaning; the first match counts."""
+"""By sensor: parts of a library's message, and their meaning. The first match counts."""
 SYSTEM = SAID.pop("system")
-"""Parts of the system's messages, which libraries pass on; for every sensor, after its own."""
+"""Parts of the system's messages, which libraries pass on. They apply to every sensor, after its own."""
 
 
 def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
-    """A library's error as one of enliven's, with the library's own message where that is not known.
+    """Converts a library's error to one of enliven's. An unknown error keeps the library's own message.
 
     Args:
         sensor: the driver's name, such as "oak".
-        where: the device, where it is known.
-        rehearsed: a recording is played, so that no cable, port or other program is at fault.
+        where: the device, if it is known.
+        rehearsed: True if a recording is played, so that no cable, port or other program is at fault.
     """
     said, where = in_a_line(error), where or f"sensor {sensor}"
     if rehearsed:
@@ -52,24 +53,24 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
 
 
 def in_a_line(error: Exception) -> str:
-    """The message of an error, in one line without a full stop."""
+    """Returns the message of an error, in one line without a full stop."""
     return " ".join(str(error).split()).rstrip(".") or "it gives no reason"
 
 
 def chosen(
     sensor: str, make: str, found: Mapping[str, Device], wanted: str, option: str, before: str = ""
 ) -> Device:
-    """The wanted device, or the only one.
+    """Returns the requested device, or the only one.
 
     Args:
-        make: what people call a device of this kind, with its article.
+        make: the common name of a device of this kind, with its article.
         found: the connected devices by identity.
-        wanted: the identity that was asked for; empty: none.
-        option: the option by which it is asked for.
-        before: the identity of the one that was open last, which goes before others.
+        wanted: the requested identity. Empty: none.
+        option: the name of the option that requests it.
+        before: the identity of the device that was open last, which is preferred.
 
     Raises:
-        ResourceError: where it is not there, or there are several and none was named.
+        ResourceError: if it is missing, or there are several and none was named.
     """
     if not found:
         raise _absent(sensor, f"{make} called {wanted}" if wanted else make)
@@ -90,7 +91,7 @@ def chosen(
 
 
 def _absent(sensor: str, which: str) -> ResourceError:
-    """The error of a library that finds no device; the system may know more."""
+    """Returns the error of a library that finds no device, with details that the system reports."""
     where = f"sensor {sensor}"
     for camera in attached():
         if camera.kind.sensor == sensor:

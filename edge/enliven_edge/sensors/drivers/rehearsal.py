@@ -1,4 +1,4 @@
-"""Rehearsal: a recording's images in place of a device, which a driver reads through its own library."""
+"""Rehearsal: a driver reads a recording's images through its own library, in place of a device's images."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from enliven_edge.sensors.replay import ReplaySensor
 log = logging.getLogger(__name__)
 
 _TURN = 0.1
-"""Seconds between two looks at whether the rehearsal is over."""
+"""Seconds between two checks whether the rehearsal has ended."""
 WAITING = 4
-"""Images that may wait in a library: more are not handed to it before the driver has taken one."""
+"""Maximum number of images waiting in a library. The next is sent after the driver has taken one."""
 _HEAD_START = 0.002
-"""Seconds that the driver has for an image before the next is decoded: a device decodes none here."""
+"""Seconds that the driver has for an image before the next is decoded: a device needs no decoding here."""
 _LONGEST_PAUSE = 0.5
-"""Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
+"""Maximum seconds of silence: after one second a driver would count as lost, and restart endlessly."""
 _GRACE = 0.5
-"""Seconds in which the last images come through a library, on a loaded machine too."""
+"""Seconds in which the last images pass through a library, also on a busy machine."""
 _CLOCK_NS = 2_000
-"""Nanoseconds by which a library's clock may round; a camera's step is some thousand times as long."""
+"""Nanoseconds of rounding by a library's clock: a frame interval is several thousand times longer."""
 _MOST_COUNTED = 1 << 31
-"""Images that every library can count."""
+"""An image number that every library can represent."""
 
 
 class Rehearsal:
-    """Plays a recording of a depth camera on a thread of its own, at its pace.
+    """Plays a recording of a depth camera on its own thread, at its recorded pace.
 
     Args:
         path: the recording.
-        send: takes each of its images and its number, as recorded where it was, on that thread.
-        loop: begin again at the end.
-        paced: no image is lost where the driver is slower: it says which it has :meth:`taken`, and more than
-            :data:`WAITING` never wait.
+        send: called on that thread with each image and its number, which is the recorded one if known.
+        loop: start again at the end.
+        paced: lose no image if the driver is slow. The driver reports the images that it has :meth:`taken`,
+            and at most :data:`WAITING` images wait.
 
     Attributes:
-        first: its first image, which says what the device would say of its camera.
-        fps: images a second.
+        first: its first image, which contains the camera's properties.
+        fps: images per second.
 
     Raises:
-        InputError: where it is no recording, or none of a depth camera.
+        InputError: if it is not a recording, or has no depth camera.
     """
 
     def __init__(
@@ -66,16 +66,19 @@ class Rehearsal:
         self._thread = threading.Thread(target=self._play, name=f"rehearsal {path}", daemon=True)
 
     def is_over(self) -> bool:
-        """Whether the last image has come through; the first call begins to send, so that none is late."""
+        """Returns True after the last image has passed.
+
+        The first call starts the images, so that none is lost.
+        """
         if self._thread.ident is None:
             self._thread.start()
         return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _GRACE)
 
     def taken(self, time_ns: int) -> int:
-        """Notes that the driver has taken the images up to this time out of its library.
+        """Records that the driver has taken the images up to this time out of its library.
 
         Returns:
-            the time of the image as it was recorded: a library may count in microseconds.
+            the recorded time of the image: a library may count in microseconds.
         """
         while self._sent and self._sent[0] <= time_ns + _CLOCK_NS:
             sent = self._sent.popleft()
@@ -85,7 +88,7 @@ class Rehearsal:
         return time_ns
 
     def condition(self) -> Condition | None:
-        """The condition of the recorded device; None where it was not recorded."""
+        """Returns the condition of the recorded device. None if it was not recorded."""
         return self._sensor.condition()
 
     def stop(self) -> None:
@@ -118,7 +121,10 @@ class Rehearsal:
         self._over.set()
 
     def _has_room(self) -> bool:
-        """Waits until the library has room for an image; False where the rehearsal was stopped before."""
+        """Waits until the library has room for an image.
+
+        Returns False if the rehearsal was stopped before.
+        """
         while not self._stopped.is_set():
             if not self._paced or self._room.acquire(timeout=_TURN):
                 return True
@@ -126,7 +132,7 @@ class Rehearsal:
 
 
 def _first(path: str) -> Frame | None:
-    """The first frame of a recording, after what may have gone wrong before it."""
+    """Returns the first frame of a recording, skipping errors before it."""
     with ReplaySensor(path, speed=0.0) as look:
         while True:
             with contextlib.suppress(InputError, SensorFault):

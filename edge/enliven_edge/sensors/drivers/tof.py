@@ -1,7 +1,7 @@
 """Arducam's time-of-flight camera on a Raspberry Pi, by ArducamDepthCamera.
 
-The library has nothing that plays a file, and no frame of its own can be made without a camera: a rehearsal
-goes around it, and all that comes after its one line that reads is the driver as it runs with a camera.
+The library cannot play a file, and its frames cannot be created without a camera. A rehearsal therefore
+replaces the one call that reads a frame. All code after it is the same as with a camera.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
-"""The range control, millimetres, by the metres that it is asked for."""
+"""Value of the range control in millimetres, by the requested range in metres."""
 _STEP = 100.0
-"""The library says its lens in hundredths of a pixel."""
+"""The library reports intrinsics in hundredths of a pixel."""
 _REASONS = {
     "ArducamNoPermission": (
         "your user may not open it",
@@ -36,7 +36,7 @@ _REASONS = {
     "ArducamUnkownDevice": ("the camera at this port is no Arducam ToF camera", "Check --set device=NUMBER."),
     "ArducamNoCache": ("it is in use, or its library has no memory left", "Close what else uses it."),
 }
-"""What its error codes mean, and what to do; the others all come of no camera being found."""
+"""Meaning and remedy of the library's error codes. All other codes mean that no camera was found."""
 _NONE_FOUND = (
     "no Arducam ToF camera is found",
     "Plug it into the camera port, add dtoverlay=arducam-pivariety to /boot/firmware/config.txt and restart; "
@@ -46,7 +46,7 @@ _NONE_FOUND = (
 
 @dataclass(frozen=True)
 class _Measured:
-    """What the library's frames hold, for a rehearsal."""
+    """The content of the library's frames, for a rehearsal."""
 
     depth_data: Float32
     confidence_data: Float32
@@ -60,10 +60,10 @@ class TofSensor(Sensor):
 
     Args:
         device: the number of the port, 0 or 1.
-        range: metres that are measured, 2 (finer) or 4.
-        confidence: the least that a depth may have, 0 to 255; what has less counts as unknown.
-        near, far: metres outside which a depth counts as unknown; 0: 0.2 m and the range.
-        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
+        range: measured range in metres, 2 (finer) or 4.
+        confidence: minimum confidence of a depth, 0 to 255. Depths below it count as unknown.
+        near, far: metres, range of valid depth. 0: 0.2 m and the range.
+        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -100,7 +100,7 @@ class TofSensor(Sensor):
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
-        # The library does not say in which unit or of which clock its times are.
+        # The library does not document the unit and the clock of its times.
         time_ns, number = time.monotonic_ns(), self._number
         if self._rehearsal is not None:
             self._lens, number = frame.lens, frame.number
@@ -113,7 +113,8 @@ class TofSensor(Sensor):
         return DepthFrame(depth, self._lens, time_ns, self.name, sequence=number)
 
     def condition(self) -> Condition:
-        """That it is at a camera port, and whether it knows its lens: it tells nothing more."""
+        """Returns that it is at a camera port, and whether it reports its intrinsics: it reports nothing
+        more."""
         if self._rehearsal is not None and (told := self._rehearsal.condition()):
             return told
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
@@ -127,7 +128,7 @@ class TofSensor(Sensor):
             camera.close()
 
     def _open(self, device: int, metres: int) -> None:
-        """Opens and starts the camera; any call to one that did not open crashes the library."""
+        """Opens and starts the camera. Any call to a camera that did not open crashes the library."""
         self._ac = ac = library("ArducamDepthCamera", "tof", "--no-deps ArducamDepthCamera")
         camera = ac.ArducamCamera()
         code = camera.open(ac.Connection.CSI, device)
@@ -153,7 +154,7 @@ class TofSensor(Sensor):
             raise
 
     def _request(self, timeout: float) -> Any:
-        """The next frame, of the library or of a rehearsal; None where none came in time."""
+        """Returns the next frame of the library or of a rehearsal. None if none came in time."""
         if self._rehearsal is not None:
             try:
                 return self._played.get(timeout=max(timeout, 1e-3))
@@ -166,12 +167,12 @@ class TofSensor(Sensor):
         return None
 
     def _release(self, frame: Any) -> None:
-        """Gives a frame of the library back to it."""
+        """Returns a frame of the library to it."""
         if self._camera is not None and frame is not None:
             self._camera.releaseFrame(frame)
 
     def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
-        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach."""
+        """Returns (H, W) uint16 millimetres, 0 for pixels with low confidence or out of range."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
             what = f"an image has the shapes {depth.shape} and {confidence.shape}"
@@ -181,22 +182,23 @@ class TofSensor(Sensor):
         return trusted
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        """An image of a recording, as the library would measure it: what is unknown has no confidence."""
+        """Passes on an image of a recording as the library would measure it: unknown depth has no
+        confidence."""
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
         self._hand_over(_Measured(depth, sure, frame.time_ns, number, frame.intrinsics))
 
     def _hand_over(self, measured: _Measured) -> None:
-        """An image in the library's place; a paced rehearsal sees to it that few wait."""
+        """Queues an image in the library's place. A paced rehearsal ensures that few images wait."""
         self._played.put(measured)
 
 
 @njit(cache=True, nogil=True)
 def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trusted: Any) -> None:
-    """Writes (H, W) millimetres, rounded; 0 where they are outside the limits or trusted too little."""
+    """Writes rounded millimetres (H, W), 0 for pixels outside the limits or with low confidence."""
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
             millimetres = np.rint(depth[i, j])
-            # A depth or confidence that is no number fails every comparison.
+            # A NaN depth or confidence fails every comparison.
             known = confidence[i, j] >= least and low <= millimetres <= high
             trusted[i, j] = np.uint16(millimetres) if known else np.uint16(0)

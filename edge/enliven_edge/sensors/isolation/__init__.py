@@ -1,4 +1,5 @@
-"""Isolation of sensors with libraries that may crash or hang: a helper process, images in shared memory."""
+"""Process isolation of sensors with libraries that may crash or hang: a helper process, images in shared
+memory."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The helper process: runs one driver and hands its frames to the edge.
+"""The helper process: runs one driver and sends its frames to the edge.
 
 It handles the edge's requests from a pipe, and ends with the pipe, so that no process outlives its edge.
 """
@@ -25,10 +25,10 @@ from enliven_edge.sensors.isolation.last_words import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _TURN = 0.1
-"""Seconds that the driver may wait for an image before the next request is looked for."""
+"""Seconds that the driver may wait for an image before the next request is handled."""
 _FULL = 0.005
-"""Seconds between two looks for a free slot where each image is wanted: half a fast camera's step. A request
-that comes in the meantime goes first."""
+"""Seconds between two checks for a free slot if every image is wanted: half a fast camera's frame
+interval. A request that arrives in the meantime is handled first."""
 _CONDITION_EVERY = 1.0
 """Seconds between two reports of temperature, link and gravity."""
 
@@ -40,12 +40,12 @@ def serve(
     every_frame: bool = False,
     words: Connection | None = None,
 ) -> None:
-    """Runs a sensor of the class ``kind`` until the edge closes the pipe; the entry point of the process.
+    """Runs a sensor of the class ``kind`` until the edge closes the pipe. The entry point of the process.
 
-    Python's report of a crash goes into ``words``.
+    Python's report of a crash is written to ``words``.
     """
     speak_into(words)
-    # Ctrl-C reaches all processes of a terminal; the edge lets the device go and then ends this one.
+    # Ctrl-C reaches all processes of a terminal. The edge releases the device and then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The prints of a library must not mix with the program's own output.
     sys.stdout.flush()
@@ -92,7 +92,7 @@ class _Helper:
         self._pipe.send(("opened", self._device.name, fps, again))
 
     def _go(self) -> None:
-        """Request: starts to read frames; earlier ones would be old when the edge takes them."""
+        """Request: starts reading frames. Earlier frames would be old when the edge takes them."""
         self._reading = True
 
     def _close(self) -> None:
@@ -102,7 +102,7 @@ class _Helper:
         self._pipe.send(("closed",))
 
     def _memory(self, name: str, size: int, count: int) -> None:
-        """Request: takes shared memory for ``count`` images of ``size`` bytes."""
+        """Request: attaches to shared memory for ``count`` images of ``size`` bytes."""
         self._slots = FrameSlots.attach(name, size, count)
         self._pipe.send(("attached",))
 
@@ -145,7 +145,7 @@ class _Helper:
         while (slot := self._slots.write(frame.depth, frame.colour)) is None:
             if not self._every or self._pipe.poll(_FULL):
                 return
-        # Intrinsics that stay the same are sent once.
+        # Intrinsics are sent only when they change.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
         self._camera = frame.intrinsics
         colour = None if frame.colour is None else frame.colour.shape
@@ -182,7 +182,7 @@ class _Teller(logging.Handler):
 
 
 def _said(error: Exception) -> tuple[str, str, str, str]:
-    """(class, what, where, mend) of an error; empty strings where it has none."""
+    """Returns (class, what, where, mend) of an error, with empty strings for missing parts."""
     if isinstance(error, EnlivenError):
         return type(error).__name__, error.what, error.where, error.mend
     return type(error).__name__, str(error) or "it gives no reason", "", ""

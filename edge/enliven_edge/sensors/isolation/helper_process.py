@@ -1,4 +1,4 @@
-"""The edge's side of a helper process: sends it requests and receives its frames."""
+"""The edge's side of a helper process: sends requests to it and receives its frames."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from enliven_edge.sensors.isolation.last_words import LastWords
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 SILENT = 1.0
-"""Seconds without an image after which a device is lost, whatever its library says: thirty images' time."""
+"""Seconds without an image after which a device counts as lost, whatever its library reports: thirty
+frames."""
 OPENING = 45.0
-"""Seconds that opening may take; a library that searches a network needs some twenty."""
+"""Maximum seconds for opening: a library that searches a network needs some twenty."""
 _CLOSING = 0.4
 """Seconds that a driver has to close its device, before its process is ended."""
 _MOST_WAITING = 3
-"""Images that may wait for the edge; the oldest of more are dropped, so that a pause causes no lag."""
+"""Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
 
 
 class HelperProcess:
     """A running helper process.
 
     Raises:
-        ResourceError: where it cannot be started.
+        ResourceError: if it cannot be started.
     """
 
     def __init__(
@@ -58,11 +59,11 @@ class HelperProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """True while the process runs."""
         return self._process.is_alive()
 
     def open(self) -> tuple[str, float | None, dict[str, Any]]:
-        """Opens the device; returns the sensor's name, its frame rate, and the options that open it again.
+        """Opens the device. Returns the sensor's name, its frame rate, and the options that open it again.
 
         Raises:
             InputError, ResourceError: the driver's error, or the end of its process.
@@ -83,15 +84,15 @@ class HelperProcess:
         """Starts the frames.
 
         Raises:
-            SensorFault: where the process has ended.
+            SensorFault: if the process has ended.
         """
         self._say("go")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
-        """The next message for the sensor within ``timeout`` seconds; None without one.
+        """Returns the next message for the sensor within ``timeout`` seconds. None without one.
 
         Raises:
-            SensorFault: where the process has ended.
+            SensorFault: if the process has ended.
         """
         self._fetch(timeout)
         frames = sum(message[0] == "frame" for message in self._waiting)
@@ -114,7 +115,7 @@ class HelperProcess:
         camera: Intrinsics | None,
         about: tuple[int, int | None, str, Any],
     ) -> DepthFrame:
-        """The frame of a message, its images in shared memory."""
+        """Returns the frame of a message, with its images in shared memory."""
         self._camera = camera or self._camera
         assert self._camera is not None
         depth, seen = slots.read(slot, shape, colour)
@@ -122,7 +123,7 @@ class HelperProcess:
         return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
 
     def end(self) -> None:
-        """Closes the device and ends the process, by force where it does not end itself."""
+        """Closes the device and ends the process, by force if it does not end itself."""
         with contextlib.suppress(SensorFault):
             self._say("close")
             self._answer(_CLOSING, "closed")
@@ -137,7 +138,7 @@ class HelperProcess:
     def _skip(
         self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
     ) -> None:
-        """Drops a frame that is too old; its intrinsics may be new and are kept."""
+        """Drops a frame that is too old. Its intrinsics are kept, since they may be new."""
         self._camera = camera or self._camera
         slots.release(slot)
 
@@ -148,7 +149,7 @@ class HelperProcess:
             raise self._lost() from None
 
     def _answer(self, seconds: float, *words: str) -> tuple[Any, ...] | None:
-        """The next message that begins with one of ``words``; None where none comes in time."""
+        """Returns the next message that starts with one of ``words``. None if none comes in time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             message = self.receive(left)
@@ -157,7 +158,7 @@ class HelperProcess:
         return None
 
     def _fetch(self, timeout: float) -> None:
-        """Takes all messages that have come; waits up to ``timeout`` seconds for the first."""
+        """Takes all messages that have arrived. Waits up to ``timeout`` seconds for the first."""
         while self._pipe.poll(0 if self._waiting else timeout):
             try:
                 message = self._pipe.recv()
@@ -173,13 +174,14 @@ class HelperProcess:
                 case ("attached",):
                     pass
                 case ("frame", *about):
-                    # It keeps the memory of its image: there may be other memory when it is read.
+                    # The message keeps a reference to the memory of its image, since other memory may be in
+                    # use when it is read.
                     self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)
 
     def _make_room(self, size: int) -> None:
-        """Makes shared memory for images of ``size`` bytes; earlier memory stays until it is not used."""
+        """Creates shared memory for images of ``size`` bytes. Earlier memory stays until it is unused."""
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._say("memory", self._slots.name, size, count)
@@ -194,7 +196,7 @@ class HelperProcess:
         self._slots.forget()
 
     def _lost(self) -> SensorFault:
-        """The fault of a process that has ended; keeps a report where it crashed."""
+        """Returns the fault of a process that has ended. Stores a report if it crashed."""
         self._process.join(_CLOSING)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
@@ -206,7 +208,7 @@ class HelperProcess:
 def told_error(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
-    """A driver's error as the edge raises it: of its own class where that is one of the two."""
+    """Returns a driver's error as the edge raises it: of its own class if that is one of the two."""
     of, what, where, mend = said
     made = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
     if kind is InputError:

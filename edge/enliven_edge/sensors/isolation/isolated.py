@@ -1,4 +1,5 @@
-"""The edge's side of a sensor in a helper process: frames come from shared memory, silence is a loss."""
+"""The edge's side of a sensor in a helper process: frames come from shared memory, silence counts as a
+loss."""
 
 from __future__ import annotations
 
@@ -14,20 +15,20 @@ from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
 from enliven_edge.sensors.isolation.helper_process import SILENT, HelperProcess, told_error
 
 FIRST_IMAGE = 10.0
-"""Seconds that the first image may take: firmware is loaded, exposure is found."""
+"""Maximum seconds until the first image: firmware is loaded and exposure is adjusted."""
 
 
 class IsolatedOpener:
-    """Opens a sensor in a helper process, a fresh one for each device.
+    """Opens a sensor in a helper process, with a new process for each device.
 
-    In this way a library's state does not outlive its device. Where several devices fit the options, the same
-    one is opened again: a driver gives the options for that by its ``again``.
+    Thus a library's state does not outlive its device. If several devices match the options, the same one is
+    opened again: the attribute ``again`` of a driver contains the options for that.
 
     Args:
-        name: of the sensor, for errors before it is open.
+        name: name of the sensor, for errors before it is open.
         kind: the sensor's class, at the top of a module that the helper process can import.
-        options: what the class takes.
-        every_frame: images wait for a slow reader, as many as fit into memory; else the oldest are left out.
+        options: arguments of the class.
+        every_frame: images wait for a slow reader, up to the memory limit. Otherwise the oldest are dropped.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class IsolatedOpener:
 
         Raises:
             InputError: for options that cannot be used.
-            ResourceError: where the device is missing or taken, or the library crashes.
+            ResourceError: if the device is missing or in use, or the library crashes.
         """
         helper, self._idle = self._idle or self._start(self._options), None
         try:
@@ -62,7 +63,7 @@ class IsolatedOpener:
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:
-        """Ends the process of attempts that failed."""
+        """Ends the process of failed attempts."""
         helper, self._idle = self._idle, None
         if helper is not None:
             helper.end()
@@ -71,11 +72,11 @@ class IsolatedOpener:
 class IsolatedSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` with its driver in a helper process.
 
-    Its frames lie in shared memory, read-only, and stay as they are for as long as they are kept.
+    Its frames are read-only in shared memory, and stay unchanged while they are referenced.
 
     Args:
-        helper: a process that has the device open.
-        name, fps: as the driver says them.
+        helper: a process with the opened device.
+        name, fps: as the driver reports them.
     """
 
     def __init__(self, helper: HelperProcess, name: str, fps: float | None) -> None:
@@ -85,7 +86,7 @@ class IsolatedSensor(Sensor):
         self._closed = False
 
     def condition(self) -> Condition | None:
-        """How the device fared when it was last asked."""
+        """Returns the last reported condition of the device."""
         return self._condition
 
     def read(self, timeout: float | None = None) -> Frame | None:
@@ -113,7 +114,7 @@ class IsolatedSensor(Sensor):
             self._helper.end()
 
     def _understood(self, word: str, *rest: Any) -> Frame | None:
-        """The frame of a message, or None for other messages."""
+        """Returns the frame of a message, or None for other messages."""
         match word:
             case "frame":
                 self._heard, self._patience = time.monotonic(), SILENT

@@ -1,4 +1,4 @@
-"""Python's report of a crashed process, through a pipe: a process that ends well leaves no file."""
+"""Python's traceback of a crashed process, through a pipe: a process that ends normally leaves no file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 
 _MOST_BYTES = 1 << 16
-"""Bytes of a report: a pipe holds so many without a reader."""
+"""Maximum bytes of a report: a pipe holds this much without a reader."""
 
 
 class LastWords:
-    """The edge's end of the pipe; on systems without such pipes there is never a report."""
+    """The edge's end of the pipe. On systems without such pipes there is never a report."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._near: Connection | None = None
@@ -23,12 +23,12 @@ class LastWords:
             os.set_blocking(self._near.fileno(), False)
 
     def started(self) -> None:
-        """Closes the process's end in the edge: the process has its own now."""
+        """Closes the process's end in the edge, since the process has its own now."""
         if self.far is not None:
             self.far.close()
 
     def read(self) -> str:
-        """The report, empty without a crash. To be called once, after the process has ended."""
+        """Returns the report, empty without a crash. Call once, after the process has ended."""
         if self._near is None:
             return ""
         said = b""
@@ -38,14 +38,14 @@ class LastWords:
         return said.decode(errors="replace")
 
     def close(self) -> None:
-        """Closes the pipe; a second call does nothing."""
+        """Closes the pipe. A second call does nothing."""
         if self._near is not None:
             self._near.close()
 
 
 def speak_into(far: Connection | None) -> None:
-    """Sends the report of a crash of this process through the pipe, which must be kept."""
+    """Sends the report of a crash of this process through the pipe, which must be kept open."""
     if far is not None:
-        # A dying process never waits for a reader.
+        # A crashing process must not block on a missing reader.
         os.set_blocking(far.fileno(), False)
         faulthandler.enable(file=far.fileno())

@@ -1,6 +1,6 @@
 """Images in shared memory: one process writes them, another reads them in place.
 
-A slot is taken by the writer, and free again when the reader's last array over it is gone.
+The writer occupies a slot. It is free again when the reader's last array over it is gone.
 """
 
 from __future__ import annotations
@@ -14,29 +14,30 @@ import numpy as np
 from enliven.arrays import UInt8, UInt16
 
 SLOTS = 8
-"""Images in memory at once: one that is written, two that wait, the others for readers that keep some."""
+"""Number of images in memory: one being written, two waiting, the others for readers that keep some."""
 MOST_SLOTS = 64
-"""Images in memory at once where each is wanted: two seconds' worth, in which a disk catches up."""
+"""Maximum number of images in memory if every image is wanted: two seconds, in which a disk catches up."""
 _MOST_BYTES = 32 << 20
-"""Bytes of so many, or :data:`SLOTS`: containers often have 64 MiB of shared memory for all programs."""
+"""Maximum bytes of these images, except that :data:`SLOTS` images always fit. Containers often have 64 MiB
+of shared memory for all programs."""
 SPARE = 3
-"""Slots that stay free for the writer; when fewer are left the reader copies its image out."""
+"""Number of slots that stay free for the writer. If fewer are left, the reader copies its image out."""
 _HEAD = 64
-"""Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`: a cache line, where images begin."""
+"""Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`. Images start at a cache line."""
 
 
 def slots_for_all(size: int) -> int:
-    """The number of slots for images of so many bytes where each image is wanted."""
+    """Returns the number of slots for images of ``size`` bytes if every image is wanted."""
     return min(max(_MOST_BYTES // size, SLOTS), MOST_SLOTS)
 
 
 class FrameSlots:
-    """A block of shared memory for some images, each a depth image and perhaps a colour one.
+    """A block of shared memory for several images, each a depth image and an optional colour image.
 
     Args:
-        memory: the block, made by :meth:`make` or found by :meth:`attach`.
+        memory: the block, from :meth:`make` or :meth:`attach`.
         size: bytes of a slot.
-        count: slots.
+        count: number of slots.
     """
 
     def __init__(self, memory: SharedMemory, size: int, count: int) -> None:
@@ -45,7 +46,7 @@ class FrameSlots:
 
     @classmethod
     def make(cls, size: int, count: int = SLOTS) -> FrameSlots:
-        """Makes a block for the reader; :meth:`forget` it as soon as the writer has found it."""
+        """Creates a block for the reader. Call :meth:`forget` as soon as the writer has attached to it."""
         return cls(_Memory(create=True, size=_HEAD + count * size), size, count)
 
     @classmethod
@@ -55,7 +56,7 @@ class FrameSlots:
 
     @property
     def name(self) -> str:
-        """The name under which the writer finds the block."""
+        """The name of the block. The writer attaches by it."""
         return self._memory.name
 
     @property
@@ -64,12 +65,12 @@ class FrameSlots:
         return self.count - int(self._taken.sum())
 
     def forget(self) -> None:
-        """Removes the name: the memory is gone with the processes that have it, however they end."""
+        """Removes the name: the memory is freed with the processes that have it, however they end."""
         with contextlib.suppress(OSError):
             self._memory.unlink()
 
     def write(self, depth: UInt16, colour: UInt8 | None) -> int | None:
-        """Copies an image into a free slot; returns its number, or None where all are taken."""
+        """Copies an image into a free slot. Returns its number, or None if all are in use."""
         free = np.flatnonzero(self._taken == 0)
         if not len(free):
             return None
@@ -84,7 +85,7 @@ class FrameSlots:
     def read(
         self, slot: int, shape: tuple[int, int], colour: tuple[int, ...] | None
     ) -> tuple[UInt16, UInt8 | None]:
-        """The depth and the colour image of a slot, read-only, in place where slots can be spared."""
+        """Returns the depth and the colour image of a slot, read-only, in place if enough slots are free."""
         place = self._place(slot)
         if self.free < SPARE:
             place = place.copy()
@@ -101,12 +102,13 @@ class FrameSlots:
         self._taken[slot] = 0
 
     def _place(self, slot: int) -> UInt8:
-        """(size,) the bytes of a slot, an array of its own."""
+        """Returns (size,) the bytes of a slot, as a separate array."""
         return np.ndarray((self.size,), np.uint8, buffer=self._memory.buf, offset=_HEAD + slot * self.size)
 
 
 class _Memory(SharedMemory):
-    """Shared memory that may go while arrays over it are alive: the system unmaps it with the process."""
+    """Shared memory that may be deleted while arrays over it are alive: the system unmaps it with the
+    process."""
 
     def __del__(self) -> None:
         with contextlib.suppress(BufferError):

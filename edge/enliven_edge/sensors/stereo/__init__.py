@@ -1,4 +1,4 @@
-"""Two cameras as a depth sensor: their calibration from a printed board, and depth from their images."""
+"""Two cameras as a depth sensor: calibration from a printed board, and depth by stereo matching."""
 
 import lazy_loader
 

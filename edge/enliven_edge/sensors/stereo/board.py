@@ -1,4 +1,4 @@
-"""The printed board that cameras are calibrated with: a chessboard with numbered markers in its squares."""
+"""The printed board for camera calibration (ChArUco): a chessboard with numbered markers in its squares."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from enliven.errors import InputError
 from enliven_edge.sensors.stereo.rectifying import opencv
 
 _MARKER = 0.75
-"""Side of a marker over that of its square: OpenCV needs some white around it."""
+"""Side of a marker relative to that of its square: OpenCV needs a white margin around it."""
 _CELLS = 6
-"""Cells along a marker's side, its black border included, of the dictionary 4x4."""
+"""Number of cells along a marker's side of the dictionary 4x4, including its black border."""
 _MOST_MARKERS = 50
-"""Markers of that dictionary."""
+"""Number of markers in that dictionary."""
 _MM = 72 / 25.4
-"""PDF's units in a millimetre."""
+"""PDF units per millimetre."""
 _PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0)}
-"""Millimetres of sheets that lie on their long side, the smallest first."""
+"""Millimetres of sheets in landscape orientation, the smallest first."""
 _EDGE = 8.0
-"""Millimetres along a sheet's edge that a printer may leave white."""
+"""Millimetres of margin that a printer may leave white."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class CalibrationBoard:
     """A ChArUco board of ``columns`` x ``rows`` squares.
 
     Attributes:
-        square: metres of a square's side.
+        square: metres, side of a square.
     """
 
     columns: int = 7
@@ -51,7 +51,10 @@ class CalibrationBoard:
             )
 
     def find(self, image: UInt8) -> dict[int, Float]:
-        """The inner corners that a (H, W) grey image shows, pixels by number; empty where there are none."""
+        """Returns the visible inner corners in a grey image (H, W), pixels by number.
+
+        Empty if there are none.
+        """
         corners, numbers, *_ = self._detector.detectBoard(image)
         if numbers is None or corners is None:
             return {}
@@ -79,7 +82,8 @@ class CalibrationBoard:
         return cv.aruco.CharucoDetector(self.drawing, cv.aruco.CharucoParameters(), settings)
 
     def rectangles(self) -> Float:
-        """(N, 4) left, top, width, height of all that is black, metres from the board's upper left corner."""
+        """Returns (N, 4) left, top, width, height of all black rectangles, metres from the board's upper
+        left corner."""
         cv, side = opencv(), self.square
         black = [
             (column * side, row * side, side, side)
@@ -95,10 +99,10 @@ class CalibrationBoard:
         return np.array(black, np.float64)
 
     def pdf(self) -> bytes:
-        """A sheet with the board in its exact size, and its measure in words.
+        """Returns a sheet with the board in its exact size, and its dimensions as text.
 
         Raises:
-            InputError: where no sheet is large enough.
+            InputError: if no paper format is large enough.
         """
         wide, high = 1e3 * self.square * self.columns, 1e3 * self.square * self.rows
         fitting = [

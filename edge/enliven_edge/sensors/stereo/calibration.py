@@ -1,4 +1,4 @@
-"""The calibration of two cameras, on disk: a TOML file that can be read and mended by hand."""
+"""The calibration file of two cameras: a TOML file that can be read and corrected by hand."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from enliven.files import write_file
 from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
 
 _LENGTH = 1e-3
-"""Metres by which the baseline may differ from the translation's length: a slip of the hand is more."""
+"""Metres of tolerated difference between baseline and length of the translation: an edit by mistake is
+larger."""
 _CROOKED = 1e-3
-"""By which a rotation's rows may differ from unit vectors at right angles."""
+"""Tolerance of a rotation's orthonormality."""
 _Row = tuple[float, float, float]
 
 
@@ -31,13 +32,13 @@ class StereoLens:
     distortion: tuple[float, float, float, float, float] = setting(doc="Brown-Conrady k1, k2, p1, p2, k3.")
 
     def matrix(self) -> Float:
-        """(3, 3) the camera matrix."""
+        """Returns the (3, 3) camera matrix."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
 class StereoCalibration:
-    """Two lenses, and how the right camera stands to the left one."""
+    """Two sets of intrinsics, and the pose of the right camera relative to the left one."""
 
     width: int = setting(doc="Width of both images.", unit="px", low=32, high=16384)
     height: int = setting(doc="Height of both images.", unit="px", low=32, high=16384)
@@ -57,10 +58,10 @@ class StereoCalibration:
 
 
 def load_calibration(path: Path) -> StereoCalibration:
-    """The calibration of a file that :func:`save_calibration` wrote.
+    """Reads a calibration that :func:`save_calibration` wrote.
 
     Raises:
-        InputError: for an unreadable file, a wrong or missing key, or figures that contradict each other.
+        InputError: for an unreadable file, a wrong or missing key, or values that contradict each other.
     """
     if not path.exists():
         raise InputError(
@@ -74,18 +75,18 @@ def load_calibration(path: Path) -> StereoCalibration:
 
 
 def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[str]) -> None:
-    """Writes the file whole or not at all.
+    """Writes the file completely or not at all.
 
     Raises:
-        InputError: if the file is of a later version; it stays.
-        ResourceError: where it cannot be written; then what was there is untouched.
+        InputError: if the file is of a later version. It is left unchanged.
+        ResourceError: if it cannot be written. The previous file is left unchanged.
     """
     refuse_later_toml(path)
     write_file(path, _text(calibration, remarks))
 
 
 def _wrong(c: StereoCalibration) -> str:
-    """What contradicts itself in a calibration; empty where nothing does."""
+    """Returns a contradiction in a calibration. Empty if there is none."""
     turn, shift = np.array(c.right_from_left), np.array(c.translation)
     if np.abs(turn @ turn.T - np.eye(3)).max() > _CROOKED or np.linalg.det(turn) < 0:
         return "right_from_left is no rotation"
@@ -103,7 +104,7 @@ def _wrong(c: StereoCalibration) -> str:
 
 
 def _text(c: StereoCalibration, remarks: list[str]) -> str:
-    """The file's text: remarks as comments, then the figures."""
+    """Returns the file's text: remarks as comments, then the values."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
     names = ("width", "height", "baseline", "reprojection", "epipolar")
     lines += ["", f"version = {TOML_VERSION}", *(f"{name} = {getattr(c, name)!r}" for name in names)]

@@ -1,4 +1,4 @@
-"""Which pairs of images are kept for a stereo calibration, how good it is, and what to do where it is not."""
+"""Selects image pairs for a stereo calibration, rates its quality, and gives advice if it is poor."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from enliven_edge.sensors.stereo.calibration import StereoCalibration
 from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, StereoSolution
 
 _STILL = 0.01
-"""Part of the image's width by which corners may have moved since the look before: the board is still."""
+"""Fraction of the image's width. If corners moved less since the previous pair, the board is still."""
 _FRESH = 0.06
-"""Part of the image's width by which corners must differ from those of each pair that was kept."""
+"""Fraction of the image's width that corners must differ from those of each kept pair."""
 _COMMON = 8
-"""Corners that two sightings must share to be compared."""
+"""Minimum number of shared corners to compare two sightings."""
 
 
 class Keeper:
@@ -32,7 +32,7 @@ class Keeper:
         self.kept: list[BoardSighting] = []
 
     def offer(self, left: UInt8, right: UInt8) -> str:
-        """Tries a pair; returns an empty string where it was kept, else what to do."""
+        """Tries a pair. Returns an empty string if it was kept, else advice."""
         seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
         before, self._before = self._before, seen
         for side in ("left", "right"):
@@ -48,7 +48,10 @@ class Keeper:
 
 
 def _moved(one: BoardSighting, other: BoardSighting) -> float:
-    """Mean pixels between shared corners, the larger of both cameras'; infinite where too few are shared."""
+    """Returns the mean pixels between shared corners, the larger of both cameras'.
+
+    Infinite if too few are shared.
+    """
     moved = []
     for side in ("left", "right"):
         a, b = getattr(one, side), getattr(other, side)
@@ -60,37 +63,37 @@ def _moved(one: BoardSighting, other: BoardSighting) -> float:
 
 
 _GOOD_REPROJECTION = 0.35
-"""Pixels of reprojection error up to which it is good: a sharp image gives corners to 0.1 to 0.3 px."""
+"""Pixels of reprojection error that still count as good: a sharp image gives corners to 0.1 to 0.3 px."""
 _WORST_REPROJECTION = 1.0
-"""Pixels of reprojection error at the most: beyond, the model of the lens does not fit."""
+"""Maximum pixels of reprojection error: beyond it, the lens model does not fit."""
 _GOOD_EPIPOLAR = 0.3
-"""Pixels between the rows up to which it is good: the matcher looks along one row."""
+"""Pixels between matching rows that still count as good: the matcher searches along one row."""
 _WORST_EPIPOLAR = 0.6
-"""Pixels between the rows at the most: half a pixel beside its row the matcher loses fine texture."""
+"""Maximum pixels between matching rows: half a pixel off its row the matcher loses fine texture."""
 _FAR = 2.0
-"""Metres at which the expected error is told."""
+"""Distance in metres for which the expected error is reported."""
 _GOOD_ERROR = 0.01
-"""Expected error of a depth over the depth up to which it is good: 20 mm at 2 m, about a depth camera's."""
+"""Expected relative depth error that still counts as good: 20 mm at 2 m, similar to a depth camera's."""
 _WORST_ERROR = 0.03
-"""The same at the most: beyond, limbs are hardly thicker than the error."""
+"""Maximum expected relative depth error: beyond it, limbs are hardly thicker than the error."""
 _MATCHER = 0.12
-"""Pixels of disparity by which the matcher errs at the median on rendered people: sensors.stereo_error_mm."""
+"""Pixels, the matcher's median disparity error on rendered people: sensors.stereo_error_mm."""
 _LEAST_COVERED = 0.6
-"""Part of the image's fields that corners must lie in: a lens is guessed where there was none."""
+"""Minimum fraction of the image's fields with corners: elsewhere the lens distortion is only extrapolated."""
 _LEAST_TILT = 20.0
-"""Degrees between two boards: parallel ones do not tell the focal length from the distance."""
+"""Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")
-"""Fields of an image."""
+"""Names of the fields of an image."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judgement of a calibration.
+    """The rating of a calibration.
 
     Attributes:
         verdict: "good", "fair" or "not good enough".
         facts: lines of name and value.
-        advice: what to do, a sentence each; empty where it is good.
+        advice: one sentence per remedy. Empty if it is good.
     """
 
     verdict: str
@@ -99,12 +102,12 @@ class Judgement:
 
     @property
     def usable(self) -> bool:
-        """Whether it may be written without doubt."""
+        """True if it may be used without doubt."""
         return self.verdict != "not good enough"
 
 
 def judge(board: CalibrationBoard, solution: StereoSolution) -> Judgement:
-    """How good a solution is."""
+    """Returns the rating of a solution."""
     facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
     facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
     c = solution.calibration
@@ -129,7 +132,7 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> Judgement:
 
 
 def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
-    """Metres by which depth is expected to be off at so many metres."""
+    """Returns the expected depth error in metres at a distance in metres."""
     off = float(np.hypot(disparity_error, _MATCHER))
     return distance**2 * off / (calibration.left.fx * calibration.baseline)
 
@@ -137,7 +140,7 @@ def expected_error(calibration: StereoCalibration, disparity_error: float, dista
 def _advice(
     c: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
 ) -> tuple[list[str], bool]:
-    """The advice, and whether the calibration is unusable until it is followed."""
+    """Returns the advice, and whether the calibration is unusable until it is followed."""
     advice, bad = [], False
     if c.translation[0] > 0:
         advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
@@ -167,7 +170,7 @@ def _advice(
 
 
 def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float:
-    """(3, 4) 1 for each field of an image with corners in it, 0 for the others."""
+    """Returns (3, 4) flags: 1 for each field of an image with corners in it, 0 for the others."""
     rows, columns = len(_ROWS), len(_COLUMNS)
     seen = np.zeros((rows, columns))
     for each in solution.used:
@@ -178,5 +181,5 @@ def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float
 
 
 def _view(c: StereoCalibration, side: str) -> float:
-    """Degrees that a camera sees from left to right, by its focal length."""
+    """Returns the horizontal field of view of a camera in degrees, from its focal length."""
     return float(2 * np.degrees(np.arctan(0.5 * c.width / getattr(c, side).fx)))

@@ -1,4 +1,4 @@
-"""Depth from two cameras: rectify, match, check from both sides, leave out specks."""
+"""Depth from two cameras: rectification, stereo matching, left-right check, speckle removal."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from enliven.errors import InputError
 from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
 
 STEPS = 16
-"""Steps of a disparity that the matcher tells within a pixel."""
+"""Subpixel steps per pixel of the matcher's disparity."""
 _BLOCK = 5
-"""Pixels of the side of the window that is compared."""
+"""Pixels, side of the window that is compared."""
 _SMALL = 6
-"""Penalty of a step of one pixel between neighbours, for each pixel of the window; see below."""
+"""Penalty of a one-pixel step between neighbours (P1), per pixel of the window. See below."""
 _LARGE = 20
-"""Penalty of a larger step, for each pixel of the window: with OpenCV's advice of 8 and 32, half as many
-pixels again beside a person take the person's depth."""
+"""Penalty of a larger step (P2), per pixel of the window. With OpenCV's advice of 8 and 32, half as many
+pixels again next to a person get the person's depth."""
 _CLIP = 63
-"""Slope of the grey values beyond which more does not count, the highest that OpenCV takes."""
+"""Maximum grey value gradient that counts, the highest that OpenCV accepts."""
 _UNIQUE = 10
-"""Percent by which the best disparity must be better than the next but one."""
+"""Percent that the best disparity must be better than the second best."""
 _BOTH_SIDES = 1
-"""Pixels by which the match from the right may differ from that from the left."""
+"""Maximum pixels between the match from the right and that from the left (left-right check)."""
 _SPECK = 150
-"""Pixels: smaller islands of one depth are false; a hand at 3 m has 400 in an image of 640 x 400."""
+"""Pixels: smaller islands of one depth are noise. A hand at 3 m has 400 in an image of 640 x 400."""
 _SPECK_STEP = 1
-"""Pixels of disparity between neighbours of one island."""
+"""Maximum pixels of disparity between neighbours of one island."""
 _MOST_DISPARITIES = 256
-"""Pixels: a matcher for more takes longer than a frame."""
+"""Maximum search range in pixels: with more the matcher takes longer than a frame."""
 
 
 class StereoMatcher:
-    """Turns pairs of images into depth images, on one core.
+    """Converts image pairs to depth images, on one core.
 
     Args:
-        rectification: of the pair.
-        near, far: metres between which depth is told; near costs time.
+        rectification: rectification of the pair.
+        near, far: metres, range of valid depth. A small ``near`` costs time.
 
     Raises:
-        InputError: for a range that cannot be seen.
-        ResourceError: where OpenCV is missing.
+        InputError: for a range that cannot be measured.
+        ResourceError: if OpenCV is missing.
     """
 
     def __init__(self, rectification: Rectification, near: float = 0.7, far: float = 8.0) -> None:
@@ -80,24 +80,27 @@ class StereoMatcher:
         self._millimetres = depth_table(focal_baseline, near, far, self._margin)
 
     def depth(self, left: UInt8, right: UInt8) -> UInt16:
-        """(H, W) uint16 millimetres along the rectified left camera's axis, 0 where nothing is known.
+        """Returns (H, W) uint16 millimetres along the rectified left camera's axis, 0 for unknown depth.
 
         Args:
-            left, right: (H, W) grey images as the cameras took them.
+            left, right: (H, W) unrectified grey images.
         """
         cv = self._cv
         pair = self._rectification.rectified(left, right)
-        # The matcher tells nothing of as many columns on the left as it tries disparities: add so many.
+        # StereoSGBM returns no disparity for the leftmost numDisparities columns, so the images are padded by
+        # that many.
         wide = [cv.copyMakeBorder(each, 0, 0, self._margin, 0, cv.BORDER_REPLICATE) for each in pair]
         disparity = self._matcher.compute(*wide)[:, self._margin :]
         return self._millimetres[np.maximum(disparity, 0)]
 
 
 def depth_table(focal_baseline: float, near: float, far: float, disparities: int) -> UInt16:
-    """(disparities * 16 + 1,) uint16 millimetres of each disparity in steps of 1/16 px; 0 outside the range.
+    """Returns (disparities * 16 + 1,) uint16 millimetres of each disparity in steps of 1/16 px.
+
+    0 outside the range.
 
     Args:
-        focal_baseline: pixels times metres.
+        focal_baseline: focal length times baseline, pixels times metres.
     """
     steps = np.arange(disparities * STEPS + 1)
     with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""A folder of image pairs, NAMEleft.png and NAMEright.png or the like."""
+"""A folder of image pairs, such as NAMEleft.png and NAMEright.png."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 _MOST_PAIRS = 10_000
-"""Pairs of a folder: five minutes at 30 a second."""
+"""Maximum number of pairs in a folder: five minutes at 30 per second."""
 _MOST_PIXELS = 1 << 26
-"""Of one image, 8192 x 8192: a few kilobytes can state as many as they like."""
+"""Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
 
 def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """The (left, right) files of a folder, or of its folders ``left`` and ``right``, sorted by name.
+    """Returns the (left, right) files of a folder, or of its folders ``left`` and ``right``, sorted by name.
 
     Raises:
-        InputError: where there is no such folder, it holds no pair, or a file has no partner.
+        InputError: if the folder is missing or has no pair, or a file has no partner.
     """
     where = str(folder)
     if not folder.is_dir():
@@ -49,10 +49,10 @@ def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def read_grey(path: Path) -> UInt8:
-    """(H, W) uint8 of an image file.
+    """Reads an image file as (H, W) uint8 grey.
 
     Raises:
-        InputError: where it is damaged or too large.
+        InputError: if it is damaged or too large.
     """
     try:
         with Image.open(io.BytesIO(read_file(path)), formats=("PNG", "JPEG")) as image:
@@ -65,10 +65,10 @@ def read_grey(path: Path) -> UInt8:
 
 
 class RecordedPairs:
-    """The pairs of a folder at a camera's pace, in place of two cameras.
+    """Plays the pairs of a folder at a camera's frame rate, in place of two cameras.
 
     Raises:
-        InputError: where the folder holds no pairs.
+        InputError: if the folder has no pairs.
     """
 
     def __init__(self, folder: Path, fps: float) -> None:
@@ -77,11 +77,11 @@ class RecordedPairs:
         self._next, self._start_ns = 0, 0
 
     def read(self, timeout: float | None = None) -> CameraImage | None:
-        """The next picture, left and right in turn; None after the last.
+        """Returns the next image, left and right in turn. None after the last.
 
         Raises:
-            TimeoutError: when it is not due in time.
-            InputError: for an image that cannot be read; the next is read then.
+            TimeoutError: if it is not due in time.
+            InputError: for an image that cannot be read. The next call reads the next image.
         """
         number, eye = divmod(self._next, 2)
         if number >= len(self._pairs):
@@ -97,8 +97,8 @@ class RecordedPairs:
         return CameraImage(eye, read_grey(self._pairs[number][eye]), number * self._step_ns, number)
 
     def temperature(self) -> float | None:
-        """Files are of no temperature."""
+        """Returns None: files have no temperature."""
         return None
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Does nothing."""

@@ -9,12 +9,13 @@ from enliven.arrays import UInt8
 from enliven.errors import ResourceError
 
 _FINDING_NS = 5_000_000_000
-"""Nanoseconds in which two cameras must have found their step: the Raspberry Pi sends a message about it each
-thirty images, and the second camera may need two."""
+"""Maximum nanoseconds until two cameras are synchronised. The Raspberry Pi sends a synchronisation message
+every thirty images, and the second camera may need two."""
 _LOST_NS = 750_000_000
-"""Nanoseconds without a pair after which it is lost; the edge takes a second of silence for a loss."""
+"""Nanoseconds without a pair after which the sensor is lost. The edge counts a second of silence as a
+loss."""
 _WAITING = 4
-"""Images of one camera that wait for the other's; the library gives each camera four."""
+"""Maximum number of images of one camera that wait for the other's: the library gives each camera four."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,9 @@ class CameraImage:
     """One image of one camera.
 
     Attributes:
-        eye: which camera, 0 the left or only one, 1 the right one.
+        eye: index of the camera, 0 for the left or only one, 1 for the right one.
         image: (H, W) uint8 grey or (H, W, 3) uint8 sRGB.
-        time_ns: when it was taken, by a clock that the cameras share.
+        time_ns: capture time, by a clock that the cameras share.
         sequence: the camera's own count of its images.
     """
 
@@ -35,15 +36,15 @@ class CameraImage:
 
 
 class Pairing:
-    """Pairs the images of two cameras, and leaves out those without a partner.
+    """Pairs the images of two cameras, and drops those without a partner.
 
     Args:
-        name: of the sensor.
-        tolerance_ns: by which the times of a pair may differ.
+        name: name of the sensor.
+        tolerance_ns: maximum difference between the times of a pair.
 
     Attributes:
-        apart_ns: time difference of the last pair, left minus right; None before the first.
-        odd: images that were left out.
+        apart_ns: time difference of the last pair, left minus right. None before the first.
+        odd: number of dropped images.
     """
 
     def __init__(self, name: str, tolerance_ns: int) -> None:
@@ -58,10 +59,10 @@ class Pairing:
         self.odd = 0
 
     def add(self, image: CameraImage) -> tuple[CameraImage, CameraImage] | None:
-        """The pair (left, right) that an image completes; None where it must wait.
+        """Returns the pair (left, right) that an image completes. None if it must wait.
 
         Raises:
-            ResourceError: where the cameras have been out of step for long.
+            ResourceError: if the cameras have been out of synchronisation for too long.
         """
         line = self._waiting[image.eye]
         self._since_ns = image.time_ns if self._since_ns is None else self._since_ns

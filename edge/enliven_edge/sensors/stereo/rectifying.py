@@ -1,4 +1,4 @@
-"""OpenCV, an optional library, and stereo rectification: warps two images to cameras side by side."""
+"""OpenCV, an optional library, and stereo rectification: warps two images to parallel cameras."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from enliven_edge.sensors.stereo.calibration import StereoCalibration
 
 
 def opencv() -> Any:
-    """The module cv2.
+    """Imports the module cv2.
 
     Raises:
-        ResourceError: where it is not installed.
+        ResourceError: if it is not installed.
     """
     return library("cv2", "libcamera")
 
 
 class Rectification:
-    """The maps from pixels of the rectified images to those of the cameras; computed once.
+    """The maps from pixels of the rectified images to those of the cameras, computed once.
 
     Attributes:
-        intrinsics: of the rectified left camera; the right one's are the same.
+        intrinsics: intrinsics of the rectified left camera. Those of the right one are equal.
         baseline: metres between the two.
         rotations: (3, 3) each, rectified from camera, of left and right.
 
     Raises:
-        ResourceError: where OpenCV is missing.
+        ResourceError: if OpenCV is missing.
     """
 
     def __init__(self, calibration: StereoCalibration) -> None:
@@ -53,10 +53,10 @@ class Rectification:
         ]
 
     def rectified(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
-        """The (H, W) images of a pair, rectified.
+        """Returns the rectified (H, W) images of a pair.
 
         Raises:
-            InputError: for images of another shape than was calibrated.
+            InputError: for images of another shape than the calibrated one.
         """
         shape = (self.intrinsics.height, self.intrinsics.width)
         for image in (left, right):

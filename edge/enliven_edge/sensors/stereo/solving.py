@@ -1,4 +1,4 @@
-"""Solves the calibration of two cameras, lenses and relative pose, from sightings of a board."""
+"""Calibrates two cameras, intrinsics and relative pose, from sightings of a board."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLen
 from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
 
 _LEAST_CORNERS = 8
-"""Corners that both cameras must see of a board: six fix its pose, the others tell of errors."""
+"""Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
+errors."""
 LEAST_PAIRS = 8
-"""Pairs of images: two lenses and a pose have 24 unknowns, and a pose more for each pair."""
+"""Minimum number of image pairs: two lenses and a pose have 24 unknowns, and each pair adds another pose."""
 _WORSE = 3.0
-"""Times the median error of the pairs, above which one is left out: its board moved, or was bent."""
+"""Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
+was bent."""
 _FINE = 0.3
-"""Pixels of error below which none is left out."""
+"""Pixels of error below which no pair is dropped."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class BoardSighting:
     right: dict[int, Float]
 
     def common(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
-        """(N, 3) points of the board, (N, 2) and (N, 2) where both cameras see them."""
+        """Returns the corners that both cameras see: (N, 3) on the board, (N, 2) and (N, 2) in the images."""
         numbers = sorted(self.left.keys() & self.right.keys())
         left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
         return board.points[numbers], np.reshape(left, (-1, 2)), np.reshape(right, (-1, 2))
@@ -41,12 +43,12 @@ class StereoSolution:
     """The calibration from a set of sightings.
 
     Attributes:
-        calibration: None where there were too few.
-        used: the sightings that it is from.
-        left_out: names of pairs, and why they were not used.
-        disparity_error: root mean square pixels between measured and expected disparities of the boards, each
-            half of the pairs judged by a calibration from the other half.
-        tilt: the largest degrees between two boards' normals.
+        calibration: None if there were too few sightings.
+        used: the sightings that were used.
+        left_out: names of dropped pairs, each with the reason.
+        disparity_error: root mean square pixels between measured and expected disparities of the boards. It
+            is cross-validated: each half of the pairs is tested with a calibration from the other half.
+        tilt: the largest angle between two boards' normals, degrees.
     """
 
     calibration: StereoCalibration | None
@@ -57,7 +59,7 @@ class StereoSolution:
 
 
 def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[int, int]) -> StereoSolution:
-    """The calibration that fits sightings best; pairs that do not fit are left out.
+    """Returns the calibration that fits the sightings best. Pairs that do not fit are dropped.
 
     Args:
         size: (width, height) of the images.
@@ -87,7 +89,7 @@ def disparity_offset(
     rectification: Rectification,
     calibration: StereoCalibration,
 ) -> float:
-    """The mean difference, in pixels, of a board's disparities from those expected at its distance.
+    """Returns the mean difference in pixels between a board's disparities and the expected ones.
 
     The distance comes from the left image alone, by the board's size in it.
     """
@@ -101,7 +103,7 @@ def disparity_offset(
 
 
 def _lacking(sighting: BoardSighting) -> str:
-    """Why a pair cannot be used; empty where it can."""
+    """Returns why a pair cannot be used. Empty if it can."""
     for side in ("left", "right"):
         if not getattr(sighting, side):
             return f"the {side} camera does not see the board"
@@ -112,7 +114,7 @@ def _lacking(sighting: BoardSighting) -> str:
 def _fitted(
     board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
 ) -> tuple[StereoCalibration, Float]:
-    """The calibration from all these, and (N,) pixels of error of each."""
+    """Returns the calibration from all these sightings, and the error of each, (N,) pixels."""
     cv = opencv()
     lenses = []
     for side in ("left", "right"):
@@ -157,7 +159,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
 def _flat(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
-    """(N, 2) and (N, 2) the pixels of both rectified images that correspond to these pixels."""
+    """Returns (N, 2) and (N, 2), the given pixels of both cameras in the rectified images."""
     camera = rectification.intrinsics
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
@@ -170,7 +172,8 @@ def _flat(
 
 
 def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
-    """Root mean square pixels of disparity, each half of the pairs judged by the other."""
+    """Returns the cross-validated disparity error, root mean square pixels: each half is tested with the
+    other."""
     off = []
     for half in (0, 1):
         calibration, _ = _fitted(board, used[half::2], size)
@@ -180,7 +183,7 @@ def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[in
 
 
 def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
-    """Degrees between the normals of the two boards that differ most."""
+    """Returns the largest angle between two boards' normals, degrees."""
     cv = opencv()
     lens = calibration.left
     normals = []

@@ -1,6 +1,6 @@
-"""Puppets are meshes that a few example poses move.
+"""Puppets are meshes that are animated by a few key poses (example-based retargeting).
 
-Performers drive their control points; the viewer solves the surface.
+Performers drive the control points. The viewer solves the surface.
 """
 
 import lazy_loader

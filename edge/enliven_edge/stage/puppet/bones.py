@@ -1,4 +1,6 @@
-"""Follows the directions of a performer's bones in the performer's own frame; unseen bones keep theirs.
+"""Tracks the directions of a performer's bones in the performer's own frame.
+
+Occluded bones keep their direction.
 
 Directions do not depend on a performer's height, place or facing: a child moves a puppet as an adult does.
 """
@@ -14,18 +16,19 @@ from enliven.person import PARENTS, Body, Joint
 from enliven.possession import turn_about_y
 
 _UP = (0.0, 1.0, 0.0)
-"""The unit direction of the trunk's bones while standing."""
+"""Unit direction of the trunk's bones of a standing person."""
 _DOWN = (0.0, -1.0, 0.0)
-"""The unit direction of hanging arms and of legs."""
+"""Unit direction of hanging arms and of legs."""
 _AHEAD = (0.0, -0.5, 0.866)
-"""The unit direction from ankle to foot: 30 degrees below the horizontal, as the sole is level."""
+"""Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
 _SHORT = 1e-3
-"""Metres below which a bone has no direction: a millimetre is below the noise of joints."""
+"""Metres: a shorter bone has no direction, since a millimetre is below the noise of joints."""
 
 
 def standing() -> Float:
-    """Returns (20, 3) unit directions of the bones to the joints: upright, facing +Z, arms hanging."""
+    """Returns (20, 3) unit directions of the bones that end at the joints: upright, facing +Z, arms
+    hanging."""
     at = np.tile(np.array(_DOWN), (len(Joint), 1))
     for joint in (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD):
         at[joint] = _UP
@@ -46,9 +49,9 @@ class BonePose:
     """The directions of a performer's bones at one moment, in the performer's own frame.
 
     Attributes:
-        directions: (20, 3) unit directions of the bones to the joints; front at +Z, left at +X.
+        directions: (20, 3) unit directions of the bones that end at the joints. Front is +Z, left is +X.
         pelvis, chest, head: (3, 3) rotations, the identity when upright.
-        yaw: radians about +Y from +Z to the facing, continuous.
+        yaw: radians about +Y from +Z to the facing direction, continuous.
     """
 
     directions: Float
@@ -62,7 +65,7 @@ class Bones:
     """Follows the bones of one performer over time.
 
     Args:
-        ease: seconds until a bone that is seen again counts fully.
+        ease: seconds until a bone has full weight after it became visible again.
     """
 
     def __init__(self, ease: float) -> None:
@@ -75,11 +78,11 @@ class Bones:
         self._fresh = True
 
     def see(self, body: Body, seconds: float) -> BonePose:
-        """Updates the bones from a body, so many seconds after the last one, and returns them."""
+        """Updates the bones from a body ``seconds`` after the last one, and returns them."""
         known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
         gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
         turns, sure = _trunk(body, known)
-        # Where the hips are not seen, as of performers who stand too near, the chest tells the facing.
+        # If the hips are not visible, because the performer is too near, the chest gives the facing.
         self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
         back = turn_about_y(-yaw)
@@ -97,7 +100,7 @@ class Bones:
 
     @property
     def seen(self) -> BonePose:
-        """The bones as of the last body."""
+        """The bones of the last body."""
         pelvis, chest, head = self._turns
         return BonePose(self._directions, pelvis, chest, head, self._yaw or 0.0)
 
@@ -119,7 +122,8 @@ class Bones:
 
 
 def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
-    """Returns (3, 3, 3) world rotations of pelvis, chest and head, and (3,) whether each is seen."""
+    """Returns (3, 3, 3) world rotations of pelvis, chest and head, and (3,) flags of those with all joints
+    visible."""
     at, j = body.joints, Joint
     need = (
         (j.HIP_CENTER, j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER),
@@ -142,7 +146,7 @@ def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
 
 
 def _frame(left: Float, up: Float) -> Float | None:
-    """Returns (3, 3) with columns left, up, front; None where the vectors are too short."""
+    """Returns a (3, 3) rotation with columns left, up, front. None if the vectors are too short."""
     size = float(np.linalg.norm(up))
     if size < _SHORT:
         return None
@@ -156,11 +160,12 @@ def _frame(left: Float, up: Float) -> Float | None:
 
 
 def _yaw_of(turn: Float) -> float:
-    """Returns the radians about +Y of a rotation (3, 3), as :func:`enliven.examples.performer.yaw_of`."""
+    """Returns the radians about +Y of a rotation (3, 3), as :func:`enliven.examples.performer.yaw_of`
+    does."""
     return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 
 def _unit(vectors: Float, otherwise: Float) -> Float:
-    """Returns (N, 3) unit vectors; those of ``otherwise`` where a vector has no length."""
+    """Returns (N, 3) unit vectors. Vectors without length are replaced by those of ``otherwise``."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise))

@@ -1,4 +1,4 @@
-"""Casting makes a puppet on the stage from a session of examples or from a project."""
+"""Builds the actor of a puppet from a session of key poses or from a project."""
 
 from __future__ import annotations
 
@@ -25,31 +25,32 @@ def cast_puppet(
     name: str = "",
     taken: Mapping[str, object] | None = None,
 ) -> PuppetActor:
-    """Returns the actor of a puppet, ready to be moved.
+    """Returns the actor of a puppet, ready to be driven.
 
     Args:
-        spec: a name of ``MADE``, a session (.toml), or a project (.enliven);
-            "#" and a name behind a project with several puppets.
-        name: the character's id; empty: the puppet's.
-        taken: ids that others have; a number behind the own one tells them apart.
+        spec: a name in ``MADE``, a session (.toml), or a project (.enliven). If a project has several
+            puppets, append "#" and a name.
+        name: the character's id. If empty, the puppet's id is used.
+        taken: ids that are already in use. A number is appended to the id if it is among them.
 
     Raises:
-        InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
+        InputError: for a file that cannot be read, and for a puppet that cannot move yet. The message lists
+            what is missing.
     """
     project, puppet = _read(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
     actor = cast_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
-    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
+    character_to_message(actor.character, 0)  # reports now if viewers cannot be sent the character
     return actor
 
 
 def cast_from_project(
     project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
 ) -> PuppetActor:
-    """Returns the actor of a puppet with its takes in the project; ``where`` is named in errors.
+    """Returns the actor of a puppet of a project, with the takes of its key poses. Errors name ``where``.
 
     Raises:
-        InputError: where it cannot move yet, with what it lacks.
+        InputError: if the puppet cannot move yet. The message lists what is missing.
     """
     lacking = missing(project, puppet)
     if lacking:

@@ -1,4 +1,4 @@
-"""One performer's hold on a puppet: the control points that they move, and their last pose."""
+"""One performer's hold on a puppet: the control points that the performer moves, and the last pose."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
 from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
-"""A point and the unit normal of the plane x = 0, in which a performer is mirrored."""
+"""A point and the unit normal of the plane x = 0, in which performers are mirrored."""
 
 
 @dataclass
@@ -23,12 +23,12 @@ class ControlPointHold:
 
     Attributes:
         body: the performer's id.
-        points: numbers of the control points.
+        points: indices of the control points.
         bones, feet: follow the performer's bones and feet.
         pose: (P, 3) metres, the last positions of all paired joints in the body frame.
-        yaw: radians that the performer faces, continuous.
-        footing: how the performer stood last.
-        way: the performer's path on the floor, in metres of the performer of the key poses: x + iz.
+        yaw: radians, the performer's facing direction, continuous.
+        footing: the performer's last foot contacts and jump height.
+        way: the performer's path on the floor as x + iz, in metres, scaled to the performer of the key poses.
         seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
     """
 
@@ -55,10 +55,10 @@ class ControlPointHold:
         self._walk(body, retargeting.legs)
 
     def _walk(self, body: Body, legs: float) -> None:
-        """Adds the step of the hips to the path, in sizes of the performer of the key poses.
+        """Adds the step of the hips to the path, scaled to the size of the performer of the key poses.
 
         Args:
-            legs: metres, the length of the legs of that performer.
+            legs: metres, the leg length of the performer of the key poses.
         """
         total, frames = self._legs
         self._legs = [total + leg_length(body), frames + 1.0]
@@ -70,5 +70,6 @@ class ControlPointHold:
             self._hips = hips
 
     def away(self, time_ns: int) -> float:
-        """Returns the seconds since, or until, the performer was last in view: the clock may go back."""
+        """Returns the seconds since, or until, the performer was last in view: the clock may run
+        backwards."""
         return abs(time_ns - self.seen_ns) * 1e-9

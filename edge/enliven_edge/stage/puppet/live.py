@@ -1,8 +1,8 @@
-"""Runs the examples' mapping at an even rate, whatever the frame rate of the sensor.
+"""Runs the mapping of the key poses at a constant rate, independent of the sensor's frame rate.
 
-A performer's poses arrive unevenly, and some are missing. They are interpolated to samples at an even rate.
-The mapping answers ``lag`` samples later, and the shown state is interpolated between the last two answers:
-it is always ``lag + 1`` samples behind the pose.
+A performer's poses arrive unevenly, and some are missing. They are resampled to a constant rate. The mapping
+answers ``lag`` samples later, and the shown state is interpolated between the last two answers. It is always
+``lag + 1`` samples behind the pose.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class Sample:
 
     Attributes:
         pose: (P, 3) metres, the paired joints in the body frame.
-        yaw: radians about +Y that the puppet is to face.
-        footing: how the performer stands.
+        yaw: radians about +Y, the direction that the puppet should face.
+        footing: foot contacts and jump height of the performer.
         size: metres that the puppet rises for a lift of 1.
-        way: the performer's path on the floor, in the puppet's strides and axes: x + iz, metres.
+        way: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
     """
 
     pose: Float
@@ -43,11 +43,11 @@ class Live:
     """A puppet's control points and its root in the world while performers move it.
 
     Args:
-        rate: samples a second.
+        rate: samples per second.
         lag: samples from a pose to the answer.
 
     Attributes:
-        loose: numbers of the control points that no performer moves: they are at ``rest``.
+        loose: indices of the control points that no performer moves. They stay at ``rest``.
         rest: (P, 3) metres, all control points at rest.
     """
 
@@ -63,10 +63,12 @@ class Live:
         self.rest: Float = np.zeros((0, 3))
 
     def begin(self, time_ns: int, sample: Sample, state: State) -> State:
-        """Starts from a first sample, as if the performer had always been so, and returns the state to show.
+        """Starts from a first sample, as if the performer had always had this pose.
+
+        Returns the state to show.
 
         Args:
-            state: the puppet's state until now; it keeps its place.
+            state: the puppet's state until now. The puppet keeps its place.
         """
         self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
         self._waiting.clear()
@@ -84,7 +86,7 @@ class Live:
         return self._after
 
     def go_on(self, time_ns: int, sample: Sample) -> State:
-        """Takes the next sample and returns the state to show now."""
+        """Adds the next sample and returns the current state to show."""
         assert self._last is not None
         before_ns, before = self._last
         while self._due_ns <= time_ns:

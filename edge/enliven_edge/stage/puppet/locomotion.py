@@ -1,10 +1,11 @@
 """Locomotion of a puppet frame by frame: its root in the world while performers move it.
 
-A puppet steps with the feet that alternate in its key poses. In contact the anchor does not move over the
-floor. The anchor is a foot that the performer stands on until they lift it. If that is not known, it is the
-lowest foot until another is clearly lower. In the air the puppet keeps the velocity with which it left the
-floor, and its height is the performer's lift at the puppet's size, as the time of landing is not known yet.
-Every puppet stays near its performer's path, in its own strides, by the same law as in a take.
+A puppet steps with the feet that alternate in its key poses. During contact the anchor foot does not slide on
+the floor (foot lock). The anchor is a foot that supports the performer, until the performer lifts it. If
+contacts are not known, the anchor is the lowest foot until another is clearly lower. In the air the puppet
+keeps its take-off velocity. Its height is then the performer's lift at the puppet's size, because the time of
+landing is not known yet. Every puppet stays near its performer's path, measured in its own strides, by the
+same law as in a take.
 """
 
 from __future__ import annotations
@@ -28,39 +29,42 @@ _LEGS = (
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 )
 _CREEP = 0.01
-"""Metres a second by which the floor's estimate may rise: slow, as a jump lasts less than a second."""
+"""Metres per second. The floor estimate rises at most this fast: slow, since a jump lasts less than a
+second."""
 _DEAD = 0.025
-"""Share of a person's height below which feet are not in the air: heels lift, and joints are inexact."""
+"""Fraction of body height. Feet lifted less than this are not in the air: heels lift, and joints are
+noisy."""
 _SURE = 0.5
-"""Probability of contact from which a foot stands: more likely than not."""
+"""Minimum contact probability of a foot that starts to stand: more likely than not."""
 _STILL_SURE = 0.3
-"""Probability of contact below which a standing foot no longer stands: lower, so that it does not flicker."""
+"""A standing foot is released below this contact probability. Lower than ``_SURE`` (hysteresis), so that
+contacts do not flicker."""
 _WINDOW = 0.1
 """Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
 _LEG = 0.5
-"""Length of a leg as a share of a person's height."""
+"""Length of a leg as a fraction of body height."""
 _HIGHEST = 1.0
-"""Share of a person's height to which a lift is limited: no person jumps higher."""
+"""Maximum lift as a fraction of body height: people do not jump higher."""
 _ADULT = 1.7
-"""Metres: the height taken for a performer of unknown height, an average adult's."""
+"""Metres: the height assumed for a performer of unknown height, that of an average adult."""
 _LOWEST = 0.3
-"""Metres: a smaller height comes from missing joints and is unknown."""
+"""Metres: a smaller height comes from missing joints and counts as unknown."""
 LEFT_FOOT = 0
-"""The side of a control point that goes with the left leg: an index into (left, right, either)."""
+"""The side of a control point that stands with the left leg: an index into (left, right, either)."""
 RIGHT_FOOT = 1
-"""The side of a control point that goes with the right leg."""
+"""The side of a control point that stands with the right leg."""
 EITHER = 2
-"""The side of a control point that goes with neither leg: it stands where either foot does."""
+"""The side of a control point that belongs to neither leg: it stands if either foot does."""
 
 
 @dataclass(frozen=True)
 class Footing:
-    """How the performer stands.
+    """Foot contacts and jump height of a performer.
 
     Attributes:
-        touches: whether a foot touches the floor.
-        lift: height of the feet above the floor, as a share of the performer's height.
-        stands: whether the left and the right foot stand; both false where that is not known.
+        touches: True if a foot touches the floor.
+        lift: height of the feet above the floor, as a fraction of body height.
+        stands: whether the left and the right foot stand. Both are False if that is not known.
     """
 
     touches: bool = True
@@ -69,7 +73,7 @@ class Footing:
 
 
 class Feet:
-    """Tells on which feet a performer stands; both feet must be seen off the floor to be in the air."""
+    """Detects the feet that stand on the floor. A jump needs both feet visible and off the floor."""
 
     def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
         self._how, self._runner = settings or ContactSettings(), runner
@@ -97,7 +101,7 @@ class Feet:
         return Footing(False, lift - _DEAD)
 
     def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
-        """Decides which feet stand: by the tracker's contacts, else by height and speed, as in a take."""
+        """Decides which feet stand: by the tracker's contacts, or else by height and speed, as in a take."""
         if body.contacts is not None:
             self._down = self._contacts(body).tolist()
             return
@@ -109,7 +113,7 @@ class Feet:
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
         leg = _LEG * height_of(body)
-        # A runner's foot rolls fast while it stands: it is slow against the other.
+        # A runner's foot rolls fast while it stands, but is slow compared with the other foot.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
             more = self._how.release if self._down[k] else 1.0
@@ -117,7 +121,7 @@ class Feet:
             self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
 
     def _contacts(self, body: Body) -> Bool:
-        """Returns (2,) whether the tracker says that the left and the right foot stand."""
+        """Returns (2,) flags: True if the tracker reports contact of the left and the right foot."""
         if body.contacts is None:
             return np.zeros(2, np.bool_)
         least = np.where(self._down, _STILL_SURE, _SURE)
@@ -125,13 +129,13 @@ class Feet:
 
 
 def height_of(body: Body) -> float:
-    """Returns the performer's height in metres; an adult's where it is unknown."""
+    """Returns the performer's height in metres, or an adult's height if it is unknown."""
     height = body.height
     return height if np.isfinite(height) and height > _LOWEST else _ADULT
 
 
 def side_of_foot(joint: Joint) -> int:
-    """Returns the side that a joint goes with: ``LEFT_FOOT``, ``RIGHT_FOOT`` or ``EITHER``."""
+    """Returns the side that a joint belongs to: ``LEFT_FOOT``, ``RIGHT_FOOT`` or ``EITHER``."""
     if joint.name.endswith(("LEFT", "RIGHT")) and joint.name.split("_")[0] in (
         "HIP",
         "KNEE",
@@ -143,7 +147,10 @@ def side_of_foot(joint: Joint) -> int:
 
 
 def leg_length(body: Body) -> float:
-    """Returns metres along thigh and shank, the mean of the legs in view; estimated where none is."""
+    """Returns the length of thigh plus shank in metres, the mean of the visible legs.
+
+    Estimated if no leg is visible.
+    """
     joints = np.array(_LEGS)
     seen = ((body.confidence[joints] > 0) & np.isfinite(body.joints[joints]).all(2)).all(1)
     if not seen.any():
@@ -157,10 +164,11 @@ class Locomotion:
 
     Args:
         rest: (P, 3) metres, the control points at rest.
-        feet: numbers of the control points that it can stand on.
+        feet: indices of the control points that the puppet can stand on.
         step: seconds between frames.
-        sides: (F,) the performer's foot for each, see :func:`side_of_foot`; None: either foot for all.
-        travel: with which of the feet it steps; None: it stays on its spot.
+        sides: (F,) the performer's foot for each of ``feet``, see :func:`side_of_foot`. None: either foot for
+            all.
+        travel: the feet with which the puppet steps, and its stride. None: the puppet stays on its spot.
     """
 
     def __init__(
@@ -189,21 +197,22 @@ class Locomotion:
         self.root = np.zeros(3)
 
     def begin(self, root: Float, way: complex) -> None:
-        """Starts again at a root (3,) in metres, for a performer at a place of their path."""
+        """Starts again at a root (3,) in metres, for a performer at the position ``way`` of the path."""
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
         self._following, self._from = self._new(), (way, complex(on_floor(self.root)))
 
     def stands(self, state: State) -> Float:
-        """Returns (3,) metres, the middle of the feet, before the puppet's own place and rotation."""
+        """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
+        the puppet's own placement."""
         if len(self._feet) == 0:
             return state.root
         feet = turned_about_y(state.places[self._feet], np.asarray(state.yaw))
         return np.asarray(feet.mean(0) + state.root)
 
     def shift(self, by: Float) -> None:
-        """Moves the root, the past ones included, by (3,) metres."""
+        """Moves the root, including past roots, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
         self._from = self._from[0], self._from[1] + complex(on_floor(by))
@@ -214,7 +223,7 @@ class Locomotion:
         """Returns the places (P, 3) and the root (3,) of the next frame, metres.
 
         Args:
-            places: (P, 3) metres in the puppet's frame.
+            places: (P, 3) metres, control points in the puppet's frame.
             yaw: radians.
             size: metres that the puppet rises for a lift of 1.
             way: the performer's path on the floor, in the puppet's strides and axes.
@@ -236,7 +245,7 @@ class Locomotion:
         return places, root
 
     def _follow(self, places: Float, yaw: float, root: Float, way: complex, footing: Footing) -> Float:
-        """Draws the root towards the path; returns the places (P, 3) with feet that stay where they stand."""
+        """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
         off = way - self._from[0] - (complex(on_floor(root)) - self._from[1])
@@ -248,13 +257,13 @@ class Locomotion:
         return out
 
     def _glide(self, turned: Float, root: Float) -> None:
-        """Moves the root of a puppet that does not step: the middle of its feet stays."""
+        """Moves the root of a puppet that does not step, so that the centre of its feet stays fixed."""
         if len(self._feet) and self._before is not None:
             went = turned[self._feet].mean(0) - self._before[self._feet].mean(0)
             root -= went * [1.0, 0.0, 1.0]
 
     def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
-        """Moves the root in contact, as in a take; the first anchor is the lowest foot."""
+        """Moves the root during contact, as in a take. The first anchor is the lowest foot."""
         known = self._known(stands)
         before = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
@@ -266,7 +275,8 @@ class Locomotion:
         self._roots.append(root.copy())
 
     def _known(self, stands: tuple[bool, bool]) -> Bool:
-        """Returns (F,) which of the alternating feet stand, as the performer's left and right foot do."""
+        """Returns (F,) flags of the alternating feet that stand because the performer's matching foot
+        does."""
         return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 
     def _fly(self, root: Float) -> None:

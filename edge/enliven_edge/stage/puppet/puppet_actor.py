@@ -1,4 +1,4 @@
-"""Puppets on the stage: key poses map the performers' joints to the control points of each."""
+"""Puppets on the stage: key poses map the performers' joints to the control points of a mesh."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
 _STEP = 33_333_333
-"""Nanoseconds between the frames of a rehearsal."""
+"""Nanoseconds between the frames of a rehearsal, which warms the code up."""
 
 
 class PuppetActor(Actor):
     """A mesh with control points and key poses.
 
     Args:
-        project: with the puppet, and the takes of its key poses.
+        project: contains the puppet and the takes of its key poses.
 
     Raises:
-        InputError: where the puppet lacks something, or follows joints that a tracked person does not have.
+        InputError: if the puppet is incomplete, or follows joints that a tracked person does not have.
     """
 
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
@@ -80,14 +80,14 @@ class PuppetActor(Actor):
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Lets the performer move the control points that go with these parts of the body.
+        """Lets the performer move the control points that are paired with these parts of the body.
 
         Args:
-            mode: "alone": all others let go; "join": others keep the points that this performer does not
-                take, and this performer's earlier points are let go; "extend": they are kept too.
+            mode: "alone" ends all other holds. "join" leaves others the points that this performer does not
+                take, and releases this performer's earlier points. "extend" keeps the earlier points, too.
 
         Raises:
-            InputError: for an unknown part, or one that no control point goes with.
+            InputError: for an unknown part, or one without a paired control point.
         """
         points = self._points(parts)
         if not points:
@@ -138,24 +138,24 @@ class PuppetActor(Actor):
         return ControlPointHold(body, points, Bones(self.settings.ease), feet, seen_ns=self._time_ns)
 
     def _points(self, parts: str) -> frozenset[int]:
-        """Returns the control points that go with some parts of the performer's own body."""
+        """Returns the control points that are paired with some parts of the performer's own body."""
         joints = {int(joint) for joint in parts_named(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
         return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)
 
     def _followed(self) -> list[str]:
-        """Returns the names of the joints that control points go with."""
+        """Returns the names of the joints that control points are paired with."""
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
     def _strengths(self, points: frozenset[int]) -> Float:
-        """(P + 1,) one for the transforms of these control points."""
+        """Returns (P + 1,) weights, 1 for the transforms of these control points and 0 for the others."""
         strengths = np.zeros(len(self._puppet.points) + 1)
         strengths[[1 + point for point in points]] = 1.0
         return strengths
 
     def _hold(self, holds: list[ControlPointHold]) -> None:
-        """Replaces the holds; the shown state eases over."""
+        """Replaces the holds. The shown state eases to the new one."""
         self.holds = holds
         held = frozenset[int]().union(*(hold.points for hold in holds))
         count = len(self._puppet.points)
@@ -174,7 +174,7 @@ class PuppetActor(Actor):
         self._state = still
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates all holds from the bodies in view; a performer who comes back is eased in."""
+        """Updates all holds from the bodies in view. A performer that comes back is blended in."""
         present = {body.id: body for body in bodies}
         for hold in self.holds:
             body = present.get(hold.body)
@@ -205,12 +205,12 @@ class PuppetActor(Actor):
             self._state = self._live.go_on(time_ns, sample)
 
     def _leader(self) -> ControlPointHold:
-        """Returns the hold that moves it through the world: one with a foot, else the oldest."""
+        """Returns the hold that moves the puppet through the world: one with a foot, or else the oldest."""
         feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Gives the hold of a performer who has been away for long to the only idle one in view."""
+        """Gives the hold of a performer that has been away for long to the only idle performer in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
         idle = self._idle(bodies)
@@ -221,7 +221,7 @@ class PuppetActor(Actor):
             self._hold([new if hold is old else hold for hold in self.holds])
 
     def _place_beside(self, body: Body) -> None:
-        """Places the puppet beside the first performer, to the right as the sensor sees it."""
+        """Places the puppet next to the first performer, on the right side as the sensor sees it."""
         self._placed = True
         if not self.settings.meet:
             return

@@ -1,7 +1,8 @@
-"""Retargets a tracked person's bone directions onto the skeleton of the examples.
+"""Retargets a tracked person's bone directions onto the skeleton of the key poses.
 
-Takes have any skeleton. Its bones are paired with a tracked person's by anatomy: arms with arms, legs with
-legs, and each bone by its place along the limb. Takes of tracked people have the same bones, one for one.
+Takes can have any skeleton. Its bones are paired with a tracked person's bones by anatomy: arms with arms,
+legs with legs, and each bone by its place along the limb. Takes of tracked people have the same bones, which
+are paired one to one.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ LEGS = (
 )
 """The joints of the left and the right leg, from the trunk outwards."""
 _ARM = np.array([0.29, 0.26, 0.08])
-"""Metres of an average adult's upper arm, forearm and hand: the places of the joints along an arm."""
+"""Metres: an average adult's upper arm, forearm and hand. They give the places of the joints along an arm."""
 _LEG = np.array([0.42, 0.42, 0.16])
-"""Metres of an average adult's thigh, shank and foot: the places of the joints along a leg."""
+"""Metres: an average adult's thigh, shank and foot. They give the places of the joints along a leg."""
 _PELVIS = 0
 """Index of the pelvis among the rotations of the trunk."""
 _CHEST = 1
@@ -44,11 +45,12 @@ _HEAD = 2
 
 @dataclass(frozen=True)
 class _Bone:
-    """What a bone of the take follows.
+    """The source of a bone of the take.
 
     Attributes:
-        joint: the tracked joint at the end of the bone that it points along, or goes with.
-        turn: the part of the trunk that rotates it (pelvis, chest, head); -1: it points along the bone.
+        joint: the tracked joint at the end of the bone that is followed or is most similar.
+        turn: the part of the trunk that rotates the bone (pelvis, chest, head). -1: it points along the
+            followed bone.
     """
 
     joint: Joint
@@ -56,18 +58,20 @@ class _Bone:
 
 
 class Retargeting:
-    """Gives the positions of the joints that control points are paired with, on the examples' skeleton.
+    """Computes the positions of the joints that control points are paired with, on the skeleton of the key
+    poses.
 
     Args:
-        skeleton: the skeleton of the examples' takes.
+        skeleton: the skeleton of the takes of the key poses.
         joints: (P,) names of the paired joints.
 
     Attributes:
-        joints: (P,) the tracked joint that each paired joint is most like.
-        legs: metres along thigh and shank of the skeleton, the mean of its legs.
+        joints: (P,) the tracked joint that each paired joint is most similar to.
+        legs: metres, length of thigh plus shank of the skeleton, the mean of its legs.
 
     Raises:
-        InputError: for a joint that is not in the skeleton, or that a tracked person has nothing like.
+        InputError: for a joint that is not in the skeleton, or that no joint of a tracked person is similar
+            to.
     """
 
     def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
@@ -99,7 +103,8 @@ class Retargeting:
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
     def pose(self, seen: BonePose) -> Float:
-        """(P, 3) metres in the body frame, on the bones of the examples' performer."""
+        """Returns (P, 3) metres in the body frame, with the bone lengths of the performer of the key
+        poses."""
         turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
         carried = np.einsum("nab,nb->na", turns, self._rest)
         along = seen.directions[self._followed] * self._lengths
@@ -108,7 +113,7 @@ class Retargeting:
 
 
 def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """Returns the bones of a tracked person's skeleton, one for one; empty for other skeletons."""
+    """Returns the bones of a tracked person's skeleton, paired one to one. Empty for other skeletons."""
     known = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
     if {_plain(name) for name in skeleton.names} != set(known):
         return {}
@@ -116,14 +121,17 @@ def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 
 
 def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
-    """Returns metres along thigh and shank, the mean of both legs; half the extent without legs."""
+    """Returns the length of thigh plus shank in metres, the mean of both legs.
+
+    Half the extent if there are no legs.
+    """
     parts = {joint for leg in LEGS for joint in leg[1:3]}
     legs = [skeleton.lengths[j] for j, bone in bones.items() if bone.joint in parts and bone.turn < 0]
     return 0.5 * float(np.sum(legs) if legs else np.ptp(skeleton.positions, axis=0).max())
 
 
 def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
-    """Returns the radians about +Y that a tracked person faces at rest, by the hips."""
+    """Returns the facing of a tracked person at rest in radians about +Y, computed from the hips."""
     joints = np.zeros((len(Joint), 3))
     joints[[bone.joint for bone in bones.values()]] = skeleton.positions
     return Bones(0.0).see(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
@@ -134,7 +142,7 @@ def _plain(name: str) -> str:
 
 
 def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """Returns the bones paired by anatomy; bones unlike any of a person's are left out."""
+    """Returns the bones paired by anatomy. Bones that are not similar to any of a person's are left out."""
     anatomy = anatomy_of(skeleton)
     bones: dict[int, _Bone] = {}
     _take_trunk(anatomy, bones)
@@ -150,7 +158,7 @@ def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 
 
 def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """Adds the trunk: the lower half turns with the pelvis, the upper with the chest."""
+    """Adds the trunk: the lower half turns with the pelvis, the upper half with the chest."""
     trunk = anatomy.trunk[1:]
     for k, joint in enumerate(trunk):
         low = k < len(trunk) / 2 - 0.5
@@ -160,7 +168,10 @@ def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
 def _take_limb(
     skeleton: Skeleton, limb: SkeletonLimb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
 ) -> None:
-    """Adds a limb: its girdle turns with the trunk, each bone follows the person's at its share of length."""
+    """Adds a limb.
+
+    Its girdle turns with the trunk; each bone follows the person's bone at the same relative length.
+    """
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
     for joint in limb.girdle[1:]:
         bones[joint] = _Bone(chain[0], _PELVIS if grounded else _CHEST)
@@ -174,7 +185,7 @@ def _take_limb(
 
 
 def _take_twigs(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """Adds small branches at hands, feet, head or root: each follows its parent; tails follow nothing."""
+    """Adds small branches at hands, feet, head or root: each follows its parent. Tails follow nothing."""
     tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
     limbs = {
         joint for pair in (*anatomy.arms[1:], *anatomy.legs[1:]) for limb in pair for joint in limb.chain

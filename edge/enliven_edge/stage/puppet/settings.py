@@ -1,4 +1,4 @@
-"""How a puppet meets and follows its performers."""
+"""Settings of how a puppet is placed and how it follows its performers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class PuppetSettings:
-    """A few example poses, live."""
+    """Settings of a puppet that is driven live."""
 
     lag: int = setting(
         3, "Samples from a pose to the answer: more is smoother, and later.", unit="samples", low=0, high=30

@@ -16,17 +16,18 @@ def _cactus() -> Project:
 
 
 MADE = {"cactus": _cactus}
-"""The puppets that ship, by name instead of by path."""
+"""The puppets that ship with enliven, which are given by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
-"""The endings of files that a puppet is read from."""
+"""The suffixes of files that a puppet can be read from."""
 
 
 def is_puppet(spec: str) -> bool:
-    """Returns whether a spec names a puppet: a session, or a project, perhaps with a name behind #."""
+    """Returns True if a spec names a puppet: a shipped one, a session, or a project with an optional name
+    after "#"."""
     return spec in MADE or Path(file_of(spec)[0]).suffix.lower() in ENDINGS
 
 
 def file_of(spec: str) -> tuple[str, str]:
-    """Returns the file and the name of the puppet in it; the name is empty where none is given."""
+    """Returns the file and the name of the puppet in it. The name is empty if none is given."""
     file, mark, name = spec.rpartition("#")
     return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")

@@ -23,7 +23,7 @@ from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 _TOWARDS = ScreenView(np.array([0.0, 0.0, -1.0]))
-"""The view of a sensor on performers who face +Z."""
+"""The view of a sensor on performers that face +Z."""
 _MIRRORED = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
 _NOTHING = Pick(None, -1)
@@ -31,12 +31,12 @@ _NOTHING = Pick(None, -1)
 
 
 class Chooser:
-    """Ranks and picks for one performer at a time; another performer, or other parts, start anew.
+    """Ranks and picks for one performer at a time. It restarts for another performer or other parts.
 
     Attributes:
         body: the performer's id, -1 for none.
-        view: the direction from which the viewer sees the character.
-        pick: the match that is picked now.
+        view: the viewer's direction of view.
+        pick: the currently picked match.
     """
 
     def __init__(self, skeleton: Skeleton, settings: MatchingSettings) -> None:
@@ -54,11 +54,11 @@ class Chooser:
         return 0 if self._ranking is None else self._ranking.total
 
     def rank(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
-        """Ranks every match of a body and picks one; forgets the performer where ``body`` is None.
+        """Ranks every match of a body and picks one. Forgets the performer if ``body`` is None.
 
         Args:
             joints: (N, 3) metres, the shown joints of the character.
-            seconds: the sensor's clock.
+            seconds: time of the sensor's clock.
         """
         if body is None:
             self.forget()
@@ -72,23 +72,26 @@ class Chooser:
         self.pick = self._picker.update(self._ranking, points, seconds)
 
     def browse(self, step: int) -> None:
-        """Picks another match; step 0 follows the pose again."""
+        """Picks another match. Step 0 follows the pose again."""
         if step == 0:
             self._picker.reset()
         else:
             self.pick = self._picker.cycle(step)
 
     def forget(self) -> None:
-        """Forgets the performer: the next one starts anew."""
+        """Forgets the performer, so that the next one restarts the choice."""
         self._picker.reset()
         self.body, self._source, self._ranking, self.pick = -1, None, None, _NOTHING
 
     def restart(self) -> None:
-        """Starts anew: the performer must move before holding still accepts a match."""
+        """Restarts the choice: the performer must move before holding still accepts a match."""
         self._picker.reset()
 
     def accept(self) -> list[Pair]:
-        """Returns pairs of a body's chain and the character's chain that it drives; none without a match."""
+        """Accepts the match.
+
+        Returns pairs of a body chain and the character chain that it drives, or none without a match.
+        """
         match = self._picker.accept()
         if match is None or self._source is None:
             return []
@@ -103,7 +106,7 @@ class Chooser:
         return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
 
     def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
-        """Returns the best matches with the picked one, and the index of that; -1 for none.
+        """Returns the rows of the best matches with the picked one, and its index. -1 if there are none.
 
         Args:
             joints: (N, 3) metres, the joints of the character.
@@ -123,6 +126,6 @@ class Chooser:
         return MatchRow(name, place, match.score, lines, limbs, self.body)
 
     def _chains(self, match: Match) -> list[tuple[int, ...]]:
-        """Returns the target chain of each branch of the source; empty for none."""
+        """Returns the character's chain for each branch of the source. Empty for unmatched branches."""
         extend = self._settings.extend
         return [() if b is None else b.extended if extend else b.chain for b in match.pairs]

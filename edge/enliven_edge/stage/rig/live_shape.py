@@ -1,4 +1,4 @@
-"""A rigged shape that performers drive live: takes are fed frame by frame and bound to its chains."""
+"""A rigged character that performers drive live: takes are fed frame by frame and bound to its chains."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from enliven.takes import clip_of_bodies, turns_of
 _TOWARDS = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
-"""A chain of the body, and the chain of the shape that it drives."""
+"""A chain of the body, and the chain of the character that it drives."""
 
 
 @dataclass
 class Binding:
-    """A performer who drives chains of the shape.
+    """A performer that drives chains of the character.
 
     Attributes:
         body: the performer's id.
         pairs: the chains of the body, each with the chain that it drives.
         take: one frame, the pose at the start of the binding, which is the rest pose.
-        view: the direction from which the viewer saw the shape at the start.
-        mirrored: whether the shape moves as in a mirror.
+        view: the viewer's direction of view at the start.
+        mirrored: whether the character moves as in a mirror.
         still: the performer at the start.
         joints: (20, 3) metres, the performer's last joints.
-        turns: (20, 4) their rotations since the start, or None.
+        turns: (20, 4) rotations of the joints since the start, as quaternions, or None.
         seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
-        trust: (20,) how far each joint is followed, 0..1.
+        trust: (20,) weight with which each joint is followed, 0..1.
     """
 
     body: int
@@ -51,13 +51,13 @@ class Binding:
     trust: Float = field(default_factory=lambda: np.ones(len(PARENTS)))
 
     def see(self, body: Body, time_ns: int, ease: float) -> None:
-        """Updates the turns of the bones since the start of the binding.
+        """Updates the rotations of the bones since the start of the binding.
 
-        A joint that is not seen is a guess and must not pull: its bone keeps its direction. When it is seen
-        again, the bone eases to where it is.
+        A joint that is not visible is a guess and must not pull: its bone keeps its direction. When the joint
+        becomes visible again, the bone eases to it.
 
         Args:
-            ease: seconds until the bone is there.
+            ease: seconds of that easing.
         """
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         gain = seconds / ease if ease > 0.0 else 1.0
@@ -77,11 +77,11 @@ class Binding:
 
 
 class LiveShape:
-    """A shape, the bindings that drive it, and its pose; changes of bindings ease over.
+    """A rigged character, the bindings that drive it, and its pose. Changes of bindings are blended.
 
     Args:
-        shape: the shape at rest.
-        fade: seconds of the easing.
+        shape: the character at rest.
+        fade: seconds of the blend.
     """
 
     def __init__(self, shape: Shape, fade: float) -> None:
@@ -92,7 +92,7 @@ class LiveShape:
         self.joints: Float = self._player.at(0.0).joints
 
     def stand(self, place: Float) -> None:
-        """Puts the root ``place`` (3,) metres from where it was modelled."""
+        """Moves the root to ``place`` (3,), metres from its modelled position."""
         self.shape = self.shape.with_changes(place=place)
         self._rebuild()
         self.joints = self._player.at(0.0).joints
@@ -100,10 +100,10 @@ class LiveShape:
     def bind(
         self, body: Body, pairs: Sequence[Pair], view: ScreenView, *, mirrored: bool, alone: bool = False
     ) -> None:
-        """Binds chains of the body to chains of the shape; the poses of now are the rest poses.
+        """Binds chains of the body to chains of the character. The current poses of both are the rest poses.
 
         Args:
-            alone: whether all other bindings end; else only this performer's earlier one does.
+            alone: ends all other bindings. If False, only this performer's earlier binding ends.
         """
         self._count += 1
         take = clip_of_bodies([body], np.zeros(1), f"live {self._count}")
@@ -115,13 +115,14 @@ class LiveShape:
         self._easing.restart_fade()
 
     def release(self, body: int | None = None) -> None:
-        """Ends the binding of one performer, or of all; a free shape eases back to rest."""
+        """Ends the binding of one performer, or of all. A free character eases back to rest."""
         self.bindings = [b for b in self.bindings if body is not None and b.body != body]
         self._rebuild()
         self._easing.restart_fade()
 
     def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
-        """Gives the binding of a performer away for over ``patience`` seconds to the only idle one."""
+        """Gives the binding of a performer that is away for over ``patience`` seconds to the only idle
+        performer."""
         present = {body.id for body in bodies}
         away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]
         if away and len(idle) == 1:
@@ -129,7 +130,7 @@ class LiveShape:
             self._easing.restart_fade()
 
     def pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:
-        """Returns the pose at a moment; performers out of view keep their last pose."""
+        """Returns the pose at a moment. Performers out of view keep their last pose."""
         present = {body.id: body for body in bodies}
         for binding in self.bindings:
             body = present.get(binding.body)
@@ -147,7 +148,7 @@ class LiveShape:
         return Pose(self.shape.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def _rebuild(self) -> None:
-        """Makes the project of all bindings, and its player."""
+        """Builds the project of all bindings, and its player."""
         project = Project().with_characters(self.shape)
         for binding in self.bindings:
             project = project.with_takes(binding.take)

@@ -1,4 +1,4 @@
-"""Rigged characters on the stage: performers pose to choose a part of one, and move to animate that part."""
+"""Rigged characters on the stage: performers pose to choose a part, and move to animate that part."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from enliven_edge.stage.rig.settings import MatchingSettings
 
 
 class RigActor(ChosenActor):
-    """A character with a skeleton of its own.
+    """A character with its own skeleton.
 
-    A performer who drives nothing yet chooses: every frame all matches of their limbs with the shape are
-    ranked as the viewer sees it. Taking hold accepts the match that is shown.
+    A performer that drives nothing yet is choosing: in every frame all matches of the performer's limbs with
+    the character are ranked, as seen by the viewer. Possessing the character accepts the shown match.
     """
 
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
@@ -41,7 +41,7 @@ class RigActor(ChosenActor):
 
     @property
     def view(self) -> ScreenView:
-        """The direction from which the viewer sees it."""
+        """The viewer's direction of view."""
         return self.chooser.view
 
     @view.setter
@@ -50,7 +50,7 @@ class RigActor(ChosenActor):
 
     @property
     def holds(self) -> list[Binding]:  # type: ignore[override]
-        """The bindings that drive it, the oldest first."""
+        """The bindings that drive the character, the oldest first."""
         return self.live_shape.bindings
 
     @property
@@ -74,10 +74,10 @@ class RigActor(ChosenActor):
         return pose
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Lets the performer drive the match that is shown; the pose of this moment is the rest pose.
+        """Lets the performer drive the shown match. The current pose is the rest pose.
 
         Raises:
-            InputError: for an unknown part, or a body or character without a match.
+            InputError: for an unknown part, or if the body or the character has no match.
         """
         parts_named(parts)
         if not np.isfinite(body.joints).all():
@@ -104,7 +104,7 @@ class RigActor(ChosenActor):
 
     def board(self) -> Board:
         own, chooser = self.character.id, self.chooser
-        if self.holds:  # while it is held, another performer's match would hide what is driven
+        if self.holds:  # While it is held, another performer's match would hide the driven chains.
             rows = tuple(self._driven(hold) for hold in self.holds)
             return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)
@@ -131,14 +131,14 @@ class RigActor(ChosenActor):
             rehearsal.release()
 
     def _place_beside(self, body: Body) -> None:
-        """Places the character beside the first performer, to the right as the sensor sees it."""
+        """Places the character next to the first performer, on the right side as the sensor sees it."""
         self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         self.live_shape.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:
-        """Ranks and picks for the requested performer, or for the first who drives nothing."""
+        """Ranks and picks for the requested performer, or for the first one that drives nothing."""
         body = next((body for body in bodies if body.id == self._candidate[0]), None)
         if body is None or body.id in {hold.body for hold in self.holds}:
             body = self.next_performer(bodies)
@@ -160,14 +160,14 @@ class RigActor(ChosenActor):
         self.chooser.forget()
 
     def _kept(self, body: int, pairs: list[Pair]) -> list[Pair]:
-        """Returns a performer's present pairs, without the limbs that now drive something else."""
+        """Returns a performer's current pairs, without the limbs that now drive something else."""
         anew = {source for source, _ in pairs}
         own = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
         return [pair for pair in own if pair[0] not in anew]
 
 
 def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
-    """Returns (N,) one for the bones of the chains, zero for the others."""
+    """Returns (N,) weights, 1 for the bones of the chains, 0 for the others."""
     strengths = np.zeros(count)
     for chain in chains:
         strengths[list(chain[1:])] = 1.0
@@ -181,10 +181,10 @@ def cast_rig(spec: str, settings: MatchingSettings | None = None, name: str = ""
     """Returns the actor of a rigged glTF model, on the floor and scaled to the settings' height.
 
     Args:
-        name: the character's id; empty: the file's stem.
+        name: the character's id. If empty, the file's stem is used.
 
     Raises:
-        InputError: for a file that is no glTF, or cannot be used.
+        InputError: for a file that is not glTF, or cannot be used.
     """
     settings = settings or MatchingSettings()
     if Path(spec).suffix.lower() not in GLTF_SUFFIXES:

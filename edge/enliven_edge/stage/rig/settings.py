@@ -1,4 +1,4 @@
-"""How rigged characters are chosen from and driven."""
+"""Settings of how a part of a rigged character is chosen and driven."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class MatchingSettings:
-    """Posing to choose, moving to animate."""
+    """Settings of choosing by posing and animating by moving."""
 
     height: float = setting(
         1.2, "Height of the model; 0 takes it as modelled.", unit="m", low=0.0, high=100.0

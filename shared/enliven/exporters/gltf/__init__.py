@@ -1,4 +1,4 @@
-"""The GLB writer: characters of every kind with their motion, one scene."""
+"""The GLB exporter: characters of every kind with their motion, one scene."""
 
 import lazy_loader
 

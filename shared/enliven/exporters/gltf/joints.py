@@ -1,4 +1,4 @@
-"""A shape as a GLB needs it: joint names, local turns, clean weights, colours and normals."""
+"""Converts a skeleton for a GLB: joint names, local rotations, normalised weights, colours and normals."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from enliven.rotation import conjugate, continuous, from_matrix, multiply, norma
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
-    """Names each bone after the joint where it begins; of several there, all but one also say where they
-    lead."""
+    """Names each bone after its start joint.
+
+    If several start there, all but one also contain their target.
+    """
     named = []
     for j, parent in enumerate(skeleton.parents):
         if j == 0:
@@ -38,7 +40,7 @@ def _onward(skeleton: Skeleton, joint: int) -> int:
 
 
 def local_turns(skeleton: Skeleton, turns: Float) -> Float:
-    """(T, N, 4) the turn of each bone in the bone before it, D_parent^-1 D, with no jump of sign in time."""
+    """Returns (T, N, 4) each bone's rotation relative to its parent, D_parent^-1 D, without sign jumps."""
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
@@ -46,7 +48,7 @@ def local_turns(skeleton: Skeleton, turns: Float) -> Float:
 
 
 def local_offsets(skeleton: Skeleton) -> Float:
-    """(N, 3) where the joint of each bone is in that of the bone before: along that bone, at rest."""
+    """Returns (N, 3) each bone's joint relative to that of its parent: along the parent, at rest."""
     offsets = np.zeros((len(skeleton), 3))
     offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
     return offsets
@@ -54,14 +56,15 @@ def local_offsets(skeleton: Skeleton) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class LocalMotion:
-    """What the nodes of a skeleton's bones do over time, each in the node of the bone before it.
+    """The motion of the nodes of a skeleton's bones, each relative to its parent's node.
 
     Attributes:
-        axes: (N, 3, 3) rotations: how each node is turned at rest, so that its bone stretches along its axes.
-        turns: (T, N, 4) quaternions without jumps of sign.
+        axes: (N, 3, 3) rotation of each node at rest, chosen so that its bone stretches along the node's
+            axes.
+        turns: (T, N, 4) quaternions without sign jumps.
         scales: (T, N, 3).
-        places: (T, N, 3) metres, where the node is in the one before it.
-        ends: (T, N, 3) metres, where the joint is that the bone leads to, in its node.
+        places: (T, N, 3) metres, position of the node in its parent's node.
+        ends: (T, N, 3) metres, position of the bone's end joint in its node.
     """
 
     axes: Float
@@ -72,9 +75,9 @@ class LocalMotion:
 
 
 def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotion:
-    """The motion of nodes that stretch, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
+    """Returns the motion of stretching nodes, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
 
-    A node has no shear: what a bone is sheared against the one before it is left out, and nothing below it.
+    A node cannot shear: a bone's shear relative to its parent is left out, but nothing below it.
     """
     parents, above = skeleton.parents, np.maximum(skeleton.parents, 0)
     pivots, relative = joints[:, above], linear.copy()
@@ -99,7 +102,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
 
 
 def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
-    """(V, 4) of each as the format wants them: a bone once a vertex, 0 where the weight is, sums of one."""
+    """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
     indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
         for a in range(b):
@@ -114,7 +117,7 @@ def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
 
 
 def listed(values: Float | Float32) -> list[float]:
-    """Converts to a JSON list; numbers are rounded to float32, which every reader accepts."""
+    """Converts to a JSON list. Numbers are rounded to float32, which every reader accepts."""
     return [float(v) for v in np.asarray(values, np.float32)]
 
 

@@ -1,4 +1,4 @@
-"""Key reduction of an animation: keeps the keys with which linear interpolation stays within a tolerance."""
+"""Key reduction of an animation: keeps the keys needed for a tolerance under linear interpolation."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from enliven.kernels import njit
 
 
 def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Float | None = None) -> Int:
-    """Returns (K,) the frames of ``values`` (T, C) to keep, the first and the last among them.
+    """Returns (K,) the frames of ``values`` (T, C) to keep, including the first and the last.
 
-    Between two that are kept no frame is farther than the tolerance from what a player shows. From each key
-    the next is as far on as it can be without a search back.
+    Between two kept keys every frame is within the tolerance of the interpolated value. The search is greedy:
+    each next key is as far away as possible, without backtracking.
 
     Args:
-        turns: whether values are unit quaternions without jumps of sign, which players interpolate on the
-            sphere; the tolerance is in radians then.
-        times: (T,) seconds of the frames; None for even ones.
+        turns: True for unit quaternions without sign jumps, which players interpolate on the sphere. The
+            tolerance is then in radians.
+        times: (T,) seconds of the frames. None for evenly spaced ones.
     """
     if len(values) <= 2 or tolerance <= 0.0:
         return np.arange(len(values))
@@ -29,10 +29,10 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
 def _needed(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
-    begin = kept[0]  # a literal 0 would be a type of its own, and _holds be compiled for it
+    begin = kept[0]  # a literal 0 would be another type, and _holds would be compiled again for it
     last = len(values) - 1
     while begin < last:
-        # As far as doubling goes, then between by halves.
+        # Double the step as long as it holds, then bisect.
         good, step = begin + 1, 2
         while begin + step <= last and _holds(values, times, begin, begin + step, tolerance, turns):
             good, step = begin + step, 2 * step
@@ -49,7 +49,7 @@ def _needed(values, times, tolerance, turns):
 
 @njit(cache=True, nogil=True)
 def _holds(values, times, begin, end, tolerance, turns):
-    """Returns whether all frames between two keys are within the tolerance of their interpolation."""
+    """Returns True if all frames between two keys are within the tolerance of their interpolation."""
     width = values.shape[1]
     dot = 0.0
     for c in range(width):
@@ -67,7 +67,7 @@ def _holds(values, times, begin, end, tolerance, turns):
             off += (shown - values[f, c]) ** 2
             same += (shown + values[f, c]) ** 2
         if turns:
-            # A chord of the sphere of quaternions is half the angle of the turn.
+            # A chord on the sphere of quaternions is half the rotation angle.
             off = 4.0 * min(off, same)
         if off > tolerance * tolerance:
             return False

@@ -13,7 +13,7 @@ from enliven.meshes.gltf import JUMP, MeshScene
 from enliven.rotation import IDENTITY
 
 _STILL = 1e-7
-"""Largest change of a quaternion or a place (metres) over all frames that counts as no motion: below
+"""Maximum change of a quaternion or a position (metres) over all frames that counts as no motion: below
 float32's resolution."""
 
 
@@ -26,7 +26,7 @@ class GltfScene(MeshScene):
         self._known: dict[bytes, int] = {}
 
     def bytes(self) -> bytes:
-        """Returns the file."""
+        """Returns the bytes of the file."""
         if self._animation.channels:
             self.document.animations = [self._animation]
         return super().bytes()
@@ -41,16 +41,16 @@ class GltfScene(MeshScene):
         pivots: Float,
         axes: Float | None = None,
     ) -> None:
-        """Adds a mesh that follows joints.
+        """Adds a mesh that is skinned to joints.
 
         Args:
-            tree: the node that all of them hang on.
-            pivots: (J, 3) where they are at rest.
-            axes: (J, 3, 3) how they are turned at rest; None for not at all.
+            tree: the common ancestor node of the joints.
+            pivots: (J, 3) positions of the joints at rest.
+            axes: (J, 3, 3) rotations of the joints at rest. None for the identity.
         """
         document = self.document
         inverse = np.tile(np.eye(4), (len(joints), 1, 1))
-        # Column after column, as the format has matrices: the translation is the last row here.
+        # Column-major, as the format stores matrices: the translation is the last row here.
         inverse[:, :3, :3] = np.eye(3) if axes is None else axes
         inverse[:, 3, :3] = -np.einsum("ja,jab->jb", pivots, inverse[:, :3, :3])
         matrices = self.blob.add(inverse.reshape(-1, 16).astype(np.float32))
@@ -69,11 +69,12 @@ class GltfScene(MeshScene):
         self.put(tree, made)
 
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
-        """Adds a channel for values that change; constant values are written at the node, or with two keys on
-        request.
+        """Adds a channel for values that change.
+
+        Constant values are stored at the node, or with two keys if they differ from its rest value.
 
         Args:
-            keys: frames that are enough; None for all.
+            keys: frames that are sufficient. None for all.
         """
         still = np.abs(values - values[0]).max() <= _STILL
         if still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
@@ -91,7 +92,7 @@ class GltfScene(MeshScene):
         self.channel(times[kept], node, path, self.blob.add(stored))
 
     def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
-        """Adds a channel that reads its values from an existing accessor, interpolated in that way."""
+        """Adds a channel that reads its values from an existing accessor, with the given interpolation."""
         sampler = pygltflib.AnimationSampler(input=self._times(times), output=output, interpolation=how)
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
@@ -99,7 +100,7 @@ class GltfScene(MeshScene):
         self._animation.channels.append(channel)
 
     def _times(self, times: Float) -> int:
-        """Returns the accessor of key times; equal times are stored once."""
+        """Returns the accessor of key times. Equal times are stored once."""
         stored = times.astype(np.float32)
         key = stored.tobytes()
         if key not in self._known:
@@ -108,9 +109,9 @@ class GltfScene(MeshScene):
 
 
 def jumps_of(times: Float, values: Float) -> Int | None:
-    """Returns (K,) the frames of ``values`` (T, C) with which a channel of steps is the same.
+    """Returns (K,) the frames of ``values`` (T, C) that reproduce a channel with STEP interpolation.
 
-    None where the values also change over a longer time than a jump of a clip takes.
+    None if the values also change over a longer time than a jump of a clip takes.
     """
     changed = np.abs(np.diff(values, axis=0)).max(1) > _STILL
     if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP)).any():
@@ -121,7 +122,7 @@ def jumps_of(times: Float, values: Float) -> Int | None:
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
-    """Returns whether a node without the channel has this value already."""
+    """Returns True if a node without the channel has this value already."""
     if path == "translation":
         rest = np.zeros(3) if node.translation is None else np.array(node.translation)
     elif path == "rotation":

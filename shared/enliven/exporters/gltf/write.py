@@ -1,16 +1,17 @@
-"""Characters and their motion as a GLB that any program plays: skinned meshes, joints and one animation.
+"""Writes characters and their motion as a GLB that any program plays: skinned meshes, joints, one animation.
 
-A bone turns about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's place,
-with the turn of bone j; it hangs on the joint of the bone before it, at the constant offset along that bone.
-Where no bone is stretched, only turns are animated (and the root's place), so links keep their lengths in
-every program, between the frames too; bones that are moved or stretched have tracks of place and scale.
-Bones that begin at one place become joints at one place: the first that goes straight on has the name of the
-place, the others say where they lead ("Hips to LeftUpLeg"). The end of a limb becomes a joint that moves
-nothing, so that an editor shows the last bone in its length. Reading the file gives the same skeleton again.
+A bone rotates about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's
+position, with the rotation of bone j. It is a child of the parent bone's joint, at the constant offset along
+that bone. If no bone is stretched, only rotations are animated (and the root's position). Then links keep
+their lengths in every program, also between the frames. Bones that are moved or stretched have tracks of
+position and scale. Bones that start at one place become joints at one place. The first that continues
+straight has the name of the place, the names of the others contain their target ("Hips to LeftUpLeg"). The
+end of a limb becomes a joint that moves nothing, so that an editor shows the last bone with its length.
+Reading the file gives the same skeleton again.
 
-Transforms without a skeleton become joints side by side, below a node that moves through the world. Such a
-joint turns, and stretches along three axes of its own, at right angles. These axes are the same in all
-frames: the joint stands in them at rest, and its inverse bind matrix takes them back.
+Transforms without a skeleton become sibling joints, below a node that moves through the world. Such a joint
+rotates, and stretches along three orthogonal axes of its own. These axes are the same in all frames: they are
+the joint's rest orientation, and its inverse bind matrix cancels them.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ def write_gltf(
     """Writes characters with their motion into one GLB with one animation.
 
     Args:
-        morphs: said where puppets were baked to morph targets, which no other kind of file takes.
+        morphs: set if puppets were baked to morph targets, which no other kind of file supports.
 
     Raises:
-        InputError: where there is none, or one has no mesh.
-        ResourceError: where the file cannot be written.
+        InputError: if there is no character, or one has no mesh.
+        ResourceError: if the file cannot be written.
     """
     write_file(Path(path), glb_of(performances, name), "Choose another place.")
 
@@ -54,7 +55,7 @@ GLB = Exporter(write_gltf, keyed=True)
 
 
 def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
-    """Returns the bytes of the file; see :func:`write_gltf`."""
+    """Returns the bytes of the file. See :func:`write_gltf`."""
     if not performances:
         raise InputError("there is nothing to write", where="glTF", mend="Give a character.")
     scene = GltfScene(name)
@@ -107,7 +108,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
-    """Adds the mesh, and a joint for each transform, with the keys that it needs."""
+    """Adds the mesh, and a joint for each transform, with the required keys."""
     mesh, skin = performance.surface
     holder, pivots = _holder(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
@@ -152,7 +153,7 @@ def reaches(performance: Performance) -> Float:
 
 
 def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs) -> None:
-    """Adds the mesh to a holder, with a target for each shape and their weights over time."""
+    """Adds the mesh below a holder node, with a morph target for each shape and their weights over time."""
     mesh: Mesh = performance.surface[0]
     document, blob, holder = scene.document, scene.blob, _holder(scene, performance)
     primitives, array = [], pygltflib.ARRAY_BUFFER
@@ -164,7 +165,7 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     none = [0.0] * len(morphs.targets)
     document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=primitives, weights=none))
     node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
-    # A weight moves no vertex farther than the longest way of its target.
+    # A weight moves no vertex farther than the largest displacement of its target.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)
     within = performance.keys / np.sqrt(len(far))
     keys = needed_keys(morphs.weights * far, within, times=performance.times)

@@ -1,4 +1,4 @@
-"""glTF 2.0 below rigs: one reader of its surfaces and nodes, and one writer of its meshes."""
+"""Low-level glTF 2.0, without rigs: a reader of surfaces and nodes, and a writer of meshes."""
 
 import lazy_loader
 

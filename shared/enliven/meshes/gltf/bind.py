@@ -1,9 +1,8 @@
 """The bind pose of a glTF file: the world transforms of its nodes at the time of skinning.
 
-A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v, with G world_from_joint and IBM the inverse bind
-matrix: mesh_from_joint inverted, at binding. The file does not state where the mesh stood in the world then.
-A model at rest stands at its node, or it would have been bound elsewhere; where its joints disagree with
-that, the joints decide.
+A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v. G is world_from_joint, and IBM is the inverse bind
+matrix: the inverse of mesh_from_joint at binding. The file does not contain the pose of the mesh in the world
+at that time. The pose of the mesh's node at rest is assumed. If the joints contradict it, the joints decide.
 """
 
 from __future__ import annotations
@@ -16,22 +15,24 @@ from enliven.meshes.gltf.motion import standing_locals, world_matrices
 from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
 _GROWN = 1e-3
-"""Relative difference of a joint's size from its size at binding that counts as scaled: less is rounding."""
+"""Relative difference of a joint's scale from its scale at binding. Larger ones count as scaled, smaller
+ones as rounding."""
 _NEAR = 0.1
-"""Share of the model's size: a mesh node that is farther from the joints than this is not used for the bind
-pose."""
+"""Fraction of the model's size. A mesh node that is farther from the joints than this is not used for the
+bind pose."""
 
 
 class Bind:
     """The bind pose.
 
     Args:
-        still: no clip moves the surface, so mirrored joints are mirrored here, whatever lies half on them.
+        still: no clip moves the surface. Mirrored joints are then mirrored here, even if vertices are partly
+            bound to them.
 
     Attributes:
         world: (n, 4, 4) world_from_node of every node, in the bind pose.
-        rest: (n, 4, 4) the same where the file leaves its nodes; what it hides by size 0 is shown.
-        inverse: for each skin that is used, the inverse bind matrix of each of its joints.
+        rest: (n, 4, 4) the same in the file's rest pose. Parts hidden by scale 0 are shown.
+        inverse: for each used skin, the inverse bind matrix of each of its joints.
     """
 
     def __init__(self, file: GltfFile, parts: list[GltfPart], still: bool = False) -> None:
@@ -67,7 +68,7 @@ class Bind:
         return out
 
     def world_from_mesh(self, part: GltfPart, node: int) -> Float:
-        """(4, 4) where a vertex that follows one node alone goes."""
+        """Returns the (4, 4) transform of a vertex that follows one node only."""
         return (
             self.world[node]
             if part.skin < 0
@@ -75,7 +76,7 @@ class Bind:
         )
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
-        """The inverse bind matrix of each joint of a skin; without any, the identity."""
+        """Returns the inverse bind matrix of each joint of a skin, the identity if it has none."""
         found = self._file.document.skins[skin]
         if found.inverseBindMatrices is None:
             matrices = np.tile(np.eye(4), (len(found.joints), 1, 1))
@@ -90,7 +91,7 @@ class Bind:
         return {int(n): m for n, m in zip(found.joints, matrices, strict=False)}
 
     def _placed(self, skin: int, carrier: int, known: set[int]) -> Float:
-        """(4, 4) world_from_mesh of a skin, when it was bound."""
+        """Returns (4, 4) world_from_mesh of a skin at the time of binding."""
         inverse = self.inverse[skin]
         shared = [node for node in inverse if node in known]
         if shared:
@@ -101,7 +102,7 @@ class Bind:
         ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
         theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
         size = max(float(np.ptp(ours, axis=0).max()), 1e-9)
-        # Turn and scale must agree too, or the whole bind pose would be another.
+        # Rotation and scale must agree too, or the whole bind pose would differ.
         lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
         near = np.abs(ours - theirs).max() < _NEAR * size and lever < _NEAR * size
         return np.asarray(by_node if near else by_joint)
@@ -113,20 +114,20 @@ class Bind:
         return depth
 
     def _follow(self, known: set[int]) -> None:
-        """Moves nodes that no skin names along with the joint above them."""
+        """Moves nodes that belong to no skin along with the joint above them."""
         for node in self._order:
             parent = self._file.parents[node]
             if node in known or parent not in known:
                 continue
-            # A node above a joint has no say; one below keeps its place on it.
+            # A node above a joint has no influence. A node below a joint keeps its place relative to it.
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
 
     def _resize(self, known: set[int], parts: list[GltfPart]) -> None:
-        """Scales and mirrors joints that the file leaves at another size than at binding.
+        """Scales and mirrors joints with another scale in the file than at binding.
 
-        A size that is never animated belongs to the rest pose, with all that hangs on it, and so does a
-        mirroring: bones cannot have it over time.
+        A scale that is never animated belongs to the rest pose, with the node's whole subtree. The same
+        applies to mirroring, which bones cannot have over time.
         """
         document = self._file.document
         animated = {
@@ -137,11 +138,12 @@ class Bind:
         }
         bound = self.world.copy()
         sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
-        # Whether a node is mirrored against where it was bound.
+        # True for nodes that are mirrored relative to binding.
         mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
         moving = set[int]()
         if document.animations and not self._still and _blends(parts, mirrored):
-            # What lies half on a mirrored joint would not move as the file says: clips mirror their bones.
+            # Vertices partly bound to a mirrored joint would move wrongly, so the clips mirror their bones
+            # instead.
             for node in self._order:
                 if node in known and (mirrored[node] or self._file.parents[node] in moving):
                     moving.add(node)
@@ -158,7 +160,10 @@ class Bind:
                 self.world[node][:3, :3] *= self._mirror(node)
 
     def _mirror(self, node: int) -> Float:
-        """(3,) the signs of the axes that the file mirrors a node along; the first where it says none."""
+        """Returns (3,) the signs of the axes along which the file mirrors a node.
+
+        The first axis if it names none.
+        """
         signs = np.sign(self._scale[node])
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
 
@@ -168,7 +173,7 @@ def _size(matrix: Float) -> float:
 
 
 def _blends(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
-    """Whether a vertex follows both a mirrored joint and one that is not."""
+    """Returns True if a vertex follows both a mirrored joint and one that is not mirrored."""
     for part in parts:
         over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
         over[[node for node, flag in mirrored.items() if flag]] = True

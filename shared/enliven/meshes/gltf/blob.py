@@ -1,4 +1,4 @@
-"""The binary chunk of a GLB under construction: takes arrays and gives accessors."""
+"""The binary chunk of a GLB under construction: takes arrays and returns accessors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _COMPONENTS: dict[Any, int] = {
 
 
 class Blob:
-    """The arrays one after another, each at a multiple of four bytes, with buffer views and accessors."""
+    """Consecutive arrays, each aligned to four bytes, with buffer views and accessors."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
@@ -29,12 +29,13 @@ class Blob:
         self.accessors: list[pygltflib.Accessor] = []
 
     def add(self, array: AnyArray, target: int | None = None, normalised: bool = False) -> int:
-        """Adds an array (N, C) or (N,) and returns its accessor's number; its rows must fill whole words of 4
-        bytes.
+        """Adds an array (N, C) or (N,) and returns its accessor's number.
+
+        Its rows must be multiples of 4 bytes.
 
         Args:
-            target: what a graphics card will use it as, for vertices and faces.
-            normalised: integers that stand for 0..1.
+            target: the use by a graphics card, for vertices and faces.
+            normalised: True for integers that represent 0..1.
         """
         array = np.ascontiguousarray(array)
         rows = array.reshape(len(array), -1)
@@ -45,7 +46,7 @@ class Blob:
             componentType=_COMPONENTS[array.dtype],
             count=len(rows),
             type=_TYPES[rows.shape[1]],
-            # Of the stored numbers, as the format wants them: exact in float32, and so in JSON.
+            # Of the stored numbers, as the format requires: exact in float32, and therefore in JSON.
             min=rows.min(0).tolist(),
             max=rows.max(0).tolist(),
         )
@@ -59,7 +60,7 @@ class Blob:
         return len(self.accessors) - 1
 
     def add_bytes(self, data: AnyArray) -> int:
-        """Adds bytes (N,) that no accessor reads, such as an image, and returns their view's number."""
+        """Adds bytes (N,) without an accessor, such as an image, and returns their view's number."""
         self.views.append(pygltflib.BufferView(buffer=0, byteOffset=self._length, byteLength=len(data)))
         padding = -len(data) % 4
         self._pieces.append(data.tobytes() + b"\0" * padding)

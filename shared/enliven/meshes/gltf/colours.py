@@ -1,4 +1,4 @@
-"""The colour of each vertex of a glTF primitive: base colour, texture and vertex colour multiplied."""
+"""The colour of each vertex of a glTF primitive: product of base colour, texture and vertex colour."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from enliven.meshes.pictures import opened_picture
 
 _WHITE = np.ones(3)
 _MOST_PIXELS = 1 << 28
-"""Pixels of all textures of a file, 0.8 GB: four of 8192 x 8192; a few kilobytes can state as many."""
+"""Maximum pixels of all textures of a file, 0.8 GB: four of 8192 x 8192. A file of a few kilobytes can
+declare this."""
 
 
 class Colours:
-    """The materials of a file; each picture is decoded once.
+    """The materials of a file. Each image is decoded once.
 
     Attributes:
         notes: sentences about textures that could not be read.
@@ -33,7 +34,7 @@ class Colours:
     def of(self, primitive: Any) -> UInt8 | None:
         """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied.
 
-        None where the file states none of them.
+        None if the file has none of them.
         """
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count
@@ -53,7 +54,7 @@ class Colours:
         return srgb_of(linear)
 
     def _textured(self, primitive: Any, texture: Any, count: int) -> Float:
-        """(V, 3) linear: the texture at each vertex, repeated beyond its edges."""
+        """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
         where = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
         picture = self._picture(texture.index)
         if where is None or picture is None:
@@ -65,7 +66,7 @@ class Colours:
         return linear_of(picture[rows, columns])
 
     def _picture(self, texture: int) -> UInt8 | None:
-        """(H, W, 3) sRGB, or None with a note."""
+        """Returns (H, W, 3) sRGB, or None with a note."""
         if texture not in self._pictures:
             try:
                 source = self._file.document.textures[texture].source
@@ -75,14 +76,14 @@ class Colours:
                 else:
                     data = self._file.data_of_uri(image.uri)
                 self._pictures[texture] = self._decoded(data)
-            except Exception as error:  # a library that reads strangers' bytes raises whatever it likes
+            except Exception as error:  # libraries that read foreign bytes raise any kind of exception
                 reason = plain_reason(error)
                 self.notes.append(f"texture {texture} cannot be read ({reason}): it is taken as white")
                 self._pictures[texture] = None
         return self._pictures[texture]
 
     def _decoded(self, data: bytes) -> UInt8:
-        """Decodes a picture to (H, W, 3) sRGB after checking the size that it states."""
+        """Decodes an image to (H, W, 3) sRGB after checking its declared size."""
         with opened_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MOST_PIXELS:

@@ -1,6 +1,6 @@
 """Decodes the compressed parts of a glTF file.
 
-Draco holds the accessors of a primitive; meshoptimizer holds a buffer view of rows or of indices.
+Draco compresses the accessors of a primitive. Meshoptimizer compresses a buffer view of rows or of indices.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from enliven.meshes.gltf.extensions import DRACO
 from enliven.meshes.gltf.gltf_json import Entry
 
 MOST_UNPACKED = 1 << 29
-"""Bytes of all buffer views that a file unpacks, 0.5 GB: a few kilobytes can state a thousand times as
-many."""
+"""Maximum bytes of all decompressed buffer views of a file, 0.5 GB. A file of a few kilobytes can declare
+a thousand times as much."""
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 """The kinds of data that meshoptimizer packs (EXT_meshopt_compression)."""
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
-"""Filters that are undone after unpacking; COLOR is in KHR_meshopt_compression only."""
+"""Filters that are reversed after decompression. COLOR is in KHR_meshopt_compression only."""
 _LONGEST_ROW = 256
-"""Bytes of a row at most, as the extension says."""
+"""Maximum bytes of a row, by the extension's specification."""
 
 
 def draco_arrays(
@@ -32,12 +32,12 @@ def draco_arrays(
     """Returns the attributes (V, C) of a compressed mesh by name, and the corners of its faces (3 F, 1).
 
     Args:
-        data: what the extension's buffer view holds.
+        data: the content of the extension's buffer view.
         attributes: the number of each attribute in the compressed mesh.
         where: the file, which an error about a missing decoder names.
 
     Raises:
-        InputError: where the bytes are damaged, or lack an attribute.
+        InputError: if the bytes are damaged, or lack an attribute.
         ResourceError: if the decoder is not installed.
     """
     decoder = _load_decoder("DracoPy", where)
@@ -45,7 +45,7 @@ def draco_arrays(
         mesh = decoder.decode(data)
         held: dict[int, Any] = {each["unique_id"]: each["data"] for each in mesh.attributes}
         faces = np.asarray(mesh.faces, np.uint32).reshape(-1, 1)
-    except Exception:  # a library that reads strangers' bytes raises whatever it likes
+    except Exception:  # libraries that read foreign bytes raise any kind of exception
         raise InputError(f"its data compressed by {DRACO} is damaged") from None
     lacking = [name for name, number in attributes.items() if number not in held]
     if lacking:
@@ -55,10 +55,10 @@ def draco_arrays(
 
 
 def check_meshopt(packed: Entry) -> int:
-    """Returns the number of bytes that a buffer view's extension states, checked before anything is unpacked.
+    """Returns the declared number of bytes of a buffer view's extension, checked before decompression.
 
     Raises:
-        InputError: where its numbers are not what the extension allows.
+        InputError: if its numbers are not allowed by the extension.
     """
     count, size, mode = packed.count, packed.byteStride, packed.mode
     filtered = "NONE" if packed.filter is None else packed.filter
@@ -83,7 +83,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
         where: the file, which an error about a missing decoder names.
 
     Raises:
-        InputError: where the numbers are not what :func:`check_meshopt` allows, or the bytes are damaged.
+        InputError: if :func:`check_meshopt` refuses the numbers, or the bytes are damaged.
         ResourceError: if the decoder is not installed.
     """
     size = check_meshopt(packed)
@@ -92,7 +92,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
         way = packed.mode, packed.filter or "NONE"
         made = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
         unpacked = np.ascontiguousarray(made).tobytes()
-    except Exception:  # a library that reads strangers' bytes raises whatever it likes
+    except Exception:  # libraries that read foreign bytes raise any kind of exception
         raise InputError("it is damaged") from None
     if len(unpacked) != size:
         raise InputError("it is damaged")
@@ -100,7 +100,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
 
 
 def _load_decoder(module: str, where: str) -> Any:
-    """Returns the library that decodes one kind of compression; only compressed files load it.
+    """Returns the library that decodes one kind of compression. Only compressed files load it.
 
     Raises:
         ResourceError: if it is not installed, or does not load.

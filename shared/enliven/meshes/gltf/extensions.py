@@ -1,7 +1,7 @@
-"""What glTF extensions mean to the reader: which it reads, which it leaves out, and which stop it.
+"""Support of glTF extensions: which ones are read, which ones are ignored, and which ones are refused.
 
-notes = extension_notes(document)       # raises for a required one that it cannot do without
-follow_pointers(document)               # channels of KHR_animation_pointer become ordinary ones
+notes = extension_notes(document)       # raises for an unsupported required extension
+follow_pointers(document)               # converts channels of KHR_animation_pointer to ordinary ones
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 """Buffer views compressed by meshoptimizer, which are decoded."""
 INSTANCING = "EXT_mesh_gpu_instancing"
-"""One mesh shown many times by a table of transforms."""
+"""One mesh that is instanced by a table of transforms."""
 VISIBILITY = "KHR_node_visibility"
-"""Nodes that are hidden with all that hangs on them."""
+"""Nodes that are hidden with their whole subtree."""
 POINTER = "KHR_animation_pointer"
 """Channels that animate any value of the file, named by a JSON pointer."""
 _READ = {
@@ -50,16 +50,16 @@ _HARMLESS = re.compile(
 )
 """Extensions that change neither the surface at rest nor the animations of a file."""
 _VISIBLE = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
-"""A JSON pointer to whether a node is shown."""
+"""A JSON pointer to a node's visibility."""
 _NODE = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
-"""A JSON pointer to what an ordinary channel can animate as well."""
+"""A JSON pointer to a value that an ordinary channel can also animate."""
 
 
 def extension_notes(document: Entry) -> list[str]:
-    """Returns a sentence for each extension that is left out and matters, each once.
+    """Returns a sentence for each ignored extension that matters, without duplicates.
 
     Raises:
-        InputError: where the file requires one without which it cannot be read.
+        InputError: if the file requires an unsupported extension.
     """
     required, used = _names(document.extensionsRequired), _names(document.extensionsUsed)
     needed = [name for name in required if name not in _READ and not _harmless(name)]
@@ -78,9 +78,9 @@ def extension_notes(document: Entry) -> list[str]:
 
 
 def follow_pointers(document: Entry) -> list[str]:
-    """Turns channels that name a node's place, turn, size or weights by a pointer into ordinary channels.
+    """Converts channels that point to a node's position, rotation, scale or weights into ordinary channels.
 
-    Returns a sentence about channels that name anything else, which are left out.
+    Returns a sentence about channels with other targets, which are left out.
     """
     left = list[str]()
     for animation in document.animations or []:
@@ -104,7 +104,7 @@ def follow_pointers(document: Entry) -> list[str]:
 
 
 def _show(document: Entry, pointer: Any) -> None:
-    """Shows a node that an animation hides and shows: the surface is wanted, not its flicker."""
+    """Shows a node with animated visibility, since the surface is needed."""
     named = _VISIBLE.fullmatch(pointer) if isinstance(pointer, str) else None
     if named is not None and int(named[1]) < len(document.nodes):
         node = document.nodes[int(named[1])]
@@ -114,7 +114,7 @@ def _show(document: Entry, pointer: Any) -> None:
 
 
 def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
-    """The nodes that the file hides, with all that hangs on them."""
+    """Returns the nodes that the file hides, with their whole subtrees."""
     said = [getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes]
     found = set[int]()
     for node in range(len(parents)):
@@ -127,7 +127,7 @@ def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
 
 
 def _names(listed: Any) -> list[str]:
-    """The names in a list of extensions, each once."""
+    """Returns the names in a list of extensions, without duplicates."""
     return list(dict.fromkeys(name for name in listed or [] if isinstance(name, str)))
 
 

@@ -1,4 +1,4 @@
-"""A glTF or GLB file: its node tree and its accessors, checked, in every packing that glTF 2.0 allows."""
+"""A glTF or GLB file: its node tree and its checked accessors, in every packing that glTF 2.0 allows."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _COMPONENTS: dict[int, Any] = {
 }
 """NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
 _AGAIN = "Export the model again."
-"""What to do about a damaged model."""
+"""The advice for a damaged model."""
 
 
 class GltfFile:
@@ -38,13 +38,13 @@ class GltfFile:
 
     Attributes:
         path: named in errors.
-        document: its JSON; what it does not state is None.
-        parents: of each node, -1 at a root.
-        hidden: the nodes that it hides.
-        notes: sentences about extensions and animations that are left out.
+        document: its JSON. Missing entries are None.
+        parents: parent of each node, -1 at a root.
+        hidden: the nodes that the file hides.
+        notes: sentences about ignored extensions and animations.
 
     Raises:
-        InputError: where the file cannot be read, is cut short, or needs an extension that is not known.
+        InputError: if the file cannot be read, is truncated, or needs an unsupported extension.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -71,7 +71,7 @@ class GltfFile:
         return InputError(what, where=str(self.path), mend=mend)
 
     def damaged(self, error: Exception) -> InputError:
-        """Returns the error for what a damaged file's numbers made a reader raise."""
+        """Returns the error for an exception that a damaged file's numbers caused."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
         return self.wrong(f"it is damaged: {plain_reason(error)}")
 
@@ -79,7 +79,7 @@ class GltfFile:
         """Returns (K, C) the values of a sampler, or (3 K, C) with their tangents.
 
         Raises:
-            InputError: where their number or width does not fit, or one is not finite.
+            InputError: if their number or width is wrong, or one is not finite.
         """
         values = np.asarray(self.accessor(sampler.output), np.float64)
         each = 3 if sampler.interpolation == "CUBICSPLINE" else 1
@@ -93,7 +93,7 @@ class GltfFile:
 
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
-        """The sizes (K, 3) at the keys of each node that is scaled, by the number of the animation."""
+        """The scales (K, 3) at the keys of each scaled node, by the number of the animation."""
         found: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:
@@ -106,7 +106,7 @@ class GltfFile:
         return found
 
     def decompress(self, primitive: Any) -> None:
-        """Gives the accessors of a primitive their values if Draco compressed them."""
+        """Decodes the accessors of a primitive if Draco compressed them."""
         packed = getattr(primitive.extensions, DRACO, None)
         if packed is None:
             return
@@ -125,28 +125,31 @@ class GltfFile:
             self._decoded[index] = array.astype(_COMPONENTS[accessor.componentType])
 
     def name(self, node: int) -> str:
-        """Returns a node's name; a nameless node gets its number.
+        """Returns a node's name. A nameless node gets its number.
 
-        A human bone of a VRM has its name in VRM's map, which every tool knows, whatever the node is called.
+        A human bone of a VRM gets its name in VRM's humanoid map, which every tool knows, whatever the node's
+        name is.
         """
         return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
     def accessor(self, index: int) -> AnyArray:
-        """Returns (N, C) the elements of an accessor: sparse ones filled in, normalised integers as -1..1 or
-        0..1."""
+        """Returns (N, C) the elements of an accessor.
+
+        Sparse elements are filled in. Normalised integers become -1..1 or 0..1.
+        """
         return np.asarray(self._guarded(self._accessor, index, f"accessor {index}"))
 
     def data_of_view(self, view: int) -> bytes:
-        """The bytes of a buffer view, such as an image."""
+        """Returns the bytes of a buffer view, such as an image."""
         return bytes(self._guarded(self._view_bytes, view, f"buffer view {view}"))
 
     def _guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
-        """Returns what ``read`` gives; its exceptions become an error that names the file."""
+        """Returns the result of ``read``. Its exceptions become an error that names the file."""
         try:
             return read(index)
         except EnlivenError:
             raise
-        except Exception as error:  # numbers that point outside raise whatever they like
+        except Exception as error:  # numbers that are out of range raise any kind of exception
             raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
 
     def _accessor(self, index: int) -> AnyArray:
@@ -172,7 +175,7 @@ class GltfFile:
         return values
 
     def _strided(self, view: int, offset: int, kind: np.dtype[Any], count: int, width: int) -> AnyArray:
-        """(count, width) elements of a buffer view, packed or interleaved."""
+        """Returns (count, width) elements of a buffer view, packed or interleaved."""
         found = self.document.bufferViews[view]
         data = self._view_bytes(view)
         size = kind.itemsize * width
@@ -193,7 +196,7 @@ class GltfFile:
         return self._slice(found)
 
     def _slice(self, found: Any) -> bytes:
-        """Returns the bytes of a buffer view, or of a compressed one, which are stated in the same way."""
+        """Returns the bytes of a buffer view, or of a compressed one, which has the same form."""
         start = found.byteOffset or 0
         data = self._buffer(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
@@ -201,7 +204,7 @@ class GltfFile:
         return data
 
     def _unpack(self, view: int, packed: Entry, extension: str) -> bytes:
-        """Returns the bytes of a buffer view that meshoptimizer compressed; each is unpacked once."""
+        """Returns the bytes of a buffer view that meshoptimizer compressed. Each is decompressed once."""
         if view not in self._unpacked:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
@@ -225,12 +228,13 @@ class GltfFile:
         return self._buffers[index]
 
     def data_of_uri(self, uri: str) -> bytes:
-        """The bytes of a data URI, or of a file beside this one: see :class:`enliven.files.Beside`."""
+        """Returns the bytes of a data URI, or of a file next to this one: see
+        :class:`enliven.files.Beside`."""
         return self._beside.uri(uri)
 
 
 def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
-    """(..., 4, 4) translation after rotation after scale; rotations (..., 4) are (x, y, z, w)."""
+    """Returns (..., 4, 4) translation after rotation after scale. Rotations (..., 4) are (x, y, z, w)."""
     x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
     made = np.zeros((*x.shape, 4, 4))
     made[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
@@ -243,7 +247,7 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
 
 
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
-    """Parses the document, the parents of its nodes and the bytes of a GLB; raises one clear message."""
+    """Parses the document, the parents of its nodes and the bytes of a GLB. Raises one clear message."""
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
         raise InputError("it is no glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
@@ -262,10 +266,10 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
 
 
 def _check_references(document: Entry) -> None:
-    """Raises an error for nodes and animations that name missing entries.
+    """Raises an error for nodes and animations with references to missing entries.
 
     Raises:
-        InputError: which entry does.
+        InputError: with the first such entry.
     """
     nodes, skins = document.nodes, document.skins
     used = {node.skin for node in nodes}
@@ -289,5 +293,5 @@ def _check_references(document: Entry) -> None:
 
 
 def _is_number(value: Any, count: int) -> bool:
-    """Whether a value is the number of one of ``count`` entries."""
+    """Returns True if a value is the number of one of ``count`` entries."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count

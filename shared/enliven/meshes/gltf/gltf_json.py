@@ -1,7 +1,7 @@
-"""The JSON of a glTF or GLB file, checked before it is used: the amounts that it states must be bounded.
+"""The JSON of a glTF or GLB file, with limits on all declared amounts.
 
-A few words can state millions of numbers (an accessor without bytes, a mesh that a thousand nodes show, nodes
-in one endless chain), so these amounts are counted here, in time that is linear in the length of the file.
+A few words can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes,
+nodes in one endless chain. So these amounts are counted here, in time linear in the length of the file.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from typing import Any
 from enliven.errors import InputError, plain_reason
 
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
-"""Endings of glTF files; a VRM avatar is a GLB with a map of its human bones."""
+"""File suffixes of glTF. A VRM avatar is a GLB with a map of its human bones."""
 MOST_LISTED = 1 << 16
-"""Entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms each."""
+"""Maximum entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms
+each."""
 MOST_DEEP = 512
-"""Nodes above one another: the deepest known rigs have some 100, and walks up the tree stay short."""
+"""Maximum depth of the node tree: the deepest known rigs have some 100, and walks up the tree stay short."""
 MOST_ELEMENTS = 1 << 25
-"""Elements of an accessor, and vertices and indices of all that is shown: 0.8 GB as float64, 16 times what
-goes on the wire (2 million vertices)."""
+"""Maximum elements of an accessor, and of all shown vertices and indices: 0.8 GB as float64, 16 times the
+limit of the wire (2 million vertices)."""
 MOST_READ = 1 << 27
-"""Elements that samplers and skins name, each as often as it is named: an hour of 100 joints has 30
+"""Maximum elements that samplers and skins read, counted per reference: an hour of 100 joints has 30
 million."""
 _LISTS = (
     "accessors",
@@ -44,7 +45,7 @@ _CHUNK = struct.Struct("<I4s")
 
 
 class Entry:
-    """An object of the JSON, its entries as attributes; what it lacks is None."""
+    """An object of the JSON with its entries as attributes. Missing entries are None."""
 
     def __init__(self, entries: dict[str, Any]) -> None:
         self.__dict__.update(entries)
@@ -54,10 +55,10 @@ class Entry:
 
 
 def gltf_tree(data: bytes) -> dict[str, Any]:
-    """The JSON object of a glTF or GLB file, its amounts checked.
+    """Returns the JSON object of a glTF or GLB file, with its amounts checked.
 
     Raises:
-        InputError: where there is none, or it states more than a reader has room for.
+        InputError: if there is none, or it declares more than the reader's limits.
     """
     try:
         tree = json.loads(_text(data))
@@ -75,7 +76,7 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
 
 
 def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
-    """The document of a glTF or GLB file, the parent of each node (-1 at a root), and the bytes of a GLB.
+    """Returns the document of a glTF or GLB file, each node's parent (-1 at a root), and a GLB's bytes.
 
     Raises:
         InputError: as :func:`gltf_tree`.
@@ -90,10 +91,10 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
 
 
 def parents_of(children: list[list[int]]) -> list[int]:
-    """The parent of each node, -1 at a root, from the children of each.
+    """Returns the parent of each node, -1 at a root, from the children of each.
 
     Raises:
-        InputError: where a child is not there or has two parents, and for a cycle or too deep a tree.
+        InputError: if a child is missing or has two parents, and for a cycle or a tree that is too deep.
     """
     parents = [-1] * len(children)
     for number, own in enumerate(children):
@@ -114,14 +115,14 @@ def parents_of(children: list[list[int]]) -> list[int]:
 
 
 def _place(error: Exception) -> str:
-    """Where a parser stopped, as words to follow others; empty if it does not say."""
+    """Returns where a parser stopped, as a suffix for a message. Empty if it is unknown."""
     if isinstance(error, RecursionError):
         return ": it is nested too deep"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
 def _text(data: bytes) -> str:
-    """The JSON of a file: all of a glTF, one chunk of a GLB."""
+    """Returns the JSON of a file: all of a glTF, one chunk of a GLB."""
     text = data
     if data[:4] == b"glTF":
         found = _chunk(data, b"JSON")
@@ -132,7 +133,7 @@ def _text(data: bytes) -> str:
 
 
 def _chunk(data: bytes, wanted: bytes) -> bytes | None:
-    """The first chunk of a kind in a GLB, as far as the file goes."""
+    """Returns the first chunk of a kind in a GLB, possibly truncated."""
     at = _HEAD.size if data[:4] == b"glTF" else len(data)
     while at + _CHUNK.size <= len(data):
         length, kind = _CHUNK.unpack_from(data, at)
@@ -144,7 +145,7 @@ def _chunk(data: bytes, wanted: bytes) -> bytes | None:
 
 
 def _check_amounts(tree: dict[str, Any]) -> None:
-    """Refuse a file with too many entries, vertices, primitives or keys."""
+    """Refuses a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
         if isinstance(entries, list) and len(entries) > MOST_LISTED:
             raise InputError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
@@ -156,7 +157,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
 
 
 def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> None:
-    """Refuse too many vertices or primitives, each counted as often as nodes show it."""
+    """Refuses too many vertices or primitives, each counted once per node that shows it."""
     shown: dict[int, int] = {}
     for node in nodes:
         if node.get("mesh") is not None:
@@ -175,7 +176,7 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
-    """Refuse too many elements that animation samplers and skins read."""
+    """Refuses too many elements that animation samplers and skins read."""
     named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []
@@ -189,7 +190,7 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
 
 
 def _count(accessor: dict[str, Any]) -> int:
-    """How many elements an accessor states."""
+    """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MOST_ELEMENTS:
         raise InputError(f"an accessor states {count} elements, and no more than {MOST_ELEMENTS} are read")

@@ -1,4 +1,4 @@
-"""The materials of a glTF file with their textures, kept as they are: nothing is decoded."""
+"""The materials of a glTF file with their textures, stored without decoding."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from enliven.meshes.gltf.gltf_json import Entry
 from enliven.meshes.materials import MeshMaterials, Texture, textures_in
 
 _MOST_IMAGES = 1 << 28
-"""Bytes of all encoded images of a file: ten times what detailed characters have; one small buffer can be
-named as an image thousands of times."""
+"""Maximum bytes of all encoded images of a file: ten times what detailed characters have. One small buffer
+can be referenced as an image thousands of times."""
 _MOST_SETS = 4
-"""Sets of texture coordinates that are kept: one or two are usual."""
+"""Maximum sets of texture coordinates: one or two are usual."""
 
 Corners = tuple[Float32, Float32 | None]
 """(V, S, 2) texture coordinates and (V, 4) linear vertex colours of a primitive, or None for white."""
 
 
 class Materials:
-    """The materials that primitives use, in the order in which they are asked for.
+    """The materials that primitives use, in order of first use.
 
     Attributes:
         notes: sentences about textures that were left out.
@@ -42,7 +42,7 @@ class Materials:
         self.notes = list[str]()
 
     def number(self, primitive: Any) -> int:
-        """The number of a primitive's material, or -1 for none."""
+        """Returns the number of a primitive's material, or -1 for none."""
         at = primitive.material
         if not isinstance(at, int) or not 0 <= at < len(self._file.document.materials):
             return -1
@@ -51,7 +51,8 @@ class Materials:
         return self._known[at]
 
     def corners(self, primitive: Any, count: int) -> Corners:
-        """What a primitive's vertices have beside their places, as far as its material uses it."""
+        """Returns texture coordinates and colours of a primitive's vertices, as far as its material uses
+        them."""
         attributes, sets, at = primitive.attributes, list[Float32](), self.number(primitive)
         textured = at >= 0 and bool(textures_in(json.loads(self.definitions[at])))
         for number in range(_MOST_SETS if textured else 0):
@@ -65,7 +66,7 @@ class Materials:
         return uvs, _rows(self._file, attributes.COLOR_0, count, 4)
 
     def joined(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
-        """The materials of all faces, of (faces (F, 3), material, what their vertices have) for each part."""
+        """Returns the materials of all faces, from (faces (F, 3), material, corners) of each part."""
         if not self.definitions:
             return None
         sets = max(uvs.shape[1] for _, _, (uvs, _) in parts)
@@ -82,7 +83,7 @@ class Materials:
         return MeshMaterials(*told, np.concatenate(of), np.concatenate(places), all_tints)
 
     def _read(self, at: int) -> int:
-        """Keeps a material and what it names; returns its number, or -1 where it is damaged."""
+        """Stores a material and its textures. Returns its number, or -1 if it is damaged."""
         value = _plain(self._file.document.materials[at])
         try:
             for number in set(textures_in(value)):
@@ -97,10 +98,10 @@ class Materials:
         return len(self.definitions) - 1
 
     def _kept(self, value: Any, in_extensions: bool = False) -> Any:
-        """The JSON of a material with its textures numbered as here, without those that were left out.
+        """Returns the JSON of a material with its textures renumbered, without those that were left out.
 
         Args:
-            in_extensions: whether the keys of the value are names of extensions.
+            in_extensions: True if the keys of the value are names of extensions.
         """
         if isinstance(value, list):
             return [self._kept(inner) for inner in value]
@@ -121,7 +122,7 @@ class Materials:
         return made
 
     def _texture(self, number: int) -> int | None:
-        """Keeps a texture and returns its number, or None with a note."""
+        """Stores a texture and returns its number, or None with a note."""
         try:
             texture = _entry(self._file.document.textures, number)
             packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
@@ -152,10 +153,10 @@ def _is_empty(value: Any) -> bool:
 
 
 def _entry(entries: list[Any] | None, number: int) -> Any:
-    """An entry of a list of the document.
+    """Returns an entry of a list of the document.
 
     Raises:
-        LookupError: where it is not there.
+        LookupError: if it is missing.
     """
     if not entries or not 0 <= number < len(entries):
         raise LookupError(f"entry {number} is not there")
@@ -163,17 +164,17 @@ def _entry(entries: list[Any] | None, number: int) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value of the document as JSON has it."""
+    """Returns a value of the document as plain JSON."""
     if isinstance(value, Entry):
         return {name: _plain(inner) for name, inner in vars(value).items()}
     return [_plain(inner) for inner in value] if isinstance(value, list) else value
 
 
 def _rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
-    """(count, width) float32 of an accessor; what it lacks of the width is one.
+    """Returns (count, width) float32 of an accessor. Missing columns are one.
 
     Raises:
-        InputError: where it has another number of rows.
+        InputError: if it has another number of rows.
     """
     values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
     if len(values) != count:

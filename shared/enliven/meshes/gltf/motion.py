@@ -14,33 +14,33 @@ from enliven.meshes.gltf.file import GltfFile, matrices_of
 from enliven.rotation import unit
 
 _LONGEST_STEP = 1 / 24
-"""Seconds between samples at most: over a longer step world turns would bend between frames."""
+"""Maximum seconds between samples: over a longer step world rotations would bend between frames."""
 _SHORTEST_STEP = 1 / 120
-"""Seconds between samples at least: denser keys are no visible motion and cost memory."""
+"""Minimum seconds between samples: denser keys have no visible effect and cost memory."""
 _CLOSED = 1e-5
-"""Share of a node's largest size that stands for size 0: too small to be seen, and it can be inverted."""
+"""Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
 _CURVED_STEP = 1 / 120
-"""The same where channels are cubic: between frames a curve would become a line."""
+"""Maximum seconds between samples if channels are cubic: between frames a curve becomes a line."""
 _MUCH_GROWTH = 0.3
-"""Logarithm of the factor from key to key beyond which a size gets more frames: a third larger."""
+"""Logarithm of the scale factor between two keys. Beyond it, more frames are inserted: a third larger."""
 _GROWTH_STEP = 1 / 240
-"""Seconds between these frames at least."""
+"""Minimum seconds between these inserted frames."""
 _MOST_GROWTH = 64
-"""Of these frames from one key to the next at most: what takes longer grows slowly."""
+"""Maximum number of frames inserted between two keys: longer intervals change slowly."""
 JUMP = 2.5e-4
-"""Seconds before the key of a jump at which the value before it still stands: no display shows the way
-between, and float32 tells the two times apart for an hour."""
+"""Seconds before the key of a jump at which the previous value is still held. No display shows the
+transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME = 1e-4
-"""Seconds within which two times are one: rounding of float32."""
+"""Seconds within which two times count as equal: rounding of float32."""
 MOST_PLACES = 1 << 23
-"""Frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 a second."""
+"""Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 
 
 @dataclass
 class Locals:
     """Each node's own translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale (F, n, 3).
 
-    A node that has a matrix instead keeps it in ``fixed`` (glTF: such a node is never animated).
+    A node with a matrix instead has it in ``fixed`` (glTF: such a node is never animated).
     """
 
     translation: Float
@@ -50,7 +50,7 @@ class Locals:
 
 
 def rest_locals(file: GltfFile) -> Locals:
-    """Returns the nodes' rest transforms as the file states them, F = 1; no size is quite 0."""
+    """Returns the nodes' rest transforms in the file, F = 1. Scales of 0 are replaced by tiny ones."""
     made = _stated(file)
     _open(made, file.scale_keys)
     return made
@@ -59,9 +59,8 @@ def rest_locals(file: GltfFile) -> Locals:
 def standing_locals(file: GltfFile, still: bool = False) -> Locals:
     """Returns the nodes' rest transforms for the bind pose, F = 1.
 
-    Where the file leaves a node at size 0 and its animations give it a size, it has that size: what pops up
-    has a shape. Where all animations mirror a node that the file does not, it is mirrored, unless it is to
-    be ``still``.
+    A node with scale 0 in the file gets the scale of its animations, so that objects that pop up have a
+    shape. A node that all animations mirror, but not the file, is mirrored, unless ``still`` is set.
     """
     made, sizes = _stated(file), file.scale_keys
     for node, clips in sizes.items():
@@ -81,7 +80,8 @@ def standing_locals(file: GltfFile, still: bool = False) -> Locals:
 
 
 def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
-    """Replaces sizes of 0 by a tiny share of the node's largest, so that every transform can be inverted."""
+    """Replaces scales of 0 by a tiny fraction of the node's largest scale, so that every transform is
+    invertible."""
     largest = np.abs(made.scale).max((0, 2))
     for node, clips in sizes.items():
         largest[node] = max(largest[node], *(np.abs(keys).max(initial=0.0) for keys in clips.values()))
@@ -96,7 +96,7 @@ def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
 
 
 def closed_nodes(file: GltfFile) -> set[int]:
-    """The nodes that have size 0 at rest and in all animations, with all that hangs on them."""
+    """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
     stated, found = _stated(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
@@ -114,7 +114,7 @@ def closed_nodes(file: GltfFile) -> set[int]:
 
 
 def _stated(file: GltfFile) -> Locals:
-    """The nodes' rest transforms as the file states them, F = 1."""
+    """Returns the nodes' rest transforms in the file, F = 1."""
     nodes = file.document.nodes
     count = len(nodes)
     made = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
@@ -134,7 +134,7 @@ def _stated(file: GltfFile) -> Locals:
 
 
 def world_matrices(file: GltfFile, locals_: Locals) -> Float:
-    """(F, n, 4, 4) world_from_node."""
+    """Returns (F, n, 4, 4) world_from_node."""
     local = matrices_of(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
@@ -145,7 +145,7 @@ def world_matrices(file: GltfFile, locals_: Locals) -> Float:
 
 
 def _settle(parents: list[int], world: Float, local: Float, done: set[int], node: int) -> None:
-    """Make the world matrices of a node, its parents' first (a file may have them in any order)."""
+    """Computes the world matrices of a node, its parents' first (a file may have them in any order)."""
     waiting = [node]
     while waiting:
         at = waiting[-1]
@@ -161,7 +161,10 @@ def _settle(parents: list[int], world: Float, local: Float, done: set[int], node
 
 
 def frame_times(file: GltfFile, animation: int) -> Float:
-    """Returns (F,) the evenly spaced seconds of an animation's samples; evenly spaced keys fall on them."""
+    """Returns (F,) evenly spaced sample times of an animation, in seconds.
+
+    Evenly spaced keys coincide with them.
+    """
     samplers = _used_samplers(file, animation)
     keys = [_keys(file, sampler.input) for sampler in samplers]
     keys = [k for k in keys if len(k)]
@@ -171,7 +174,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     gaps = [float(np.median(np.diff(k))) for k in keys if len(k) > 1]
     gap = max(min(gaps, default=_LONGEST_STEP), _SHORTEST_STEP)
     longest = _CURVED_STEP if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _LONGEST_STEP
-    # A whole number of frames in the gap between two keys keeps the keys on frames.
+    # A whole number of frames between two keys keeps the keys on frames.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MOST_PLACES:
@@ -180,9 +183,9 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns (K,) the seconds of an animation's own keys that ``even`` times (F,) do not hold.
+    """Returns (K,) key times in seconds that are missing in the ``even`` times (F,).
 
-    A jump of a STEP channel is at two times, just before its key and at it.
+    A jump of a STEP channel gives two times, just before its key and at it.
     """
     found, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
     for sampler in _used_samplers(file, animation):
@@ -198,14 +201,14 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
-    # Two keys within less than a jump would be one time in float32.
+    # Two keys less than a jump apart would be equal in float32.
     return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME])
 
 
 def _growing(file: GltfFile, animation: int) -> list[Float]:
-    """More times between keys over which a node grows or shrinks much.
+    """Returns additional times between keys if a node's scale changes much.
 
-    Between frames a clip interpolates the logarithm of a size, and the file the size.
+    Between frames a clip interpolates the logarithm of a scale, but the file interpolates the scale itself.
     """
     found = file.document.animations[animation]
     made = list[Float]()
@@ -222,7 +225,7 @@ def _growing(file: GltfFile, animation: int) -> list[Float]:
 
 
 def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
-    """The samplers of the channels that move nodes."""
+    """Returns the samplers of the channels that move nodes."""
     found = file.document.animations[animation]
     used = {
         channel.sampler
@@ -264,7 +267,9 @@ def _keys(file: GltfFile, accessor: int) -> Float:
 
 
 def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
-    """Returns (F, C) a channel at ``times``, as glTF 2.0 appendix C defines it; the ends are held.
+    """Returns (F, C) a channel at ``times``, as glTF 2.0 appendix C defines it.
+
+    Values are held beyond the ends.
 
     Args:
         keys: (K,) seconds.
@@ -284,14 +289,14 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
         made = _hermite(values, before, span[:, None], share[:, None])
         return unit(made) if path == "rotation" else made
     if path == "rotation":
-        # slerp does not mind which component is w, as long as both quaternions have it at the same place.
+        # slerp works with any order of components, if both quaternions use the same one.
         a, b = unit(points[before]), unit(points[before + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), share), -1, -1)
     return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))
 
 
 def _hermite(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
-    """(F, C) the cubic through two keys with their tangents."""
+    """Returns (F, C) the cubic Hermite spline through two keys with their tangents."""
     p0, out = values[3 * before + 1], span * values[3 * before + 2]
     p1, into = values[3 * before + 4], span * values[3 * before + 3]
     return np.asarray(

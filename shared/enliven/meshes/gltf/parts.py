@@ -16,28 +16,28 @@ from enliven.meshes.gltf.materials import Corners, Materials
 from enliven.meshes.gltf.motion import closed_nodes
 
 _TRIANGLES = 4
-"""glTF's mode of a list of separate triangles (section 3.7.2.1); points and lines are left out."""
+"""glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
 _STRIP = 5
 """glTF's mode of a triangle strip."""
 _FAN = 6
 """glTF's mode of a triangle fan."""
 _COLUMNS = {"TRANSLATION": [0.0, 0.0, 0.0], "ROTATION": [0.0, 0.0, 0.0, 1.0], "SCALE": [1.0, 1.0, 1.0]}
-"""The columns of a table of instances, and what stands for one that is missing."""
+"""The columns of a table of instances, with the default of a missing one."""
 
 
 @dataclass
 class GltfPart:
-    """One primitive of a mesh, as the file has it.
+    """One primitive of a mesh, as in the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
         faces: (F, 3).
         nodes: (V, 4) the nodes that each vertex follows, the strongest first.
         weights: (V, 4) float64, each row sums to one.
-        colours: (V, 3) sRGB, or None where the file states no colour.
-        skin: the number of its skin, or -1: it follows the node ``carrier`` stiffly.
+        colours: (V, 3) sRGB, or None if the file has no colour.
+        skin: the number of its skin, or -1: it is rigidly attached to the node ``carrier``.
         carrier: the node that has the mesh.
-        material: its number among those that are kept, or -1.
+        material: its number among the stored materials, or -1.
         corners: texture coordinates and colours of its vertices.
     """
 
@@ -53,10 +53,10 @@ class GltfPart:
 
 
 def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
-    """Returns all primitives with triangles that the scene shows, and their materials.
+    """Returns all visible primitives with triangles of the scene, and their materials.
 
     Args:
-        notes: takes a sentence about each that is left out.
+        notes: receives a sentence about each one that is left out.
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
@@ -82,7 +82,7 @@ def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Material
 
 
 def shown_nodes(file: GltfFile) -> list[int]:
-    """The nodes of the scene that the file shows (of all of it where it names none), parents first."""
+    """Returns the visible nodes of the scene (of the whole file if it names none), parents first."""
     document = file.document
     if document.scenes:
         number = document.scene or 0
@@ -93,7 +93,7 @@ def shown_nodes(file: GltfFile) -> list[int]:
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """The nodes that the scene shows, then the trees of joints that are not in it, parents first."""
+    """Returns the visible nodes of the scene, then the joint trees outside of it, parents first."""
     found = shown_nodes(file)
     known, roots = set(found), list[int]()
     for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
@@ -107,7 +107,7 @@ def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
 
 
 def _below(file: GltfFile, roots: list[int]) -> list[int]:
-    """Nodes with all that hangs on them, parents first."""
+    """Returns nodes with their whole subtrees, parents first."""
     document = file.document
     found, waiting = list[int](), roots[::-1]
     while waiting:
@@ -157,7 +157,7 @@ def _part(
 
 
 def _morphed(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
-    """(V, 3) the vertices with the morph targets that the file holds at rest."""
+    """Returns (V, 3) the vertices with the morph targets that the file applies at rest."""
     weights = node.weights or file.document.meshes[node.mesh].weights or []
     for weight, target in zip(weights, primitive.targets or [], strict=False):
         if weight and target.POSITION is not None:
@@ -172,8 +172,8 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
     """Returns (K, 4, 4) node_from_mesh of the instances in the table of a node.
 
     Raises:
-        InputError: where its columns are of different lengths, or not finite, or where so many instances of
-            ``size`` vertices or corners are more than a reader has room for.
+        InputError: if its columns differ in length or are not finite, or if the instances of ``size``
+            vertices or corners exceed the reader's limits.
     """
     accessors = file.document.accessors
     most = max((accessors[at].count for name, at in table.items() if name in _COLUMNS), default=1)
@@ -193,7 +193,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
 
 
 def instanced(part: GltfPart, transforms: Float) -> GltfPart:
-    """Returns a part once for each of the transforms (K, 4, 4); a mirrored one has its faces turned round."""
+    """Returns a part once for each of the transforms (K, 4, 4). Faces of mirrored instances are flipped."""
     count, size = len(transforms), len(part.vertices)
     moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
     mirrored = np.linalg.det(transforms[:, :3, :3]) < 0
@@ -217,7 +217,7 @@ def instanced(part: GltfPart, transforms: Float) -> GltfPart:
 
 
 def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
-    """(V, 4k) joint numbers in the skin and weights, of JOINTS_0, JOINTS_1, ... together."""
+    """Returns (V, 4k) joint numbers in the skin and weights, from JOINTS_0, JOINTS_1, ... combined."""
     joints, weights = [], []
     for k in range(8):
         where, how = getattr(attributes, f"JOINTS_{k}", None), getattr(attributes, f"WEIGHTS_{k}", None)
@@ -231,7 +231,9 @@ def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None
 
 
 def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
-    """(V, 4) of each: the four largest weights of each vertex, summing to one; the same joint twice is added.
+    """Returns (V, 4) joints and (V, 4) weights: the four largest of each vertex, with a sum of one.
+
+    Repeated joints are merged.
 
     A vertex without any weight follows its first joint.
     """
@@ -253,7 +255,7 @@ def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
 
 
 def _triangles(order: Int, mode: int) -> Int:
-    """(F, 3) of a list, a strip or a fan (glTF 2.0, section 3.7.2.1)."""
+    """Returns (F, 3) triangles of a list, a strip or a fan (glTF 2.0, section 3.7.2.1)."""
     if mode == _TRIANGLES:
         return order[: len(order) // 3 * 3].reshape(-1, 3)
     if len(order) < 3:

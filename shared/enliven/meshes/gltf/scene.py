@@ -1,4 +1,5 @@
-"""Meshes of a glTF document under construction: nodes, triangles, colours and materials; no motion."""
+"""Meshes of a glTF document under construction: nodes, triangles, colours and materials, without
+animation."""
 
 from __future__ import annotations
 
@@ -17,11 +18,11 @@ from enliven.meshes.mesh import Mesh
 
 
 class MeshScene:
-    """Takes nodes and meshes, and gives the bytes of a GLB.
+    """Collects nodes and meshes, and returns the bytes of a GLB.
 
     Attributes:
-        document: the glTF document so far.
-        blob: its binary half.
+        document: the current glTF document.
+        blob: its binary chunk.
     """
 
     def __init__(self, name: str) -> None:
@@ -31,7 +32,7 @@ class MeshScene:
         self._materials = SceneMaterials(self.blob)
 
     def bytes(self) -> bytes:
-        """Returns the file."""
+        """Returns the bytes of the file."""
         document = self.document
         self._materials.put_into(document)
         document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
@@ -56,7 +57,7 @@ class MeshScene:
         """Adds the triangles of a mesh with normals, colours and materials.
 
         Yields:
-            A primitive for each material, and (N,) the vertex of the mesh that each of its vertices is.
+            A primitive for each material, and (N,) the mesh vertex of each of its vertices.
         """
         blob, array = self.blob, pygltflib.ARRAY_BUFFER
         normals = unit_normals(mesh.vertex_normals())
@@ -81,7 +82,7 @@ class MeshScene:
 
 
 def mesh_glb(mesh: Mesh) -> bytes:
-    """Returns the bytes of a GLB with one mesh that stands still."""
+    """Returns the bytes of a GLB with one static mesh."""
     scene = MeshScene(mesh.name)
     primitives = [primitive for primitive, _ in scene.primitives(mesh.name, mesh)]
     scene.document.meshes.append(pygltflib.Mesh(name=mesh.name, primitives=primitives))
@@ -90,7 +91,7 @@ def mesh_glb(mesh: Mesh) -> bytes:
 
 
 def unit_normals(normals: Float) -> Float32:
-    """Normalises normals; a vertex of faces without area gets a unit normal too."""
+    """Normalises normals. A vertex without faces of any area gets a unit normal, too."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
     single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
     return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)

@@ -1,4 +1,4 @@
-"""Materials and their textures in a glTF document under construction, and meshes split where they need it."""
+"""Materials and textures in a glTF document under construction, and splitting of meshes by material."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from enliven.meshes.materials import MeshMaterials, renumbered
 from enliven.meshes.mesh import Mesh
 
 _ROUGH = 0.9
-"""Roughness of a plain material: nothing shines that is not said to."""
+"""Roughness of a plain material: without an explicit material nothing is shiny."""
 
 
 class SceneMaterials:
-    """The materials of all meshes of a scene; what is equal is stored once."""
+    """The materials of all meshes of a scene. Equal ones are stored once."""
 
     def __init__(self, blob: Blob) -> None:
         self._blob = blob
@@ -30,13 +30,13 @@ class SceneMaterials:
         self._known: dict[str, int] = {}
 
     def plain(self, name: str) -> int:
-        """Adds a plain white material, which shows a mesh's colours; returns its number."""
+        """Adds a plain white material, which shows a mesh's colours. Returns its number."""
         rough = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH}
         told = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
         return self._number(told)
 
     def added(self, materials: MeshMaterials) -> list[int]:
-        """Adds the materials of a mesh with their textures; returns their numbers in the file."""
+        """Adds the materials of a mesh with their textures. Returns their numbers in the file."""
         textures = list[int]()
         for texture in materials.textures:
             image = self._image(texture.image, texture.kind)
@@ -46,7 +46,7 @@ class SceneMaterials:
         return [self._number(renumbered(told, textures.__getitem__)) for told in materials.definitions]
 
     def put_into(self, document: pygltflib.GLTF2) -> None:
-        """Writes all that was added into the document."""
+        """Writes all added materials into the document."""
         document.materials = self._materials
         document.images = [image for _, image in self._images.values()]
         document.samplers = [json.loads(told) for told in self._samplers]
@@ -70,7 +70,7 @@ class SceneMaterials:
 
 
 def extensions_in(value: Any) -> set[str]:
-    """The names of all extensions that a JSON value uses."""
+    """Returns the names of all extensions that a JSON value uses."""
     found = set[str]()
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
         if key == "extensions" and isinstance(inner, dict):
@@ -83,11 +83,11 @@ def extensions_in(value: Any) -> set[str]:
 def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Float32]]]:
     """Yields each material's part of a mesh.
 
-    A vertex is there several times where its corners are in different places of a texture.
+    A vertex is duplicated if its corners have different texture coordinates.
 
     Yields:
-        The material's number (-1 for none); (N,) the vertex of the mesh that each vertex of the part is;
-        (K, 3) faces; texture coordinates and colours of the part's vertices, by the format's names.
+        The material's number (-1 for none); (N,) the mesh vertex of each vertex of the part; (K, 3) faces;
+        texture coordinates and colours of the part's vertices, by the format's names.
     """
     own = mesh.materials
     if own is None:

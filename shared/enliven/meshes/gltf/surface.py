@@ -1,4 +1,4 @@
-"""The surface of a glTF file in its bind pose: what every reader of such a file begins with."""
+"""The surface of a glTF file in its bind pose: the common start of all readers of such a file."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from enliven.meshes.gltf.parts import GltfPart, parts_of
 from enliven.meshes.mesh import Mesh
 
 _WHITE = np.array([255, 255, 255], np.uint8)
-"""sRGB of a part without a colour next to parts that have one: glTF's default material is white."""
+"""sRGB of a part without a colour next to parts with colours: glTF's default material is white."""
 
 
 @dataclass
 class GltfSurface:
-    """What a file shows, and where it stands in the bind pose.
+    """The visible surface of a file, and its bind pose.
 
     Attributes:
         file: the parsed file.
-        parts: its primitives, as the file has them.
+        parts: its primitives, as in the file.
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
-        notes: what was unusual or left out, a sentence each.
+        notes: unusual or omitted content, a sentence each.
     """
 
     file: GltfFile
@@ -41,16 +41,17 @@ class GltfSurface:
     notes: list[str]
 
 
-@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
+@np.errstate(all="ignore")  # numbers of a damaged file overflow before they are checked
 def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 
     Args:
-        name: of the mesh; the file's name if empty.
-        still: the surface is not to move: mirrored joints are mirrored in it, and not only by the clips.
+        name: name of the mesh. If empty, the file's name is used.
+        still: the surface will not be animated: mirrored joints are mirrored in it, and not only by the
+            clips.
 
     Raises:
-        InputError: where the file cannot be read, or has nothing to draw.
+        InputError: if the file cannot be read, or has no visible surface.
     """
     file, notes = GltfFile(path), list[str]()
     try:
@@ -69,7 +70,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
 
 
 def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials) -> Mesh:
-    """Joins all parts into one mesh; faces of mirrored places are turned round."""
+    """Joins all parts into one mesh. Faces of mirrored parts are flipped."""
     first = np.cumsum([0, *(len(v) for v in rest)])
     faces = [_outward(part, bind) for part in parts]
     shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
@@ -79,7 +80,7 @@ def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, mater
 
 
 def _outward(part: GltfPart, bind: Bind) -> Int32:
-    """(F, 3) the faces of a part, turned round where most of their corners are mirrored."""
+    """Returns (F, 3) the faces of a part, flipped if most of their corners are mirrored."""
     own = np.unique(part.nodes[:, 0])
     mirrored = {int(n): bool(np.linalg.det(bind.world_from_mesh(part, int(n))[:3, :3]) < 0) for n in own}
     if not any(mirrored.values()):
@@ -89,7 +90,7 @@ def _outward(part: GltfPart, bind: Bind) -> Int32:
 
 
 def _colours(parts: list[GltfPart]) -> UInt8 | None:
-    """(V, 3) sRGB of all parts, white where a part has none; None where no part has any."""
+    """Returns (V, 3) sRGB of all parts, white for a part without colour. None if no part has any."""
     if all(part.colours is None for part in parts):
         return None
     return np.concatenate(

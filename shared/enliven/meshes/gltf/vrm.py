@@ -1,4 +1,4 @@
-"""The humanoid map of a VRM avatar, versions 0 and 1: which node is which bone of a person."""
+"""The humanoid map of a VRM avatar, versions 0 and 1: the node of each human bone."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from enliven.meshes.gltf.gltf_json import Entry
 
 
 def human_bones(document: Entry) -> dict[int, str]:
-    """Returns the VRM name of each node that the map names, such as "leftUpperArm"; empty without a map.
+    """Returns the VRM name of each node in the map, such as "leftUpperArm". Empty without a map.
 
-    Entries that are damaged are left out: a model without its map is still a model.
+    Damaged entries are left out, because a model without its map is still usable.
     """
     extensions = document.extensions
     listed = _listed(getattr(extensions, "VRMC_vrm", None)) or _listed(getattr(extensions, "VRM", None))
