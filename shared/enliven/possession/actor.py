@@ -13,8 +13,8 @@ from enliven.person import Body, parts_named
 from enliven.possession.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
-"""What happens to earlier holds when a performer attaches. "alone" ends all of them, "join" keeps the
-holds of other performers, and "extend" keeps the performer's own holds as well."""
+"""Effect on earlier holds when a performer attaches. "alone" ends all of them, "join" keeps the holds of
+other performers, and "extend" keeps the performer's own holds as well."""
 
 
 class Actor:

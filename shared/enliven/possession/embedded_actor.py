@@ -39,8 +39,8 @@ class EmbeddedActor(Actor):
 
     Args:
         size: metres of the mesh as modelled per metre of its rest space.
-        height: metres, height of the mesh at rest, from which its scale on the stage is computed. None
-            measures it.
+        height: metres, height of the mesh at rest. Its scale on the stage is computed from it. None measures
+            it.
         person: waits for the result of the search for a person in the mesh, which runs in the background.
             None searches when the result is needed.
     """
@@ -170,7 +170,7 @@ class EmbeddedActor(Actor):
         self._swing.exaggerate(self.settings.exaggeration if exaggeration is None else exaggeration)
 
     def hand_over(self, former: int, body: Body) -> None:
-        """Transfers the hold of one performer to another, who continues from the same pose."""
+        """Transfers the hold of one performer to another performer, starting from the same pose."""
         for hold in self.holds:
             if hold.body == former:
                 hold.body, hold.depth = body.id, depth_of(body)
@@ -254,7 +254,7 @@ class EmbeddedActor(Actor):
         return grip
 
     def _shown_at_rest(self) -> tuple[Float, Float] | None:
-        """Returns the shown nodes in the rest space, because performers attach to the mesh as it is shown."""
+        """Returns the shown nodes in the rest space, because performers attach to the shown mesh."""
         shown = self._easing.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
 

@@ -47,7 +47,7 @@ def gripped(
 def out_of_reach(
     character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float, *, comes: bool = False
 ) -> InputError:
-    """Returns the error that explains why a body could not attach, and what to do.
+    """Returns the error that explains why a body could not attach, and suggests a remedy.
 
     Args:
         grip: the empty grip.

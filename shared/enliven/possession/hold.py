@@ -59,7 +59,7 @@ class EmbeddedHold:
         grips: one for each time that the performer attached.
         seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
         active: whether the performer currently drives the mesh.
-        depth: metres by which the performer was below the floor when attaching, because the floor height is
+        depth: metres, how far the performer was below the floor when attaching, because the floor height is
             inexact.
     """
 

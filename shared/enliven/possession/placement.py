@@ -51,7 +51,7 @@ class Placement:
 
 
 AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
-"""The placement that leaves a mesh as it was modelled."""
+"""The placement that leaves a mesh as modelled."""
 
 
 def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
@@ -99,7 +99,7 @@ def facing(body: Body) -> float:
     if not lefts:
         return 0.0
     left = np.sum(lefts, axis=0)
-    # A person who faces +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
+    # A person facing +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
     return float(np.arctan2(-left[2], left[0]))
 
 

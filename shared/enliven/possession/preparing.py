@@ -28,7 +28,7 @@ bend with it."""
 
 
 class Prepared(NamedTuple):
-    """A mesh as it is put on stage, and the values for its actor.
+    """A mesh ready for the stage, and the values for its actor.
 
     Attributes:
         mesh: in metres of its rest space.
@@ -78,7 +78,7 @@ def prepared_as(
 def prepared(
     mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
 ) -> tuple[Mesh, float]:
-    """Returns an upright mesh as it is put on stage, and the metres as modelled per metre of it.
+    """Returns an upright mesh ready for the stage, and the metres as modelled per metre of it.
 
     If the mesh meets its performer, three steps follow. The mesh is scaled to a person's height, moved to
     where a standing person fits into it, and refined if its triangles are too large to bend. A mesh that
