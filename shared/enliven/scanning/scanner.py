@@ -36,8 +36,8 @@ _CLEANED = 90
 _FRAME = 1.0 / 30.0
 """Minimum time between two images, seconds, used if a recording's timestamps stand still."""
 _MANY = 120
-"""Minimum number of images that are fused again. If there are twice as many, every second one is left out.
-The rest are enough to average the noise out, and the stage waits for them."""
+"""Minimum number of images that are fused again. If twice as many are stored, every second one is left
+out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
 _ROUGHLY = 3
 """If there are very many images, only every third goes into the coarse volumes, which only guide the
 tracking. If there are few, all do, because each may show something that no other image shows."""
