@@ -1,6 +1,6 @@
-"""Deformation of meshes: skinning, and spheres that stand for a moving mesh in a physics engine.
+"""Deformation of meshes: skinning, and sphere proxies of a moving mesh for a physics engine.
 
-The solvers are rooms of their own: ``graph`` (what both share), ``embedded`` (KinÊtre), ``arap`` (squash and
+The solvers are separate packages: ``graph`` (shared by both), ``embedded`` (KinÊtre), ``arap`` (squash and
 stretch), ``constraints`` and ``possession``.
 """
 

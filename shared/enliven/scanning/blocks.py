@@ -17,7 +17,7 @@ VOXELS = SIDE**3
 _FIRST = 1024
 """Initial capacity of a table, blocks: 4 MB of voxels."""
 _GROWTH = 1.5
-"""Factor by which a full table grows: at most a third of the memory is then unused."""
+"""Growth factor of a full table: at most a third of the memory is then unused."""
 _REACH = 1 << 20
 """Maximum block coordinate that a key can represent, in each direction from the origin: 30 km at 4 mm."""
 _FULL = 0.5
@@ -31,7 +31,7 @@ class BlockTable:
         count: the number of blocks.
         places: (C, 3) int32 in blocks from the origin; only the first ``count`` rows are used.
         beside: (C, 8) int32 the neighbour one further along x, y and z, at the sum of 1, 2 and 4 for these
-            axes. Entry 0 is the block itself; -1 if there is no neighbour.
+            axes. Entry 0 is the block itself; -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class BlockTable:
         link(self.keys, self.slots, self.places, self.beside, 0, self.count)
 
     def find(self, places: Int32) -> Int32:
-        """Returns (N,) int32 numbers of the blocks at (N, 3) positions, -1 if there is no block."""
+        """Returns (N,) int32 numbers of the blocks at (N, 3) positions, -1 for a missing block."""
         found = np.empty(len(places), np.int32)
         _find_all(self.keys, self.slots, np.asarray(places, np.int32), found)
         return found

@@ -18,8 +18,8 @@ _COMPARED = 20_000
 _SPREAD = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAR = 20
-"""Number of nearest sample points, the faces of which are tested. If another face is nearer, the reported
-distance is too large."""
+"""Number of nearest sample points with faces to test. If another face is nearer, the reported distance is
+too large."""
 
 
 @dataclass(frozen=True)

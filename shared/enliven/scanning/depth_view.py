@@ -17,8 +17,8 @@ TILE = 8
 """Pixels along a tile's side. The nearest and farthest depth are kept for each tile. A block covers a few
 tiles."""
 _STEP = 2
-"""Half-size pixels between the nine samples from which a plane is fitted: 17 mm across at 1 m. The pixels
-between them have the same noise in most cameras."""
+"""Half-size pixels between the nine samples of a plane fit: 17 mm across at 1 m. The pixels between them
+have the same noise in most cameras."""
 _GATE = 0.04
 """Maximum relative difference in depth between a pixel and a neighbour on the same surface."""
 _FEWEST = 4

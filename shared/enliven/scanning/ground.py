@@ -36,7 +36,7 @@ _AGAIN = 3
 
 @dataclass(frozen=True)
 class Ground:
-    """The ground plane, on which objects stand: normal . x = offset, world.
+    """The ground plane that objects stand on: normal . x = offset, world.
 
     Attributes:
         normal: (3,) unit, up.
@@ -129,7 +129,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     with short rims are closed, and larger ones stay open.
 
     Raises:
-        InputError: if there are no objects, or fewer than the number in the settings.
+        InputError: if no object stands there, or fewer than the number in the settings.
     """
     s = settings or CutOutSettings()
     parts = parts_about(mesh, ground, focus, s)

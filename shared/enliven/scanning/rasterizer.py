@@ -22,7 +22,7 @@ class Drawing(NamedTuple):
     """The visible part of a mesh at each pixel of a camera.
 
     Attributes:
-        depth: (H, W) metres along the optical axis, inf if there is no face.
+        depth: (H, W) metres along the optical axis, inf without a face.
         face: (H, W) int32 index of the face, -1 if there is none.
         shares: (H, W, 3) barycentric coordinates at the pixel's centre.
     """

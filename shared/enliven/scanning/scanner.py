@@ -30,7 +30,7 @@ _COARSER = 4.0
 _LEVELS = 3
 """Number of volumes: 4, 16 and 64 mm. The last one recovers a camera from 25 cm away."""
 _TRIED = 4
-"""Keyframes from which a lost camera is relocalized in each frame: 30 ms each."""
+"""Number of keyframes that are tried in each frame to relocalize a lost camera: 30 ms each."""
 _CLEANED = 90
 """Frames between removals of blocks without a surface: three seconds."""
 _FRAME = 1.0 / 30.0
@@ -175,8 +175,7 @@ class Scanner:
         found = self._tracked(view, up, aside.doubtful)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is ScanState.UNSURE:
-            # Follow the pose as far as it is known. Otherwise a camera that moves on would be lost
-            # afterwards.
+            # Follow the most likely pose. Otherwise a camera that moves on would be lost afterwards.
             self._before, self._pose = self._pose, found.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)

@@ -10,10 +10,10 @@ from enliven.lanes import fmaq, loadq, splatq, storeq
 
 @njit(cache=True, nogil=True)
 def forward(factor, z, room):
-    """z <- C⁻¹ z, in place.
+    """Computes z <- C⁻¹ z, in place.
 
     Args:
-        z: (4 (V + 4),) float32, x, y, z, 0 of each place; the last four places are room.
+        z: (4 (V + 4),) float32, x, y, z, 0 of each position; the last four positions are scratch space.
         room: (4 (tallest + 4),) float32.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
@@ -22,7 +22,7 @@ def forward(factor, z, room):
         r0, below = row_start[s], row_start[s + 1] - row_start[s]
         height = width + below
         if width == 1:
-            # Most supernodes, the leaves of the tree, are one column.
+            # Most supernodes (the leaves of the tree) have a single column.
             at = factor.value_start[s]
             t = fmaq(-values[at], loadq(z, 4 * a), splatq(np.float32(0.0)))
             storeq(z, 4 * a, splatq(np.float32(0.0)) - t)
@@ -35,7 +35,7 @@ def forward(factor, z, room):
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
-            # The padding's columns are zeros; what they are multiplied with is finite.
+            # The padding's columns are zeros, and they are multiplied only with finite numbers.
             t0, t1, t2, t3 = loadq(z, c), loadq(z, c + 4), loadq(z, c + 8), loadq(z, c + 12)
             for r in range(4 * block, width):
                 v = loadq(room, 4 * r)
@@ -64,7 +64,7 @@ def forward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def backward(factor, z, room):
-    """z <- C⁻ᵀ z, in place; arguments as of :func:`forward`."""
+    """Computes z <- C⁻ᵀ z, in place; the arguments are those of :func:`forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):
         a, width = first[s], first[s + 1] - first[s]
@@ -122,15 +122,16 @@ def backward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def _at(factor, s, width, height, r, c):
-    """Where the value of row r and column c of a panel is."""
+    """Returns the index of the value in row r and column c of a panel."""
     return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
 
 
 @njit(cache=True, nogil=True)
 def unit_column(factor, place):
-    """C⁻¹ e of the unit vector at ``place``: (K,) its non-zero places, ascending, and (K,) values.
+    """Computes C⁻¹ e of the unit vector at ``place``: (K,) its non-zero positions, ascending, and (K,)
+    values.
 
-    Only the supernodes on the way from the place to the root take part.
+    Only the supernodes on the path from the position to the root take part.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     length, s = 0, factor.node_of[place]

@@ -67,8 +67,7 @@ class CutBox:
 def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) -> CutOut:
     """Returns the part of a scan inside a box, without the floor unless the box reaches 2 cm below it.
 
-    The part is closed along the lower side of the box, on which it stands. Along the other sides it stays
-    open.
+    The part is closed along the lower side of the box, its base. Along the other sides it stays open.
 
     Args:
         mesh: in the scan's world.

@@ -110,8 +110,7 @@ def cut_what_is_new(
     settings: CutOutSettings | None = None,
     noise: DepthNoiseModel | None = None,
 ) -> CutOut:
-    """Returns the object that stands in formerly free space, placed as it stands on floor or table (KinEtre,
-    2012).
+    """Returns the object that stands in formerly free space, placed on y = 0 (KinEtre, 2012).
 
     Args:
         mesh: of the place with the object, in the world of the scan.

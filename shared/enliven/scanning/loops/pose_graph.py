@@ -22,7 +22,7 @@ _DAMPING = 1e-6
 _ROUNDS = 6
 """Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
 _NARROWER = 5.0
-"""Factor by which the tolerated error of a loop shrinks per round (graduated non-convexity)."""
+"""Shrink factor per round of the tolerated error of a loop (graduated non-convexity)."""
 
 
 @dataclass(frozen=True)
