@@ -256,7 +256,7 @@ class ArapSolver:
         """Returns the handle vertices and (H, 3) targets about the centre.
 
         Raises:
-            InputError: if there is no handle, or hard handles contradict each other.
+            InputError: without any handle, or if hard handles contradict each other.
         """
         if self._held is None:
             raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")

@@ -24,8 +24,7 @@ LEAST = 0.01
 VIRTUAL = 0.5
 """The weight of an edge that is not in the mesh."""
 _LINKS = 4
-"""Number of vertices on each side by which a shell is linked to the next. Three are enough to prevent
-rotation."""
+"""Number of vertices on each side that link a shell to the next. Three are enough to prevent rotation."""
 _EXACT = 64
 """Maximum number of shells that are joined at their exactly nearest vertices."""
 

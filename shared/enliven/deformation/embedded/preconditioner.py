@@ -183,7 +183,7 @@ def outdated(t, planes, s, repulled):
     for m in range(t.pulls.shape[0]):
         strongest = max(strongest, t.pulls[m])
         change = max(change, abs(t.pulls[m] - s.pulls[m]))
-    # The first number of the inverse is 0 only if there is no factor yet.
+    # The first number of the inverse is 0 only before the first factorization.
     return s.inverse[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
 
 

@@ -238,7 +238,7 @@ class EmbeddedSolver:
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
     def _leave(self, targets: Float, weights: Float) -> None:
-        """Starts below the ridge on which the last frame ended, if that is better now."""
+        """Starts below the ridge where the last frame ended, if that is better now."""
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return

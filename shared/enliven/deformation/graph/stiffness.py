@@ -20,7 +20,7 @@ _LEAST = 1e-9
 def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
     """Returns (N,) the factor of each node: that of a spot at its centre, easing to 1 at its radius.
 
-    The factors of overlapping spots multiply. None if there are no spots.
+    The factors of overlapping spots multiply. None without spots.
 
     Args:
         positions: (N, 3) metres, the nodes at rest.
