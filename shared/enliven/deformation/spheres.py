@@ -226,7 +226,7 @@ def _slot(x, y, z, size):
 
 @njit(cache=True, nogil=True)
 def _centres(rest, indices, weights, pivots, linear, positions, out):
-    """c' = sum_k w_k (linear_k (c - pivot_k) + position_k)."""
+    """Computes c' = sum_k w_k (linear_k (c - pivot_k) + position_k) into ``out``."""
     for s in range(rest.shape[0]):
         for a in range(3):
             out[s, a] = 0.0

@@ -288,7 +288,7 @@ def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) ->
 
 @njit(cache=True, nogil=True)
 def _place(joints, turns, bone, along, radial, out):
-    """Kernel of :meth:`Attachment.targets`."""
+    """Computes :meth:`Attachment.targets` into ``out``."""
     for i in range(bone.shape[0]):
         child = bone[i]
         parent = _PARENT[child]

@@ -172,13 +172,14 @@ def _girdle_turn(rest, joints, pair, turn, frame):
 
 @njit(cache=True, nogil=True)
 def _rotations(rest, joints, turns, axes):
-    """Kernel of :func:`bone_rotations`; all joints of both bodies must be finite."""
+    """Computes :func:`bone_rotations`; all joints of both bodies must be finite."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     _girdle_turn(rest, joints, _HIPS, girdle_turn[0], girdle[0])
     _girdle_turn(rest, joints, _SHOULDERS, girdle_turn[1], girdle[1])
     before, after, turned, by = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     swing, start = np.empty((3, 3)), np.empty((3, 3))
     for child in range(1, joints.shape[0]):
+        # Start with the rotation of the girdle, or of the parent bone.
         parent, b, g = _PARENT[child], child - 1, 1 if _ON_CHEST[child] else 0
         for r in range(3):
             for c in range(3):
@@ -191,6 +192,7 @@ def _rotations(rest, joints, turns, axes):
             continue
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
+        # Swing an upper arm by way of a direction ahead and outward first.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):
@@ -208,7 +210,7 @@ def _rotations(rest, joints, turns, axes):
 
 @njit(cache=True, nogil=True)
 def _sample_cylinders(joints, axes, radius, along, around, points, normals):
-    """Kernel of :func:`bone_samples`."""
+    """Computes :func:`bone_samples` into ``points`` and ``normals``."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):
         b, start = child - 1, joints[_PARENT[child]]

@@ -39,9 +39,9 @@ class _Gap:
 class Easing:
     """A blend over a jump: keeps the gap between the shown and the computed state, and closes it over time.
 
-    While a gap closes, the shown velocity of a node exceeds its computed velocity by at most ``pace`` (apart
-    from the rotation and scale of the gap), or by 1.5 / seconds times the length of the gap. If the gap is a
-    rotation, its length is taken pi / 2 times as long.
+    While a gap closes, the shown speed of a node exceeds its computed speed by at most ``pace``, and by at
+    most 1.5 / seconds times the length of the gap. The rotation and scale of the gap itself are not counted.
+    If the gap is a rotation, its length counts pi / 2 times.
 
     Args:
         seconds: how long a gap takes to close.

@@ -19,9 +19,9 @@ surface's slopes and the image's normals, row by row. They are computed only on 
 SUMS = SQUARES + 22
 """Length of a row of sums. First come 21 of the upper half of the normal matrix, row by row, and 6 of the
 gradient. Then come the weighted squares, the weights, the agreeing points, all valid points, and the
-points in known space. From MOMENTS on come the weighted positions relative to the camera (3), their
-products (6, the upper half, row by row), and a histogram of the weights by the angle between the two
-normals."""
+points in known space. From MOMENTS on come the weighted positions relative to the camera (3) and their
+products (6, the upper half, row by row). After these comes a histogram of the weights by the angle between
+the two normals."""
 _OPPOSED = 0.5
 """Cosine between a point's normal and the surface's below which they belong to two different sides."""
 WIDEST = 1.0

@@ -41,7 +41,7 @@ def clip_of_capture(
     Args:
         rest: the rest pose: "zero" for all rotations zero; "first" for the first frame; a frame number; or
             "auto", which is "zero" if that pose stands as tall as the frames do, else "first".
-        unit: a name of ``UNITS``, metres per unit, or None to guess it from the legs of a person, else from
+        unit: a name of ``UNITS``, or metres per unit. None guesses it from the legs of a person, else from
             the height of the root over the lowest joint.
 
     Raises:

@@ -96,9 +96,9 @@ def _roles(capture: Capture) -> Roles | None:
 def _up_axis(capture: Capture) -> str:
     """Returns the axis of a file that points up, such as "+Z".
 
-    It is the axis along which the head is above the ankles, or the legs of an animal stand. A person that
-    crawls or lies the whole time is recognized by a rest pose that stands along another axis, if the floor is
-    at zero only along that one.
+    It is the axis along which the head is above the ankles, or the legs of an animal stand. If a person
+    crawls or lies the whole time, the rest pose stands along another axis. That axis is used if the floor is
+    at zero only along it.
     """
     roles = _roles(capture)
     ups = _ups(capture, roles, capture.positions)

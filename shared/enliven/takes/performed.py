@@ -85,7 +85,7 @@ class Performed:
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
     def until(self, time_ns: int) -> Performed:
-        """Returns what was performed until a time of the sensor's clock."""
+        """Returns the part of the performance up to a time of the sensor's clock."""
         poses = {key: [one for one in kept if one.time_ns <= time_ns] for key, kept in self.poses.items()}
         return replace(
             self,

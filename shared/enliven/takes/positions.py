@@ -79,9 +79,9 @@ def _direction(v: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def point_bones(parents, vectors, positions, known, turns):
-    """Kernel: ``turns`` (F, N, 4) takes the world turns that point bones along ``positions`` (F, N, 3).
+    """Computes ``turns`` (F, N, 4), the world rotations that point bones along ``positions`` (F, N, 3).
 
-    ``known`` is (F, N, 4), or (0, N, 4) where nothing is known.
+    ``known`` is (F, N, 4), or (0, N, 4) if nothing is known.
     """
     given = len(known) > 0
     for f in range(len(positions)):

@@ -32,6 +32,7 @@ def forward(factor, z, room):
             continue
         for r in range(height):
             storeq(room, 4 * r, splatq(np.float32(0.0)))
+        # Multiply by the inverted triangle on the diagonal.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
@@ -46,6 +47,7 @@ def forward(factor, z, room):
                 storeq(room, 4 * r, fmaq(values[p + 3], t3, v))
         for k in range(width):
             storeq(z, 4 * (a + k), loadq(room, 4 * k))
+        # Multiply by the rows below, and subtract the result from the later entries of z.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
@@ -82,6 +84,7 @@ def backward(factor, z, room):
             continue
         for k in range(below):
             storeq(room, 4 * (width + k), loadq(z, 4 * rows[r0 + k]))
+        # Subtract the transposed rows below.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * block
@@ -100,6 +103,7 @@ def backward(factor, z, room):
                 storeq(room, 4 * (c + 2), loadq(z, 4 * (a + c + 2)) - t2)
             if c + 3 < width:
                 storeq(room, 4 * (c + 3), loadq(z, 4 * (a + c + 3)) - t3)
+        # Multiply by the transpose of the inverted triangle on the diagonal.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * block

@@ -1,9 +1,9 @@
 """Splits a kernel's range of vertices between two threads.
 
-The kernels release the global interpreter lock (GIL) and are serial themselves, because calling parallel
-kernels from several threads of one process is not safe on every platform. The range is split into pieces, and
-each thread takes the next piece when it is idle. A second core that is busy with other work then costs less.
-Small meshes stay in one thread. Each piece writes only its own vertices, so the result is the same.
+The kernels release the global interpreter lock (GIL) and are serial themselves. Calling parallel kernels from
+several threads of one process is not safe on every platform. The range is split into pieces, and each thread
+takes the next piece when it is idle. A second core that is busy with other work then costs less. Small meshes
+stay in one thread. Each piece writes only its own vertices, so the result is the same.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ThreadChoice:
         self._calls = 0
 
     def threads(self) -> int:
-        """The number of threads for the next call, 1 or 2."""
+        """Returns the number of threads for the next call, 1 or 2."""
         self._calls += 1
         faster = 1 if self._least[0] <= self._least[1] else 2
         unknown = math.inf in self._least and self._calls > 1

@@ -107,7 +107,7 @@ def _one_a_cell(points: Float | Float32, low: Float | Float32, cell: float) -> I
 
 @njit(cache=True, nogil=True)
 def _moved(at, nodes, weights, pivots, linear, positions):
-    """Kernel of :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
+    """Computes :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):
         for k in range(4):

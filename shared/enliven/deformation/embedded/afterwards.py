@@ -2,7 +2,7 @@
 
 A frame ends when a step promises little. If a limb is about to buckle, the state may be on a ridge of the
 energy. No gradient shows there that the energy falls again ten steps later. Of 16,300 frames of creatures in
-fast motion, 29 ended like this, 0.2 to 6 % above the minimum, after steps that looked like those of any other
+fast motion, 29 ended like this, 0.2 to 6 % above the minimum. Their steps looked like those of any other
 frame. Lanczos' method detects most of them (the smallest eigenvalue of the second derivative against the
 matrix is below 0.13), at the cost of twelve steps. Continuing the descent costs little more and is certain.
 """

@@ -171,9 +171,9 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
     ``work.raw`` is the gradient at ``x``, and ``work.energies`` are its energies.
 
     The descent ends with the first step that promised to lower the energy by less than the fraction
-    ``tolerance``, because a step leaves only a small part of its promise. If this step or the one before
-    gained more than promised, the energy is softer there than the matrix, and the promise is not a bound. A
-    smaller promise is then required.
+    ``tolerance``. A step leaves only a small part of its promise. If this step or the one before gained more
+    than promised, the energy is softer there than the matrix, and the promise is not a bound. A smaller
+    promise is then required.
 
     ``work.age[2]`` is 1 if it ended like this, and 0 if it ended after ``most`` iterations or at the limit of
     the ``allowance``. One step is always made. Before it, the matrix is computed if there is none for these
@@ -192,7 +192,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         spent += allowance.matrix
     else:
         align(x, system)
-    # np.int64, because a literal 0 has its own type, and the callees would be compiled again
+    # np.int64, because a literal 0 has its own type, and numba would compile the callees again
     kept = np.int64(0)
     soft = False
     for iteration in range(most):

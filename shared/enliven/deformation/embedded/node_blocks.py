@@ -25,7 +25,7 @@ def couple(linear, held, first, out):
     ``out``.
 
     ``out`` has 6 rows of 8 per node. The coupling is the sum over the node's arms u of w (R S u).(turn x R u
-    + shift), with the sum of w u uᵀ in ``held`` and that of w u in ``first``.
+    + shift). ``held`` contains the sum of w u uᵀ, and ``first`` that of w u.
     """
     out[:] = np.float32(0.0)
     for j in range(first.shape[0] // 3):

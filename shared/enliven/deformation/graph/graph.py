@@ -75,7 +75,7 @@ class DeformationGraph:
           away. Neighbours lie within 2.5 node spacings along the surface. A node with fewer than four of them
           takes those that are nearest along the surface.
         - The two faces of a part thinner than half a node spacing are linked, each node with the nearest one
-          opposite, so that thin parts keep their thickness.
+          opposite. Thin parts then keep their thickness.
 
         Remaining components are joined by the minimum spanning tree over the components: along the surface
         within a shell; between shells by D, or by the Euclidean distance if D is infinite.

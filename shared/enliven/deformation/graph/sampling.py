@@ -80,8 +80,8 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 def _nearest(corners, middles, reach, points, faces, weights):
     """Finds the face (N,) nearest to each point, and its clamped barycentric coordinates (N, 3).
 
-    A face is skipped if its centre is farther away than the nearest centre by more than ``reach`` metres, the
-    largest distance from a centre to a corner.
+    ``reach`` metres is the largest distance from a face's centre to its corners. A face is skipped if its
+    centre is farther away than the nearest centre by more than ``reach``.
     """
     far, shares = np.empty(corners.shape[0]), np.empty(3)
     for n in range(points.shape[0]):
@@ -243,7 +243,9 @@ def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
 
 @njit(cache=True, nogil=True)
 def _throw_darts(positions, normals, cell, near, radius):
-    """Kernel of :func:`throw_darts`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each."""
+    """Computes :func:`throw_darts`, given ``cell`` (M,) of each candidate and ``near`` (C, 27) cells
+    around each.
+    """
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)
     kept = np.empty(positions.shape[0], np.int64)

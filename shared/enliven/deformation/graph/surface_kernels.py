@@ -203,6 +203,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
     for cell in range(starts.shape[0] - 1):
         for at in range(starts[cell], starts[cell + 1]):
             i = order[at]
+            # Search the neighbouring cells of the grid for near points.
             through, through_length = -1, thin
             near = np.int64(0)
             for m in range(27):
@@ -221,6 +222,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     length = x * x + y * y + z * z
                     if length > farthest:
                         continue
+                    # Two points are behind each other if each lies behind the tangent plane of the other.
                     depth_i = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
                     depth_j = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
                     behind = depth_i > 0.0 and depth_j > 0.0
@@ -237,6 +239,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
                         near = insert(best, who, near, length, j)
+            # Write the link through the part, and the links to other shells.
             if through >= 0:
                 out[found, 0], out[found, 1] = min(i, through), max(i, through)
                 found += 1

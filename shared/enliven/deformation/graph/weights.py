@@ -5,8 +5,8 @@ distance, d_max that to the fifth node, and the weights sum to one. So a vertex 
 other leg. If five nodes are about equally far away, the weights shift between them within millimetres, and
 the surface creases. This module differs in three steps:
 
-1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2), with e the Euclidean distance, g the geodesic distance along the
-   surface and s the node spacing. d equals e until the path along the surface is a detour; from there it
+1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g the geodesic distance along the
+   surface, and s the node spacing. d equals e until the path along the surface is a detour; from there it
    grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes; g leads
    through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface, and so
    are the weights, even when nodes enter and leave the four: a node enters with weight zero. d_max is at most

@@ -108,7 +108,7 @@ def hold(times, starts, ends, places, blend, weights, goals):
     times.
 
     Within a contact, the weight is 1. Outside, it falls by smoothstep over ``blend`` seconds. Between two
-    contacts, each attracts by w / (1 - w). So there is no jump, and a contact with full weight is not
+    contacts, each attracts by w / (1 - w). So the position never jumps, and a contact with full weight is not
     affected by the other.
     """
     for t in range(len(times)):

@@ -174,7 +174,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
         rise: fraction of its own rise above the goal that the foot keeps.
         sink: fraction of its own sinking below the goal that the foot keeps.
         goals: (T, 3) metres.
-        drops: (T,) metres by which the root was lowered; a free foot returns to its former position.
+        drops: (T,) metres, how far the root was lowered; a free foot returns to its former position.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

@@ -72,7 +72,7 @@ class Standing:
             that.
         window: the seconds that were analysed.
         times: (F,) seconds.
-        drops: (F,) metres by which the root is lowered at these times.
+        drops: (F,) metres, how far the root is lowered at these times.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
@@ -173,7 +173,7 @@ def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]
 
 
 def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
-    """Returns (F,) metres by which the root must be lowered for a limb to reach its contact.
+    """Returns (F,) how far the root must be lowered, metres, for a limb to reach its contact.
 
     The result is at most ``most`` (F,) lengths of the limb. A hip above the goal at height sqrt(reach^2 -
     across^2) just reaches it. The reach is slightly less than the limb, so that a knee does not snap

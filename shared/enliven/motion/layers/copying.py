@@ -49,7 +49,7 @@ def copy_motion(
         up: (3,) the camera's up.
         basis: (4,) to_from, instead of the basis from the view.
         flip: flips the y axis; not with a ``basis``.
-        delay: seconds by which the copy is later.
+        delay: seconds of delay of the copy.
         replaced: removes the present motion of the target chain instead of adding to it.
 
     Raises:

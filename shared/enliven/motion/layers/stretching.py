@@ -5,7 +5,7 @@
 
 A bone of the take passes its strain to all bones of the shape on its interval. It passes its offset in
 proportion to their arc length there, scaled to the size of the receiving bone. So a bone that is divided by a
-node keeps its stretch on both sides, and the offsets of the two halves add up to that of the whole. Several
+node keeps its stretch on both sides. The offsets of its two halves add up to that of the whole. Several
 layers on a bone add up, because strains are logarithms.
 """
 
