@@ -1,21 +1,24 @@
 """Evaluates the pose of a shape at a time: samples its layers, multiplies them along the tree, and places the
 result.
 
-    pose_of(project, shape_id, seconds) -> ShapePose       # once player = Player(project, shape_id)
-    # prepared: evaluate often player.at(seconds) -> ShapePose                        # turns (N, 4), joints
-    (N, 3) player.sample(times) -> (turns (T, N, 4), joints (T, N, 3)) player.linear(times, turns) -> (T, N,
-    3, 3)            # maps of the vertices: rotations and stretches player.own(times) -> (T, N, 4)
-    # a_j alone: the animation rotations player.contacts() -> {joint name: Contacts}            # of the
-    pinned feet player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
+    pose_of(project, shape_id, seconds) -> ShapePose       # once
+    player = Player(project, shape_id)                     # prepared: evaluate often
+    player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
+    player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
+    player.linear(times, turns) -> (T, N, 3, 3)            # maps of the vertices: rotations and stretches
+    player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
+    player.contacts() -> {joint name: Contacts}            # of the pinned feet
+    player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
     player.feed(take, turns, root)                         # live: this frame instead of the take
     pose_from(shape, ShapePose, seconds) -> Pose
 
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
 rest_parent). a_j is a product over the bone's spans: each contributes the fixed rotation before it and the
 span's own rotation C(0)^-1 C(1), with C the product of its layers' q, the first outermost. Muted layers, and
-layers of weight 0, are left out. If a layer also uses its take's stretches, x_j = x_parent + D_j U_j (rest_j
-- rest_parent + offset_j), and the vertices rigid with bone j are moved by D_j U_j; see
-:mod:`enliven.motion.layers.stretching`.
+layers of weight 0, are left out.
+
+If a layer also uses its take's stretches, x_j = x_parent + D_j U_j (rest_j - rest_parent + offset_j). The
+vertices rigid with bone j are then moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
 """
 
 from __future__ import annotations
