@@ -90,7 +90,9 @@ def factorise(count: int, edges: Int, weights: Float) -> Factor:
 
 @njit(cache=True, nogil=True)
 def _supernodes(start, row):
-    """Returns (S + 1,) the first column of each supernode, merged with its parent if that adds few zeros."""
+    """Returns (S + 1,) the first column of each supernode, and S. A supernode is merged with its parent if
+    that adds few zeros.
+    """
     count = len(start) - 1
     first = np.empty(count + 1, np.int32)
     entries = np.empty(count, np.int64)
