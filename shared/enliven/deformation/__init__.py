@@ -1,7 +1,7 @@
-"""Deformation of meshes: skinning, and spheres that stand for a moving mesh in a physics engine.
+"""Deformation of meshes: skinning, and sphere proxies of a moving mesh for a physics engine.
 
-The solvers are rooms of their own: ``graph`` (what both share), ``embedded`` (KinÊtre), ``arap`` (squash and
-stretch), ``constraints`` and ``possession``.
+The solvers are subpackages: ``graph`` (shared by both), ``embedded`` (KinÊtre), ``arap`` (squash and stretch)
+and ``constraints``. :mod:`enliven.possession` attaches performers to them.
 """
 
 import lazy_loader

@@ -1,10 +1,11 @@
-"""Skinning on the processor: the deformation map of KinÊtre, eq. 2, for vertices.
+"""Skinning on the CPU: the deformation map of KinÊtre, eq. 2, for vertices.
 
-The viewer does the same in its vertex shader; this is for export, tests and collision. One thread: numba's
-parallel loops end the process where two threads of it enter them at once and OpenMP is missing.
+The viewer does the same in its vertex shader; this module is for export, tests and collision. It uses one
+thread, because numba's parallel loops end the process if two threads enter them at once and OpenMP is
+missing.
 
-Tried: blending the four matrices before they meet the vertex, rows padded to four floats, and sums of a
-fixed array were all slower than the plain loop (by a quarter to a half).
+Tried without success: blending the four matrices before applying them to the vertex, rows padded to four
+floats, and sums of a fixed array. All were slower than the plain loop (by a quarter to a half).
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from enliven.kernels import njit
 
 
 def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) -> Float32:
-    """The vertices (V, 3) float32 of a character in a pose, in metres of the world.
+    """Returns the vertices (V, 3) float32 of a character in a pose, in metres of the world.
 
     v' = sum_k w_k (linear_k (v - pivot_k) + position_k), over the transforms that the vertex follows.
 
     Args:
-        out: (V, 3) float32 to write to, which saves allocating it every frame.
+        out: (V, 3) float32 output array, which saves an allocation in every frame.
 
     Raises:
-        InputError: where the pose is of another character, or ``out`` does not fit.
+        InputError: if the pose belongs to another character, or ``out`` has the wrong shape or type.
     """
     out = _place(character, pose, out)
     matrices = np.ascontiguousarray(pose.matrices(character.pivots), np.float32)
@@ -35,7 +36,7 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
 
 
 def _place(character: Character, pose: Pose, out: Float32 | None) -> Float32:
-    """Where to write, checked: the kernels do not look."""
+    """Returns the checked output array, because the kernels do not check bounds."""
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):
         raise InputError(

@@ -1,9 +1,10 @@
-"""A mesh as spheres that move with its graph: what a physics engine collides with (KinÊtre, figure 8).
+"""Sphere proxies: spheres that move with a mesh's graph, for collisions in a physics engine (KinÊtre, figure
+8).
 
-The paper packs them so: pick a random vertex, put a sphere of four mean edge lengths around it, prune the
-vertices inside, until none is left. Here the radius also has limits in metres and grows until the spheres are
-few enough, faces larger than a sphere are covered too, and the centres may sit below the surface, so that
-thin legs do not become thick.
+The paper packs them as follows: pick a random vertex, put a sphere of four mean edge lengths around it,
+remove the vertices inside, and repeat until none is left. This module differs in four ways. The radius also
+has limits in metres. It grows until the number of spheres is within the limit. Faces larger than a sphere are
+covered too. The centres may lie below the surface, so that thin legs do not become thick.
 """
 
 from __future__ import annotations
@@ -21,16 +22,17 @@ from enliven.rotation import unit
 from enliven.settings import setting
 
 _GROWTH = 1.12
-"""Factor on the radius where there would be too many spheres."""
+"""Growth factor of the radius if there are too many spheres."""
 _COVERED = 1.0 + 1e-9
-"""Factor on the radius within which a point counts as inside: its own rounding must not leave it out."""
+"""Factor on the radius within which a point counts as covered, to tolerate rounding errors."""
 _MOST_SAMPLES = 4_000_000
-"""Samples of large faces at most: it bounds the memory for a mesh with faces far larger than the spheres."""
+"""Maximum number of samples of large faces. It bounds the memory for a mesh with faces far larger than the
+spheres."""
 
 
 @dataclass(frozen=True)
 class SphereSettings:
-    """How a mesh becomes spheres; metres are those of the mesh at rest."""
+    """Settings for covering a mesh with spheres; metres are those of the mesh at rest."""
 
     edges: float = setting(4.0, "Radius in mean edge lengths (the paper's 4).", low=0.1, high=1000.0)
     smallest: float = setting(0.02, "Least radius.", unit="m", low=1e-4, high=10.0)
@@ -46,12 +48,12 @@ class SphereSettings:
 
 @dataclass(frozen=True)
 class SphereProxies:
-    """Spheres that cover a character's surface, moved by its transforms as its vertices are.
+    """Spheres that cover a character's surface, moved by its transforms like its vertices.
 
     Attributes:
         radius: metres at rest, the same for all.
         rest: (S, 3) float64 centres at rest, metres.
-        indices: (S, 4) uint16 transforms that each follows.
+        indices: (S, 4) uint16 transforms that each sphere follows.
         weights: (S, 4) float64, each row sums to one.
         pivots: (J, 3) float64, the character's.
     """
@@ -66,24 +68,26 @@ class SphereProxies:
         return len(self.rest)
 
     def centres(self, pose: Pose, out: Float | None = None) -> Float:
-        """(S, 3) world centres in a pose, by eq. 2; written into ``out`` where it is given."""
+        """Returns (S, 3) world centres in a pose, by eq. 2; written into ``out`` if given."""
         if out is None:
             out = np.empty_like(self.rest)
         _centres(self.rest, self.indices, self.weights, self.pivots, pose.linear, pose.positions, out)
         return out
 
     def radius_in(self, pose: Pose) -> float:
-        """Metres in a pose: grown as its maps grow on average (root mean square of their columns)."""
+        """Returns the radius in a pose, metres, scaled by the average growth of its maps (RMS of their
+        columns).
+        """
         return self.radius * float(np.sqrt(np.mean(np.square(pose.linear, dtype=np.float64)) * 3.0))
 
 
 def pack_spheres(
     character: Character, settings: SphereSettings | None = None, seed: int = 0
 ) -> SphereProxies:
-    """Spheres around every vertex and every larger face of a character; the same for the same input.
+    """Returns spheres around every vertex and every larger face of a character; deterministic.
 
     Raises:
-        InputError: where a vertex is not finite.
+        InputError: if a vertex is not finite.
     """
     settings = settings or SphereSettings()
     vertices = np.ascontiguousarray(character.vertices, np.float64)
@@ -110,19 +114,19 @@ def pack_spheres(
 
 
 def _radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
-    """The paper's radius within the settings' limits, larger where the area surely needs too many."""
+    """Returns the paper's radius within the settings' limits, larger if the area needs too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # What a sphere holds of a smooth surface is hardly more than its own area, 4 pi r^2.
+    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2.
     needed = np.sqrt(area / (4 * np.pi * settings.most))
     return float(max(min(max(settings.edges * mean, settings.smallest), settings.largest), needed, 1e-6))
 
 
 def surface_samples(vertices: Float, faces: Int32, spacing: float) -> tuple[Int, Float]:
-    """Points all over the surface: every used vertex, and a grid on faces larger than ``spacing``.
+    """Returns points that cover the surface: every used vertex, and a grid on faces larger than ``spacing``.
 
     Returns:
-        (P, 3) int64 the three vertices that each point lies between, and (P, 3) its barycentric shares.
+        (P, 3) int64 the three vertices around each point, and (P, 3) its barycentric coordinates.
     """
     seen = np.zeros(len(vertices), bool)
     seen[faces] = True
@@ -143,7 +147,9 @@ def surface_samples(vertices: Float, faces: Int32, spacing: float) -> tuple[Int,
 
 
 def _barycentric_grid(count: int) -> Float:
-    """(P, 3) the points of a triangle cut into ``count`` parts along each edge, its corners left out."""
+    """Returns (P, 3) the points of a triangle split into ``count`` parts along each edge, without its
+    corners.
+    """
     i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
     inside = i + j <= count
     grid = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], 1)
@@ -151,12 +157,12 @@ def _barycentric_grid(count: int) -> Float:
 
 
 def _blended(values: Float, rows: Int, shares: Float) -> Float:
-    """(P, 3) the values (V, 3) at points between three vertices."""
+    """Returns (P, 3) the interpolated values (V, 3) at points between three vertices."""
     return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
 
 
 def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:
-    """(S, 4) nodes and weights of points between vertices: the strongest four of up to twelve."""
+    """Returns (S, 4) nodes and weights of points between vertices: the strongest four of up to twelve."""
     indices = np.zeros((len(rows), 4), np.uint16)
     kept = np.zeros((len(rows), 4))
     for s in range(len(rows)):
@@ -173,9 +179,10 @@ def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[U
 
 @njit(cache=True, nogil=True)
 def _greedy(points, inner, order, radius, most):
-    """Numbers of the points that get a sphere, each covering what is inside; none where ``most`` are too few.
+    """Returns the indices of the points that get a sphere; empty if ``most`` spheres are too few.
 
-    Spheres are found through a hash table of cells as large as their radius.
+    Each sphere covers the points inside it. Spheres are found through a hash table of cells with their radius
+    as size.
     """
     size = 64
     while size < 4 * most:
@@ -212,14 +219,14 @@ def _greedy(points, inner, order, radius, most):
 
 @njit(cache=True, nogil=True)
 def _slot(x, y, z, size):
-    """Where a cell is in a hash table of ``size``, a power of two."""
+    """Returns the slot of a cell in a hash table of ``size``, a power of two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 
 
 @njit(cache=True, nogil=True)
 def _centres(rest, indices, weights, pivots, linear, positions, out):
-    """c' = sum_k w_k (linear_k (c - pivot_k) + position_k)."""
+    """Computes c' = sum_k w_k (linear_k (c - pivot_k) + position_k) into ``out``."""
     for s in range(rest.shape[0]):
         for a in range(3):
             out[s, a] = 0.0

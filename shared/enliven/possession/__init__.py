@@ -1,8 +1,8 @@
-"""Possession: performers take hold of any mesh and move it, live or replayed (KinÊtre, 2012).
+"""Possession: performers attach to any mesh and move it, live or in a replayed take (KinÊtre, 2012).
 
-A performer's bones take hold of the nodes of the mesh's deformation graph that are near them
-(:func:`attach`); :class:`EmbeddedActor` keeps who holds what and solves the mesh frame by frame. The stage of
-the edge and a take that is solved again are callers of this one class.
+The bones of a performer attach to the nodes of the mesh's deformation graph that are near them
+(:func:`attach`). :class:`EmbeddedActor` stores the holds of all performers and solves the mesh frame by
+frame. Two callers use this class: the stage of the edge, and the code that solves a recorded take again.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""What every actor does: who holds a character, who would next, and its pose."""
+"""The interface of every actor: its current holders, the next performer, and its pose."""
 
 from __future__ import annotations
 
@@ -13,49 +13,52 @@ from enliven.person import Body, parts_named
 from enliven.possession.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
-"""What happens to earlier holds when a performer takes hold: "alone" ends all of them, "join" keeps those of
-other performers, "extend" keeps the performer's own too."""
+"""Effect on earlier holds when a performer attaches. "alone" ends all of them, "join" keeps the holds of
+other performers, and "extend" keeps the performer's own holds as well."""
 
 
 class Actor:
-    """A character that performers take hold of, drive and let go, whatever moves its mesh."""
+    """A character that performers attach to, drive and release, independent of how its mesh is moved."""
 
     character: Character
     """The mesh with the pivots that move it."""
     holds: Any
-    """The holds on it, the oldest first; ``body`` of each is the performer's id."""
+    """The holds on the character, oldest first; ``body`` of each hold is the performer's id."""
     busy: frozenset[int] = frozenset()
-    """The ids of the performers who hold other characters: they are not offered this one."""
+    """The ids of performers that hold other characters. They are not offered this character."""
     aside: float = 0.0
-    """Metres towards +X by which it waits away from its usual place, where other characters wait."""
+    """Offset towards +X, metres, from the usual waiting place, if other characters wait there."""
     size: float = 1.0
-    """Metres of the mesh as modelled for one of its rest space."""
+    """Metres of the mesh as modelled per metre of its rest space."""
     growth: float = 1.0
-    """How many times its own size it is shown at."""
+    """Display scale relative to the character's own size."""
     exaggeration: float | None = None
-    """How far soft parts swing past the motion, where that was asked for; None: as its settings say."""
+    """How far soft parts swing past the motion, if this was requested. None uses the value in the
+    settings."""
     settings: Any
-    """How it meets and follows its performers: a dataclass."""
+    """How the character approaches and follows its performers: a dataclass."""
     _candidate: tuple[int | None, str] = (None, "all")
 
     @property
     def uses_surface(self) -> bool:
-        """Whether it follows what the sensor sees of its performers' surfaces, not their skeletons alone."""
+        """Whether the character follows the observed surface of its performers, not only their skeletons."""
         return False
 
     @property
     def state(self) -> State:
-        """Whether a performer holds it."""
+        """Whether a performer holds the character: "possessed" or "free"."""
         return "possessed" if self.holds else "free"
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where the mesh stands: scale, radians about +Y, x, y, z in metres; empty where it has none."""
+        """The placement of the mesh: scale, radians about +Y, x, y, z in metres. Empty if it has no
+        placement.
+        """
         return ()
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
+        """The id of the performer that attaches next (None for the first in view), and the body parts."""
         return self._candidate
 
     def perform(
@@ -71,45 +74,47 @@ class Actor:
         raise NotImplementedError
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Lets a performer take hold with parts of the body.
+        """Attaches a performer with some parts of the body.
 
         Raises:
-            InputError: for an unknown part, or where nothing can be reached; the actor stays as it was.
+            InputError: if a part is unknown, or if nothing is within reach. The actor is then unchanged.
         """
         raise NotImplementedError
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all where ``body`` is None; what is free eases back to rest.
+        """Ends the hold of one performer, or of all performers if ``body`` is None. Released parts ease back
+        to rest.
 
         Raises:
-            InputError: where that performer holds nothing of it.
+            InputError: if that performer does not hold this character.
         """
         raise NotImplementedError
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Shows it at so many times its own size from now on; who holds it holds it as before.
+        """Sets the display scale relative to the character's own size. Existing holds are kept.
 
         Args:
-            about: (3,) metres, the place on the floor that stays; None: where it stands.
-            fade: whether it eases over to it.
+            about: (3,) metres, the point on the floor that stays fixed; None uses the mesh's current place.
+            fade: whether the change is eased.
 
         Raises:
-            InputError: where its size cannot change.
+            InputError: if the size of this character cannot change.
         """
         mend = "Scale it in the project."
         raise InputError("it is as large as it was made", where=f"sizing {self.character.id!r}", mend=mend)
 
     def exaggerate(self, exaggeration: float | None) -> None:
-        """Lets soft parts swing so far past the motion from now on; None: as its settings say.
+        """Sets how far soft parts swing past the motion. None uses the value in the settings.
 
         Raises:
-            InputError: where nothing of it can swing.
+            InputError: if no part of the character can swing.
         """
         where = f"exaggerating {self.character.id!r}"
         raise InputError("no part of it can swing", where=where, mend="Choose a mesh that performers hold.")
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts.
+        """Makes the cues preview the nodes that this performer (None: the next one) would hold with these
+        parts.
 
         Raises:
             InputError: for an unknown part.
@@ -118,27 +123,27 @@ class Actor:
         self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the first of the bodies that neither holds it nor is busy with another character."""
+        """Returns the first body that neither holds this character nor is busy with another character."""
         return next(iter(self._idle(bodies)), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns what is held, and what the next performer would hold."""
+        """Returns the nodes that are held, and those that the next performer would hold."""
         raise NotImplementedError
 
     def warm_up(self) -> None:
-        """Runs everything once, so that no frame waits for a compiler."""
+        """Runs all code paths once, so that no frame waits for compilation."""
         raise NotImplementedError
 
     def _idle(self, bodies: Sequence[Body]) -> list[Body]:
-        """Returns the bodies that neither hold it nor are busy with another character."""
+        """Returns the bodies that neither hold this character nor are busy with another character."""
         holders = {hold.body for hold in self.holds}
         return [body for body in bodies if body.id not in holders and body.id not in self.busy]
 
     def _need_holder(self, body: int | None, verb: tuple[str, str]) -> None:
-        """Raises InputError where a performer (None: any) does not hold it.
+        """Raises InputError if a performer does not hold this character. None raises nothing.
 
         Args:
-            verb: what a holder does, such as ("drive", "driven").
+            verb: verb and participle for the message, such as ("drive", "driven").
         """
         if body is not None and all(hold.body != body for hold in self.holds):
             who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"

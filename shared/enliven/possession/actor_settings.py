@@ -1,4 +1,4 @@
-"""How a character meets, and follows, its performers."""
+"""Settings for how a character approaches and follows its performers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ActorSettings:
-    """How a character meets its performers."""
+    """Settings for how a character approaches its performers."""
 
     place: Literal["meet", "fixed"] = setting(
         "meet", "'meet' puts the mesh where the performer stands, 'fixed' leaves it as modelled."

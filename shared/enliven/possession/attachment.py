@@ -1,7 +1,8 @@
-"""Possession: a tracked body takes hold of a deformation graph (KinÊtre, "Constraints").
+"""Attachment: binds a tracked body to a deformation graph (KinÊtre, "Constraints").
 
-Each bone is a cylinder with samples; a sample that lies near a node, and faces the same way, becomes a point
-constraint. The samples then move with the bones, and the solver moves the graph with the samples.
+Each bone is a cylinder with sample points. A sample becomes a point constraint if it lies near a node and
+faces the same way as the node. The samples then move with the bones, and the solver deforms the graph to
+follow the samples.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from enliven.settings import setting
 
 _PARENT = np.array(PARENTS)
 _LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
-"""(20,) the trunk, the arms and the legs, by the joint that a bone ends at."""
+"""(20,) limb number of each bone, indexed by its child joint: 0 trunk, 1 and 2 arms, 3 and 4 legs."""
 _ARMS = (1, 2)
-"""The numbers of the arms among those limbs."""
+"""The numbers of the arms in ``_LIMBS``."""
 _ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
-"""The joints with bones that begin at the pelvis."""
+"""Child joints of the bones that begin at the pelvis."""
 
 
 @dataclass(frozen=True)
 class AttachmentSettings:
-    """How a body takes hold of a mesh."""
+    """How a body attaches to a mesh."""
 
     radius: float = setting(0.04, "Radius of the cylinder around each bone.", unit="m", low=0.0, high=0.5)
     along: int = setting(4, "Samples along each bone.", low=1, high=64)
@@ -46,13 +47,13 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class Growth:
-    """The longer reach of a body that does not fit the mesh: it grows limb by limb until enough bones hold.
+    """A longer reach for a body that does not fit the mesh. It grows limb by limb until enough bones attach.
 
-    Arms of a performer who holds the mesh with the whole body reach only as far as the whole body needs: in
-    a mesh without arms they would otherwise take hold of its flanks.
+    If the performer holds the mesh with the whole body, the arms reach only as far as the whole body needs.
+    Otherwise they would attach to the flanks of a mesh that has no arms.
 
     Attributes:
-        enough: share of the bones that must take hold before the reach stops growing.
+        enough: fraction of the bones that must attach before the reach stops growing.
         farthest: metres, the longest reach that is tried.
     """
 
@@ -60,11 +61,12 @@ class Growth:
     farthest: float
 
     def reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
-        """(L,) metres for each sample: ``reach``, or the next longer one at which enough bones take hold.
+        """Returns (L,) the reach of each sample, metres: ``reach``, or the next longer one at which enough
+        bones attach.
 
         Args:
             bone: (L,) the bone of each sample.
-            nearest: (L,) metres from each sample to the nearest node, infinite where there is none.
+            nearest: (L,) metres from each sample to the nearest node, infinite if there is none.
         """
         first = np.full(J, np.inf)
         np.minimum.at(first, bone, nearest)
@@ -77,7 +79,9 @@ class Growth:
         return out
 
     def _grown(self, reach: float, first: Float) -> float:
-        """The reach at which enough of these bones hold, each ``first`` (B,) metres from what it would."""
+        """Returns the reach at which enough bones attach, given the distance ``first`` (B,) from each to its
+        nearest node.
+        """
         while np.count_nonzero(first < reach) < self.enough * len(first) and reach < self.farthest:
             reach = min(1.5 * reach + 0.01, self.farthest)
         return reach
@@ -85,16 +89,16 @@ class Growth:
 
 @dataclass(frozen=True)
 class Attachment:
-    """Point constraints that a body drives; L may be 0 where nothing was in reach.
+    """Point constraints that a body drives. L is 0 if nothing was within reach.
 
     Attributes:
         points: (L, 3) metres, p_l, in the mesh's rest space.
         node_indices: (L, 4) int32 the nodes that move each point.
-        node_weights: (L, 4) how much; they sum to one, 0 where fewer than four are valid.
+        node_weights: (L, 4) weights of these nodes. They sum to one; unused entries are 0.
         bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
-        along: (L,) where along the bone: 0 is the parent joint itself, 1 the child joint itself.
-        radial: (L, 3) metres from the bone's axis to the point, in the world, when it took hold.
-        rest: (20, 3) metres, the joints when they took hold.
+        along: (L,) position along the bone: 0 is the parent joint itself, 1 the child joint itself.
+        radial: (L, 3) metres from the bone's axis to the point, in the world, when the body attached.
+        rest: (20, 3) metres, the joints when the body attached.
     """
 
     points: Float
@@ -110,7 +114,9 @@ class Attachment:
 
     @property
     def nodes(self) -> tuple[Int, Float]:
-        """(K,) the nodes held, and (K,) how strongly, in (0, 1]: for the viewer's highlights."""
+        """(K,) the nodes that are held, and (K,) the strength of each, in (0, 1], for the viewer's
+        highlights.
+        """
         if not len(self):
             return np.empty(0, np.int64), np.empty(0)
         total = np.bincount(self.node_indices.reshape(-1), self.node_weights.reshape(-1))
@@ -118,7 +124,7 @@ class Attachment:
         return held, total[held] / total.max()
 
     def only(self, kept: Bool) -> Attachment:
-        """The points of a (L,) mask."""
+        """Returns the attachment with only the points of a (L,) mask."""
         return Attachment(
             self.points[kept],
             self.node_indices[kept],
@@ -130,15 +136,16 @@ class Attachment:
         )
 
     def targets(self, joints: Float, turns: Float | None = None) -> Float:
-        """(L, 3) metres where the points should be now, q_l; NaN where a joint they need is not finite.
+        """Returns (L, 3) metres, the current target positions q_l of the points. NaN if a needed joint is not
+        finite.
 
         A point keeps its fraction along the bone, however long the bone is now, and its distance from the
         bone's axis.
 
         Args:
             joints: (20, 3) metres, world frame.
-            turns: (19, 3, 3) rotation of each bone since the body attached; None computes it from the
-                joints. Joints do not determine how a trunk without hips or shoulders turns about its length.
+            turns: (19, 3, 3) rotation of each bone since the body attached; None computes it from the joints.
+                Joint positions do not determine how a trunk without hips or shoulders twists about its axis.
         """
         joints = checked_joints(joints)
         turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
@@ -150,13 +157,16 @@ class Attachment:
         return out
 
     def _of_ends(self, values: Float) -> Float:
-        """(L,) the smaller of ``values`` (20,) at a bone's ends; at a joint itself, that joint's own."""
+        """Returns (L,) the smaller of ``values`` (20,) at the two ends of each bone; a point on a joint uses
+        that joint's value.
+        """
         child, parent = values[self.bone], values[_PARENT[self.bone]]
         inner = np.minimum(child, parent)
         return np.where(self.along == 1.0, child, np.where(self.along == 0.0, parent, inner))
 
     def target_weights(self, confidence: Float) -> Float:
-        """(L,) in [0, 1]: 0 where a joint of the bone is lost, rising smoothly with its confidence.
+        """Returns (L,) weights in [0, 1]: 0 if a joint of the bone is lost, rising smoothly with its
+        confidence.
 
         Args:
             confidence: (20,) in [0, 1]; NaN counts as 0.
@@ -169,7 +179,7 @@ class Attachment:
 
 
 def checked_joints(joints: Float) -> Float:
-    """The joints as (20, 3) float64, or an InputError."""
+    """Returns the joints as (20, 3) float64, or raises InputError."""
     joints = np.ascontiguousarray(joints, np.float64)
     if joints.shape != (J, 3):
         raise InputError(f"the joints are {joints.shape}, expected ({J}, 3)", where="attachment")
@@ -185,20 +195,21 @@ def attach(
     deformed: tuple[Float, Float] | None = None,
     grow: Growth | None = None,
 ) -> Attachment:
-    """Take hold of the graph where the body is now; also the preview of what would be held.
+    """Attaches the body at its current pose to the graph. Also computes the preview of the nodes that would
+    be held.
 
     Args:
         graph: of the mesh, in the same world frame.
-        joints: (20, 3) metres; a bone with a joint that is not finite does not take hold.
-        confidence: (20,); a bone with a joint of confidence 0 does not take hold.
+        joints: (20, 3) metres; a bone with a joint that is not finite does not attach.
+        confidence: (20,); a bone with a joint of confidence 0 does not attach.
         parts: names of :data:`enliven.person.body.PARTS`; a bone belongs to its child joint.
         settings: radius, samples, reach and angle.
-        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, where the mesh is not at
-            rest (to take hold again, or with a second body).
-        grow: reach farther than the settings say where too few of the bones reach anything.
+        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, if the mesh is deformed
+            (to attach again, or with a second body).
+        grow: extends the reach beyond the settings if too few bones reach a node.
 
     Raises:
-        InputError: for an unknown part or arrays of the wrong shape.
+        InputError: if a part is unknown or an array has the wrong shape.
     """
     settings, grow = settings or AttachmentSettings(), grow or Growth(0.0, 0.0)
     joints = checked_joints(joints)
@@ -227,8 +238,12 @@ def attach(
 def _samples(
     joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
 ) -> tuple[Float, Float, Int, Float, Float, Int]:
-    """Position, normal (zero at a joint), bone, fraction and radial offset of each sample; and where each
-    bone's samples, and each joint, begin."""
+    """Returns the samples of all usable bones and joints, grouped by bone and by joint.
+
+    Returns:
+        position, normal (zero at a joint), bone, fraction along the bone and radial offset of each sample,
+        and the index at which each group begins.
+    """
     points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
     count = points.shape[1]
     bones = np.flatnonzero(usable[1:] & usable[_PARENT[1:]] & chosen[1:])
@@ -237,8 +252,8 @@ def _samples(
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
     if chosen[0] and not chosen[[*_ON_PELVIS]].any() and usable[:2].all():
-        # The root ends no bone: who holds with the hip alone holds with the lower half of the spine, so that
-        # the hip turns what it holds.
+        # The root joint is not the child of any bone. If only the hip is chosen, it holds the mesh with the
+        # lower half of the spine, so that rotating the hip rotates the held part.
         pelvis = fraction < 0.5
         where.append(points[0][pelvis])
         facing.append(normals[0][pelvis])
@@ -263,7 +278,7 @@ def _samples(
 
 
 def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
-    """(N, 3) positions and (N, 3) unit normals of the nodes as they stand."""
+    """Returns (N, 3) positions and (N, 3) unit normals of the nodes in the current deformation."""
     if deformed is None:
         return graph.positions, graph.normals
     linear, positions = deformed
@@ -273,7 +288,7 @@ def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) ->
 
 @njit(cache=True, nogil=True)
 def _place(joints, turns, bone, along, radial, out):
-    """Kernel of :meth:`Attachment.targets`."""
+    """Computes :meth:`Attachment.targets` into ``out``."""
     for i in range(bone.shape[0]):
         child = bone[i]
         parent = _PARENT[child]

@@ -1,4 +1,6 @@
-"""How the bones of a tracked body turn, from joint positions alone, and cylinders of samples around them."""
+"""Rotations of a tracked body's bones from joint positions alone, and sample points on cylinders around the
+bones.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +13,25 @@ from enliven.person import BONES, PARENTS, J, Joint
 _PARENT = np.array(PARENTS)
 _HIP = int(Joint.HIP_CENTER)
 _CHEST = int(Joint.SHOULDER_CENTER)
-# Arrays: tuples of ints would be types of their own, for which the kernels are compiled once each.
+# Arrays, because numba compiles a kernel again for each distinct tuple type.
 _HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
 _X, _Y, _Z = np.eye(3)
 _ON_CHEST = np.array([j in (_CHEST, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])
 _ON_TORSO = _ON_CHEST | np.isin(_PARENT, (_HIP, *_HIPS)) | (np.arange(J) == _HIP)
-"""Bones that turn with the hips or the shoulders; the others turn with the bone before them."""
+"""Bones that rotate with the hips or the shoulders. Every other bone rotates with its parent bone."""
 
 
 def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: int = 4) -> tuple[Float, Float]:
-    """Points on a cylinder about each of the 19 bones, and their outward normals (KinÊtre, "Constraints").
+    """Returns points on a cylinder about each of the 19 bones, and their outward normals (KinÊtre,
+    "Constraints").
 
     Args:
         joints: (20, 3) metres; the samples of a bone with a joint that is not finite are NaN.
         radius: metres.
-        along: samples along each bone, in the middles of as many equal pieces.
-        around: samples around each bone, every second ring turned by half a step.
+        along: number of sample rings along each bone, each in the middle of one of ``along`` equal sections.
+        around: samples per ring; every second ring is rotated by half a step.
 
     Returns:
         (19, along * around, 3) metres and (19, along * around, 3) unit vectors.
@@ -43,16 +46,18 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
 
 
 def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
-    """(19, 3, 3) how each bone has turned since ``rest``, and (19, 3, 3) its torso's axes now.
+    """Returns (19, 3, 3) the rotation of each bone since ``rest``, and (19, 3, 3) the current axes of its
+    torso.
 
-    The hips and the shoulders each give a frame. A bone turns with its girdle, or with the bone before it,
-    and then swings by the shortest arc to where it points now: so limbs twist with the body, and never spin
-    of themselves. Only an upper arm can come to point against its direction at rest, where the shortest arc
-    is undefined (arms hanging at rest, then raised). It swings by way of a direction ahead and outward of
-    the one at rest, which moves that gap behind the body, where no arm reaches.
+    The hips and the shoulders each define a frame (a girdle). A bone first rotates with its girdle or its
+    parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
+    never spin on their own. Only an upper arm can point opposite to its rest direction (arms hanging at rest,
+    then raised), where the shortest arc is undefined. The upper arm therefore swings by way of a direction
+    ahead of and outward from its rest direction. This moves the undefined direction behind the body, where no
+    arm reaches.
 
     Args:
-        rest: (20, 3) metres, the joints when the body took hold.
+        rest: (20, 3) metres, the joints when the body attached.
         joints: (20, 3) metres, now. A joint that is not finite moves with its parent.
     """
     turns = np.empty((len(BONES), 3, 3))
@@ -63,20 +68,20 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
 
 
 def known_bones(joints: Float) -> Bool:
-    """(19,) whether both joints of each bone are finite."""
+    """Returns (19,) whether both joints of each bone are finite."""
     finite = np.asarray(np.isfinite(joints).all(1))
     return np.asarray(finite[1:] & finite[_PARENT[1:]])
 
 
 def filled_joints(joints: Float, rest: Float) -> Float:
-    """(20, 3) the joints, each that is not finite placed as far from its parent as in ``rest``."""
+    """Returns (20, 3) joints; one that is not finite is placed at its offset from its parent in ``rest``."""
     out = np.array(joints, np.float64)
     known = np.asarray(np.isfinite(out).all(1))
     if known.all():
         return out
     offsets = np.nan_to_num(rest - rest[_PARENT], nan=0.0, posinf=0.0, neginf=0.0)
     if not known[0]:
-        # The root moves as the first known joint has moved.
+        # The root takes the displacement of the first known joint.
         moved = (out - rest + rest[0])[known]
         moved = moved[np.isfinite(moved).all(1)]
         out[0] = moved[0] if len(moved) else (out[known][0] if known.any() else 0.0)
@@ -88,7 +93,7 @@ def filled_joints(joints: Float, rest: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _unit_into(x, y, z, fallback, out):
-    """``out`` (3,) takes the direction of (x, y, z), or ``fallback`` (3,) where that has no length."""
+    """Writes the direction of (x, y, z) into ``out`` (3,), or ``fallback`` (3,) if its length is zero."""
     length = np.sqrt(x * x + y * y + z * z)
     if length > 1e-6:
         out[0], out[1], out[2] = x / length, y / length, z / length
@@ -107,7 +112,7 @@ def _cross_into(u, v, out):
 
 @njit(cache=True, nogil=True)
 def _product_into(m, n, out):
-    """``out`` = M N for (3, 3) matrices; ``out`` is neither of them."""
+    """Writes M N for (3, 3) matrices into ``out``, which must not alias M or N."""
     for r in range(3):
         for c in range(3):
             out[r, c] = m[r, 0] * n[0, c] + m[r, 1] * n[1, c] + m[r, 2] * n[2, c]
@@ -115,7 +120,7 @@ def _product_into(m, n, out):
 
 @njit(cache=True, nogil=True)
 def _girdle(joints, left, right, frame):
-    """``frame`` (3, 3) takes, row by row: to the left, up along the spine, ahead."""
+    """Writes the axes of a girdle into the rows of ``frame`` (3, 3): left, up along the spine, forward."""
     side, up, ahead = frame[0], frame[1], frame[2]
     spine = joints[_CHEST] - joints[_HIP]
     _unit_into(spine[0], spine[1], spine[2], _Y, up)
@@ -123,7 +128,7 @@ def _girdle(joints, left, right, frame):
     lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]
     x, y, z = across[0] - lean * up[0], across[1] - lean * up[1], across[2] - lean * up[2]
     if not _unit_into(x, y, z, _X, side):
-        # No width: any level direction will do, as long as it is at right angles.
+        # The girdle has no width: use any horizontal direction at right angles to the spine.
         _cross_into(up, _Z if abs(up[2]) < 0.9 else _Y, side)
         _unit_into(side[0], side[1], side[2], _X, side)
     _cross_into(side, up, ahead)
@@ -131,7 +136,7 @@ def _girdle(joints, left, right, frame):
 
 @njit(cache=True, nogil=True)
 def _swing_into(a, b, out):
-    """``out`` (3, 3) takes the rotation by the shortest arc from the unit vector ``a`` to ``b``."""
+    """Writes the rotation by the shortest arc from unit vector ``a`` to ``b`` into ``out`` (3, 3)."""
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     axis = np.empty(3)
     if cosine < -1 + 1e-9:
@@ -156,7 +161,9 @@ def _swing_into(a, b, out):
 
 @njit(cache=True, nogil=True)
 def _girdle_turn(rest, joints, pair, turn, frame):
-    """``turn`` (3, 3) takes how a girdle has turned, ``frame`` its axes now, row by row."""
+    """Writes the rotation of a girdle since rest into ``turn`` (3, 3), and its current axes into the rows of
+    ``frame``.
+    """
     before = np.empty((3, 3))
     _girdle(rest, pair[0], pair[1], before)
     _girdle(joints, pair[0], pair[1], frame)
@@ -165,17 +172,18 @@ def _girdle_turn(rest, joints, pair, turn, frame):
 
 @njit(cache=True, nogil=True)
 def _rotations(rest, joints, turns, axes):
-    """Kernel of :func:`bone_rotations`; both bodies complete."""
+    """Computes :func:`bone_rotations`; all joints of both bodies must be finite."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
     _girdle_turn(rest, joints, _HIPS, girdle_turn[0], girdle[0])
     _girdle_turn(rest, joints, _SHOULDERS, girdle_turn[1], girdle[1])
     before, after, turned, by = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     swing, start = np.empty((3, 3)), np.empty((3, 3))
     for child in range(1, joints.shape[0]):
+        # Start with the rotation of the girdle, or of the parent bone.
         parent, b, g = _PARENT[child], child - 1, 1 if _ON_CHEST[child] else 0
         for r in range(3):
             for c in range(3):
-                # A frame's rows are its axes; where it is handed out, its columns are.
+                # The rows of a girdle frame are its axes; the returned matrices hold the axes in columns.
                 axes[b, r, c] = girdle[g, c, r] if _ON_TORSO[child] else axes[parent - 1, r, c]
                 start[r, c] = girdle_turn[g, r, c] if _ON_TORSO[child] else turns[parent - 1, r, c]
                 turns[b, r, c] = start[r, c]
@@ -184,6 +192,7 @@ def _rotations(rest, joints, turns, axes):
             continue
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
+        # Swing an upper arm by way of a direction ahead and outward first.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):
@@ -201,13 +210,14 @@ def _rotations(rest, joints, turns, axes):
 
 @njit(cache=True, nogil=True)
 def _sample_cylinders(joints, axes, radius, along, around, points, normals):
-    """Kernel of :func:`bone_samples`."""
+    """Computes :func:`bone_samples` into ``points`` and ``normals``."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):
         b, start = child - 1, joints[_PARENT[child]]
         way = joints[child] - start
         _unit_into(way[0], way[1], way[2], axes[b, :, 1], axis)
-        # Ahead of the torso; for a bone that points ahead itself, along the spine.
+        # Angles are measured from the forward axis of the torso, or from its spine if the bone itself points
+        # forward.
         for column in (2, 1):
             lean = axis[0] * axes[b, 0, column] + axis[1] * axes[b, 1, column] + axis[2] * axes[b, 2, column]
             if abs(lean) < 0.99:

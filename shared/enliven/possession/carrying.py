@@ -1,4 +1,4 @@
-"""Transforms of a performer's joints from the world into the rest space of the mesh that they move."""
+"""Transforms of a performer's joints from the world into the rest space of a mesh."""
 
 from __future__ import annotations
 
@@ -15,46 +15,50 @@ _HIP = Joint.HIP_CENTER
 
 
 class Carrying(Protocol):
-    """Carries joints from the world into the rest space."""
+    """A transform of joints from the world into the rest space."""
 
     @property
     def scale(self) -> float:
-        """Metres of the performer for one metre of the rest space."""
+        """Metres of the performer per metre of the rest space."""
 
     @property
     def fits(self) -> bool:
-        """Whether the joints lie in the mesh by themselves, so that every bone should take hold."""
+        """Whether the joints already lie inside the mesh, so that every bone should attach."""
 
     @property
     def at_rest(self) -> Float | None:
-        """(20, 3) metres where the bones take hold of the mesh at rest; None: where the joints are now."""
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
+        current joints.
+        """
 
     @property
     def turns(self) -> Float | None:
-        """(19, 3, 3) rotation of each bone for the last joints; None: it is computed from the joints."""
+        """(19, 3, 3) rotation of each bone for the last joints. None means that it is computed from the
+        joints.
+        """
 
     def at(self, time_ns: int) -> None:
-        """Tells it the time of the joints that it carries next, by the sensor's clock."""
+        """Sets the time of the joints that are transformed next, by the sensor's clock."""
 
     def __call__(self, joints: Float) -> Float:
-        """(20, 3) joints in the rest space, from (20, 3) in the world."""
+        """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """(M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
+        """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
 
     def handed_over(self, body: Body) -> None:
-        """Continues with another body from where the last one was."""
+        """Continues with another body from the last position of the previous body."""
 
 
 @dataclass
 class CarriedPlacement:
-    """Carries joints by a rigid placement with scale: as if the mesh stood where the performer is.
+    """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
 
     Attributes:
-        placement: where the mesh would have to stand for the performer to be in it.
-        travel: share of the performer's travel over the floor that the mesh makes too.
-        stays: whether the mesh stands elsewhere: then another performer goes on where the last one was.
-        home: (2,) metres, x and z of the hip when the performer took hold.
+        placement: where the mesh would have to stand for the performer to be inside it.
+        travel: fraction of the performer's travel over the floor that the mesh follows.
+        stays: whether the mesh stands elsewhere. If so, another performer continues from the last position.
+        home: (2,) metres, x and z of the hip when the performer attached.
     """
 
     placement: Placement
@@ -68,14 +72,14 @@ class CarriedPlacement:
 
     @property
     def scale(self) -> float:
-        """Metres of the performer for a metre of the rest space."""
+        """Metres of the performer per metre of the rest space."""
         return self.placement.scale
 
     def at(self, time_ns: int) -> None:
-        """It is carried alike at any time."""
+        """Does nothing: this transform does not depend on time."""
 
     def __call__(self, joints: Float) -> Float:
-        """(20, 3) joints in the rest space, from (20, 3) in the world."""
+        """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
         if np.isfinite(joints[_HIP]).all():
             self._hip = joints[_HIP, [0, 2]].copy()
             if self.home is None:
@@ -83,18 +87,20 @@ class CarriedPlacement:
         return self._at_rest(joints)
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """(M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
+        """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
         return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
 
     def _at_rest(self, points: Float | Float32) -> Float:
-        """(M, 3) world points in the rest space, less the travel that the mesh does not make."""
+        """Returns (M, 3) world points in the rest space, minus the travel that the mesh does not follow."""
         points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
             points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
         return self.placement.to_rest(points)
 
     def handed_over(self, body: Body) -> None:
-        """Continues with another body: where the last one was, or, inside the mesh, where the body is."""
+        """Continues with another body: from the last position if the mesh stands elsewhere, else at the
+        body's own position.
+        """
         if self.stays and self._hip is not None and self.home is not None:
             step = body.joints[_HIP, [0, 2]] - self._hip
             if np.isfinite(step).all():

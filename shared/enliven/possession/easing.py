@@ -1,4 +1,4 @@
-"""Easing keeps the shown state continuous when the computed state jumps."""
+"""Easing (blending) that keeps the shown state continuous when the computed state jumps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from enliven.arrays import Float
 from enliven.possession.placement import turn_about_y, yaw_between
 
 _STEEPEST = 1.5 * np.pi / 2
-"""The slope of the cubic easing at its middle (1.5), times the ratio of a half turn's arc to its chord."""
+"""Maximum slope of the cubic easing (1.5, at its middle) times pi / 2, the ratio of arc to chord of a half
+turn."""
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions, world frame."""
@@ -18,7 +19,8 @@ State = tuple[Float, Float]
 
 @dataclass(frozen=True)
 class _Gap:
-    """The difference from the computed state to the shown one: a similarity, and the residual of each node.
+    """The difference from the computed state to the shown one: a similarity transform, and a residual per
+    node.
 
     Attributes:
         yaw: radians about +Y of the whole.
@@ -35,14 +37,15 @@ class _Gap:
 
 
 class Easing:
-    """Eases over a jump: keeps the gap between the shown and the computed state, and closes it over time.
+    """A blend over a jump: keeps the gap between the shown and the computed state, and closes it over time.
 
-    While a gap closes, no node is shown faster than it is computed (the gap's turn and growth carried along)
-    by more than ``pace``, or 1.5 / seconds times the gap's length, pi / 2 of it where the gap is a turn.
+    While a gap closes, the shown speed of a node exceeds its computed speed by at most ``pace``, and by at
+    most 1.5 / seconds times the length of the gap. The rotation and scale of the gap itself are not counted.
+    If the gap is a rotation, its length counts pi / 2 times.
 
     Args:
         seconds: how long a gap takes to close.
-        pace: metres a second; a gap that is too wide for this speed takes longer.
+        pace: metres per second; a gap that is too wide for this speed takes longer.
     """
 
     def __init__(self, seconds: float, pace: float = np.inf) -> None:
@@ -59,11 +62,11 @@ class Easing:
         return self._restarts or self._gap is not None
 
     def restart(self) -> None:
-        """Forgets the shown state, so that the next computed state is shown without easing."""
+        """Discards the shown state, so that the next computed state is shown without easing."""
         self.shown, self._gap, self._restarts = None, None, False
 
     def turn_along(self, yaw: float) -> None:
-        """Turns the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame.
+        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame.
 
         The fade then begins from there. Without this a spinning mesh would lag by one frame's turn.
         """
@@ -77,7 +80,9 @@ class Easing:
         self._restarts = True
 
     def skip(self, time_ns: int) -> None:
-        """Leaves out the time since the last state, in which nothing was shown, and continues the fade."""
+        """Excludes the time since the last state, in which nothing was shown, from the fade, and continues
+        the fade.
+        """
         self._start_ns += time_ns - self._time_ns
         self._time_ns = time_ns
 
@@ -97,13 +102,15 @@ class Easing:
 
 
 def _width(shown: Float, new: Float) -> float:
-    """Returns the metres between the centres plus the farthest move of a node against its centre."""
+    """Returns the distance between the centres plus the largest displacement of a node relative to its
+    centre, metres.
+    """
     offset = new.mean(0) - shown.mean(0)
     return float(np.linalg.norm(offset) + np.linalg.norm(new - shown - offset, axis=1).max())
 
 
 def _gap(shown: State, new: State) -> _Gap:
-    """Returns the gap between two states; ``_apart`` with all of it gives ``shown`` again."""
+    """Returns the gap between two states. ``_apart`` with ``left`` = 1 reproduces ``shown``."""
     before, after = shown[1].mean(0), new[1].mean(0)
     a, b = shown[1] - before, new[1] - after
     yaw = yaw_between(b, a)
@@ -114,7 +121,7 @@ def _gap(shown: State, new: State) -> _Gap:
 
 
 def _apart(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
-    """Returns the computed state with the share ``left`` of the gap added."""
+    """Returns the computed state plus the fraction ``left`` of the gap."""
     turn = np.exp(left * gap.growth) * turn_about_y(left * gap.yaw)
     centre = positions.mean(0)
     spread = positions - centre + left * gap.positions

@@ -29,18 +29,20 @@ from enliven.possession.soft_constraints import SoftConstraints
 from enliven.possession.standing import standing_figure
 
 _STEP_NS = 33_333_333
-"""Nanoseconds between the frames of a rehearsal."""
+"""Nanoseconds between the frames of the warm-up run."""
 
 
 class EmbeddedActor(Actor):
-    """A character, the graph that deforms it, and the performers' holds on it.
+    """A character, the deformation graph that moves it, and the performers' holds on it.
 
-    Everything is solved in the rest space of the mesh; the placement carries it into the world.
+    The mesh is solved in its rest space; the placement transforms the result into the world.
 
     Args:
-        size: metres of the mesh as modelled for one of its rest space.
-        height: metres of the mesh at rest, which its scale on the stage is told by; None measures it.
-        person: waits for the person in the mesh, who is looked for beside; None looks when it is needed.
+        size: metres of the mesh as modelled per metre of its rest space.
+        height: metres, height of the mesh at rest. Its scale on the stage is computed from it. None measures
+            it.
+        person: waits for the result of the search for a person in the mesh, which runs in the background.
+            None searches when the result is needed.
     """
 
     settings: ActorSettings
@@ -74,35 +76,36 @@ class EmbeddedActor(Actor):
 
     @property
     def uses_surface(self) -> bool:
-        """Whether it follows what the sensor sees of its performers' surfaces."""
+        """Whether the mesh follows the observed surface of its performers."""
         return self.settings.follow != "skeleton"
 
     @property
     def likeness(self) -> BodyInMesh | None:
-        """A person's skeleton in the mesh, where limb drives limb."""
+        """The person-like skeleton in the mesh, if limb drives limb."""
         return self._rules.likeness
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where the mesh stands: scale, radians about +Y, x, y, z in metres."""
+        """The placement of the mesh: scale, radians about +Y, x, y, z in metres."""
         return self._placement.scale, self._placement.yaw, *self._placement.offset.tolist()
 
     @property
     def body_id(self) -> int:
-        """The id of the performer who has held it longest; -1 while it is free."""
+        """The id of the performer that has held the mesh longest; -1 while it is free."""
         return self.holds[0].body if self.holds else -1
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Attaches the body to the mesh where both are now.
+        """Attaches the body to the mesh at their current poses.
 
         Args:
-            parts: the parts of the body that take hold.
-            mode: "alone": all other performers let go; "join": the others keep their holds, and this
-                performer's earlier hold ends; "extend": that is kept too, except for bones that hold anew.
+            parts: the parts of the body that attach.
+            mode: "alone" ends the holds of all other performers. "join" keeps the holds of other performers
+                and ends this performer's earlier hold. "extend" keeps that too, except for bones that attach
+                again.
 
         Raises:
-            InputError: for an unknown part, or where nothing of the mesh can be reached; the actor stays as
-                it was.
+            InputError: if a part is unknown, or if no part of the mesh is within reach. The actor is then
+                unchanged.
         """
         others = [hold for hold in self.holds if mode != "alone" and hold.body != body.id]
         own = next((hold for hold in self.holds if mode == "extend" and hold.body == body.id), None)
@@ -128,10 +131,11 @@ class EmbeddedActor(Actor):
         self._hold([*others[:at], hold, *others[at:]], start)
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all; a mesh that is free eases to its rest shape where it is.
+        """Ends the hold of one performer, or of all. A free mesh eases to its rest shape at its current
+        place.
 
         Raises:
-            InputError: where that performer holds nothing of it.
+            InputError: if that performer does not hold this mesh.
         """
         self._need_holder(body, ("hold", "held"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
@@ -146,11 +150,13 @@ class EmbeddedActor(Actor):
             self._easing.restart_fade()
 
     def stand(self, place: tuple[float, ...]) -> None:
-        """Puts the mesh where it waits: scale, radians about +Y, and x, y, z in metres."""
+        """Places the waiting mesh: scale, radians about +Y, and x, y, z in metres."""
         self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Shows it at so many times its own size; the binding is in its rest space, and goes along."""
+        """Sets the display scale relative to the own size. Holds are stored in the rest space, so they scale
+        too.
+        """
         factor, self.growth = growth / self.growth, growth
         if self._placed and factor != 1.0:
             place = self._placement.to_world(self._rules.stand) * [1.0, 0.0, 1.0] if about is None else about
@@ -159,12 +165,12 @@ class EmbeddedActor(Actor):
                 self._easing.restart_fade()
 
     def exaggerate(self, exaggeration: float | None) -> None:
-        """Lets soft parts swing so far past the motion from now on; None: as its settings say."""
+        """Sets how far soft parts swing past the motion. None uses the value in the settings."""
         self.exaggeration = exaggeration
         self._swing.exaggerate(self.settings.exaggeration if exaggeration is None else exaggeration)
 
     def hand_over(self, former: int, body: Body) -> None:
-        """Gives the hold of one performer to another, who goes on with it."""
+        """Transfers the hold of one performer to another performer, starting from the same pose."""
         for hold in self.holds:
             if hold.body == former:
                 hold.body, hold.depth = body.id, depth_of(body)
@@ -175,7 +181,7 @@ class EmbeddedActor(Actor):
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """Returns the pose at a moment: possessed, or waiting where the mesh stands.
+        """Returns the pose at a moment: driven by its performers, or waiting at its place.
 
         Args:
             seen: by body id, the part of the performer's surface that a depth sensor sees.
@@ -194,7 +200,7 @@ class EmbeddedActor(Actor):
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns which nodes are held, and which the next performer would hold besides."""
+        """Returns the nodes that are held, and the nodes that the next performer would hold in addition."""
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         count = len(self.graph.positions)
@@ -206,15 +212,15 @@ class EmbeddedActor(Actor):
         return cues_of(held, preview)
 
     def warm_up(self) -> None:
-        """Possesses a copy for a few frames, so that no frame waits for a compiler."""
+        """Possesses a copy for a few frames, so that no frame waits for compilation."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
-        rehearsal._rules = self._rules  # which found what it is like already
+        rehearsal._rules = self._rules  # reused, because they already contain the skeleton search
         body = Body(0, standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
         try:
             rehearsal.possess(body)
-        except EnlivenError:  # a mesh out of reach is for the performer to see, later
+        except EnlivenError:  # reported later, when a performer attaches
             return
         for i in range(3):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
@@ -225,15 +231,17 @@ class EmbeddedActor(Actor):
 
     @property
     def _stays(self) -> bool:
-        """Whether the mesh keeps its place and shape when one performer takes hold alone."""
+        """Whether the mesh keeps its place and shape when a single performer attaches."""
         return self.settings.place == "fixed" or self.settings.how != "inside"
 
     def _grown(self, place: Placement) -> Placement:
-        """Returns a placement of its own size at the size that it is shown at."""
+        """Returns a placement at the mesh's own size scaled to its display size."""
         return place.larger(self.growth, place.to_world(self._rules.stand))
 
     def _grip(self, body: Body, parts: str, others: list[EmbeddedHold]) -> Grip:
-        """Returns the grip that the body would have now, beside others; empty where nothing is in reach."""
+        """Returns the grip that the body would get now, in addition to other holds. Empty if nothing is
+        within reach.
+        """
         deformed = None
         if (self.holds or self._easing.under_way) and (others or self._stays):
             deformed = self._shown_at_rest()
@@ -246,12 +254,12 @@ class EmbeddedActor(Actor):
         return grip
 
     def _shown_at_rest(self) -> tuple[Float, Float] | None:
-        """Returns the shown nodes in the rest space: a performer takes hold of the mesh as they see it."""
+        """Returns the shown nodes in the rest space, because performers attach to the shown mesh."""
         shown = self._easing.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
 
     def _hold(self, holds: list[EmbeddedHold], start: tuple[Float, Float] | None) -> None:
-        """Replaces the holds and the solver; the shown state eases over."""
+        """Replaces the holds and the solver, and eases the shown state over the change."""
         self.holds = holds
         self._soft.moved_elsewhere()
         self._swing.restart()
@@ -261,7 +269,9 @@ class EmbeddedActor(Actor):
         self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Gives the hold of a performer who has been away for long to the only idle one in view."""
+        """Gives the hold of a performer that has been away longer than ``hand_over`` to the only idle one in
+        view.
+        """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
         idle = self._idle(bodies)
@@ -269,7 +279,9 @@ class EmbeddedActor(Actor):
             self.hand_over(max(away, key=lambda h: h.away(time_ns)).body, idle[0])
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
-        """Updates the targets of all holds; a performer who is away lets go, unless all holders are away."""
+        """Updates the targets of all holds. A performer that is away releases the mesh, unless all holders
+        are away.
+        """
         present = {body.id: body for body in bodies}
         sunk = {h.body for h in self.holds if h.body in present and not h.believes(present[h.body])}
         if any(hold.body in present and hold.body not in sunk for hold in self.holds):
@@ -289,7 +301,7 @@ class EmbeddedActor(Actor):
                     self._turned = hold.carrying.turned
 
     def _meet(self, bodies: list[Body], time_ns: int) -> None:
-        """Lets a mesh that has not been held yet come to the pose of the performer who holds it next."""
+        """Eases a mesh that has not been held yet into the pose of the performer that holds it next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
         if body is None:
             return
@@ -308,7 +320,9 @@ class EmbeddedActor(Actor):
     def _solved(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
-        """Returns (N, 3, 3) linear parts and (N, 3) positions at rest; the last if no holder is in view."""
+        """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space; the last ones if no holder
+        is in view.
+        """
         if self._meeting is None and self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         floor = float(self._placement.to_rest(np.zeros(3))[1])
@@ -320,7 +334,7 @@ class EmbeddedActor(Actor):
         return self._soft.raised(linear, self._swing(positions, time_ns), floor)
 
     def _held(self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int) -> tuple[Float, Float]:
-        """Returns the state that its holders bring it to."""
+        """Returns the state of the mesh as its holders deform it."""
         assert self._solver is not None
         if not self._seen:
             return self._solver.state()

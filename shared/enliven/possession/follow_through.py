@@ -1,4 +1,4 @@
-"""Follow-through: the soft parts of a possessed mesh swing after its performers' motion, and past it."""
+"""Follow-through: soft parts of a possessed mesh lag behind the motion and swing past it."""
 
 from __future__ import annotations
 
@@ -9,32 +9,39 @@ from enliven.deformation.graph import painted_stiffness, stiffness_at
 from enliven.document import Character
 
 SOFTEST = 1.0 / 16.0
-"""Factor of stiffness at which a part swings in full; between it and 1 by the logarithm."""
+"""Stiffness factor at which a part swings in full. Between this factor and 1, softness follows the
+logarithm."""
 _FREQUENCY = 2.0 * np.pi * 2.0
-"""Radians a second, 2 Hz: as a cheek or a belly swings; performers seldom move an end faster to and fro."""
+"""Natural frequency, radians per second (2 Hz): that of a cheek or a belly. Performers seldom move an end
+of the body to and fro faster."""
 _DAMPING = 0.25
-"""Part of the critical damping: a stop is overshot by 44 %, and after a second nothing is seen of it."""
+"""Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
 _FARTHEST = 0.35
-"""Metres of the rest space, in which a person is about 1.75 m: what lost tracking throws does not tear."""
+"""Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
+then do not tear the mesh."""
 
 
 def stiffness_of(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
-    """(N,) the factor of each node (N, 3) at rest: its paint times the spots; None for 1 everywhere."""
+    """Returns (N,) the stiffness factor of each node (N, 3) at rest: its paint times the spots. None means 1
+    everywhere.
+    """
     painted, told = painted_stiffness(character), stiffness_at(nodes, spots)
     return painted if told is None else told if painted is None else painted * told
 
 
 class FollowThrough:
-    """Swings soft nodes: at an exaggeration of 1 the softest is a mass on a spring at its place.
+    """A mass-spring model of soft nodes. At an exaggeration of 1, the softest node is a mass on a spring at
+    its place.
 
-    Where the place x moves straight between two frames, the offset u of the mass obeys, in closed form,
-    u'' + 2 d w u' + w^2 u = -x''. What is shown is x + e s u, with the exaggeration e and the softness s from
-    0 to 1. So a place at rest or at an even speed is shown where it is, and a stiff node always is.
+    If the place x moves linearly between two frames, the offset u of the mass obeys u'' + 2 d w u' + w^2 u =
+    -x'', solved in closed form. The shown position is x + e s u, with the exaggeration e and the softness s
+    from 0 to 1. So a node at rest or at constant speed is shown at its computed place, and a stiff node
+    always is.
 
     Args:
-        stiffness: (N,) factors, of which those below 1 are soft; None: none is.
+        stiffness: (N,) factors; nodes below 1 are soft. None means that no node is soft.
         exaggeration: e; 0 turns it off.
     """
 
@@ -46,7 +53,9 @@ class FollowThrough:
         self.restart()
 
     def exaggerate(self, exaggeration: float) -> None:
-        """Swings so far from now on; what swings already goes on, unless nothing did."""
+        """Changes the exaggeration. A swing in progress continues; if nothing swung before, the model
+        restarts.
+        """
         moved, self._exaggeration = self._moves, exaggeration
         if not moved:
             self.restart()
@@ -56,7 +65,7 @@ class FollowThrough:
         return bool(self._exaggeration and self._softness.any())
 
     def restart(self) -> None:
-        """Begins anew with the next places, without any offset."""
+        """Restarts at the next positions, without any offset."""
         self._places: Float | None = None
         self._pace: Float | None = None
         self._offset: Float = np.zeros((len(self._softness), 3))
@@ -64,7 +73,7 @@ class FollowThrough:
         self._time_ns = 0
 
     def __call__(self, positions: Float, time_ns: int) -> Float:
-        """(N, 3) metres, where the nodes are shown that are computed at ``positions`` (N, 3)."""
+        """Returns (N, 3) metres, the shown positions of the nodes with computed ``positions`` (N, 3)."""
         if not self._moves:
             return positions
         seconds = (time_ns - self._time_ns) * 1e-9
@@ -81,7 +90,9 @@ class FollowThrough:
 
 
 def _swung(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
-    """Offset (metres) and speed (metres a second) of damped oscillators after so many seconds, exactly."""
+    """Returns the offset (metres) and velocity (metres per second) of damped oscillators after ``seconds``,
+    exactly.
+    """
     swing = _FREQUENCY * np.sqrt(1.0 - _DAMPING**2)
     fading = np.exp(-_DAMPING * _FREQUENCY * seconds)
     along, across = np.cos(swing * seconds), np.sin(swing * seconds) / swing

@@ -1,4 +1,4 @@
-"""Attaches a body to the part of a mesh within its reach, and explains where nothing is in reach."""
+"""Attaches a body to the part of a mesh within its reach, and explains why if nothing is within reach."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.possession.carrying import Carrying
 from enliven.possession.hold import Grip
 
 _ALL = 0.9
-"""Share of the bones that must take hold where the joints lie in the mesh: nearly every one."""
+"""Fraction of the bones that must attach if the joints already lie inside the mesh: nearly all of them."""
 
 
 def gripped(
@@ -27,10 +27,11 @@ def gripped(
     carrying: Carrying,
     deformed: tuple[Float, Float] | None,
 ) -> Grip:
-    """Returns what the body holds where ``carrying`` puts it; the settings' lengths are the performer's.
+    """Returns the attachment of a body after the transform ``carrying``. Lengths in the settings are the
+    performer's.
 
     Args:
-        carrying: from the world into the rest space.
+        carrying: transform from the world into the rest space.
         deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, None at rest.
     """
     own, metre = settings.attachment, 1.0 / carrying.scale
@@ -46,12 +47,12 @@ def gripped(
 def out_of_reach(
     character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float, *, comes: bool = False
 ) -> InputError:
-    """Returns the error that says why a body could not take hold, and what to do.
+    """Returns the error that explains why a body could not attach, and suggests a remedy.
 
     Args:
-        grip: the empty one.
-        nodes: (N, 3) metres, where the nodes are, rest space.
-        comes: whether the mesh comes to the body, so that stepping nearer changes nothing.
+        grip: the empty grip.
+        nodes: (N, 3) metres, current positions of the nodes in the rest space.
+        comes: whether the mesh moves to the body, so that stepping nearer changes nothing.
     """
     joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
     apart = np.linalg.norm(joints[:, None] - nodes, axis=2)

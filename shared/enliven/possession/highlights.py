@@ -15,15 +15,15 @@ State = Literal["free", "possessed"]
 
 @dataclass(frozen=True)
 class Cues:
-    """What the viewer highlights: the nodes that are held, and a preview of those that would be.
+    """The nodes that the viewer highlights: those that are held, and a preview of those that would be held.
 
     Attributes:
         state: "free" or "possessed".
-        nodes: (K,) node indices; the first ``held`` are held, the others would be.
+        nodes: (K,) node indices; the first ``held`` are held, the others are a preview.
         strengths: (K,) in (0, 1].
-        body: the id of the first performer who holds, or else would hold; -1 for none.
-        owners: (K,) the id of the performer to whom each node belongs.
-        held: how many of the nodes are held; the others are a preview.
+        body: the id of the first performer that holds the mesh, or else would hold it; -1 for none.
+        owners: (K,) the id of the performer that each node belongs to.
+        held: number of nodes that are held; the others are a preview.
     """
 
     state: State
@@ -35,11 +35,11 @@ class Cues:
 
 
 def cues_of(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
-    """Returns the cues; a node belongs to the performer who holds it with the greatest strength.
+    """Returns the cues. A node belongs to the performer that holds it with the greatest strength.
 
     Args:
-        held: the id and (N,) strengths by node of each performer who holds.
-        preview: the same of the performer who would take hold.
+        held: the id and (N,) strengths by node of each performer that holds the mesh.
+        preview: the same for the performer that would attach.
     """
     holders = [body for body, _ in held]
     nodes, strengths, owners = np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)

@@ -1,4 +1,4 @@
-"""One performer's hold on an embedded mesh: which bones hold which points, and how firmly just now."""
+"""One performer's hold on an embedded mesh: which bones hold which points, and the current strength."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ from enliven.possession.attachment import Attachment
 from enliven.possession.carrying import Carrying
 
 _SETTLING = 0.12
-"""Seconds in which most of a change of confidence takes effect: it flickers, and the mesh would shake."""
+"""Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
+would shake."""
 
 _FARTHEST = 1e4
-"""Metres from the rest origin beyond which a target is no measurement: far beyond any room."""
+"""Distance from the rest origin, metres, beyond which a target is not a measurement. It is far beyond any
+room."""
 
 _SUNK = 0.06
-"""Metres that the lowest joint may sink below its depth at the start of the hold: the skeleton of a
-half-hidden performer drops through the floor before it is lost, and is not believed then."""
+"""How far the lowest joint may sink, metres, below its depth at the start of the hold. The skeleton of a
+half-occluded performer drops through the floor before it is lost, and is then not trusted."""
 
 
 @dataclass
 class Grip:
-    """An attachment with its carrying of joints; a performer who takes hold again has several.
+    """An attachment with its transform of joints. A performer that attaches again has several grips.
 
     Attributes:
         attachment: the points that the body drives.
-        carrying: brings joints from the world into the rest space.
-        parts: the parts of the body that took hold.
-        start_turns: (19, 3, 3) the carrying's turns when the body attached; None: the identity.
+        carrying: transforms joints from the world into the rest space.
+        parts: the parts of the body that attached.
+        start_turns: (19, 3, 3) the rotations of the transform when the body attached; None: the identity.
     """
 
     attachment: Attachment
@@ -40,7 +42,7 @@ class Grip:
     start_turns: Float | None = None
 
     def targets(self, body: Body) -> Float:
-        """Returns (L, 3) metres in the rest space, where the held points should be now."""
+        """Returns (L, 3) metres in the rest space, the current target positions of the held points."""
         joints = self.carrying(body.joints)
         turns = self.carrying.turns
         if turns is not None and self.start_turns is not None:
@@ -50,14 +52,15 @@ class Grip:
 
 @dataclass
 class EmbeddedHold:
-    """Everything that one performer holds of an embedded mesh.
+    """All grips of one performer on an embedded mesh.
 
     Attributes:
         body: the performer's id.
-        grips: one for each time that the performer took hold.
-        seen_ns: when they were last in view, the sensor's clock; None before the first frame.
-        active: whether the performer pulls just now.
-        depth: metres by which the performer stood below the floor when they took hold: its height is inexact.
+        grips: one for each time that the performer attached.
+        seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
+        active: whether the performer currently drives the mesh.
+        depth: metres, how far the performer was below the floor when attaching, because the floor height is
+            inexact.
     """
 
     body: int
@@ -70,18 +73,22 @@ class EmbeddedHold:
 
     @property
     def carrying(self) -> Carrying:
-        """The carrying of the last grip, which brings the performer's surface into the rest space too."""
+        """The transform of the last grip, which also transforms the performer's surface."""
         return self.grips[-1].carrying
 
     def __len__(self) -> int:
         return sum(len(grip.attachment) for grip in self.grips)
 
     def away(self, time_ns: int) -> float:
-        """Returns the seconds since, or until, the performer was last in view: the clock may go back."""
+        """Returns the seconds since, or until, the performer was last in view, because the clock may go
+        backwards.
+        """
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
     def with_grip(self, grip: Grip) -> EmbeddedHold:
-        """Returns the same hold with another grip; the bones of the new grip leave all older ones."""
+        """Returns the same hold with another grip. The bones of the new grip are removed from all older
+        grips.
+        """
         anew = np.unique(grip.attachment.bone)
         grips = [
             replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew))) for g in self.grips
@@ -90,11 +97,11 @@ class EmbeddedHold:
         return EmbeddedHold(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
     def believes(self, body: Body) -> bool:
-        """Returns whether the body is credible: whether it has not sunk through the floor."""
+        """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
         return depth_of(body) <= self.depth + _SUNK
 
     def see(self, body: Body, time_ns: int) -> None:
-        """Updates the targets and the pulls from a performer in view."""
+        """Updates the targets and their weights from a performer in view."""
         before = self._targets
         for grip in self.grips:
             grip.carrying.at(time_ns)
@@ -105,7 +112,7 @@ class EmbeddedHold:
         if self._pulls is None or before is None or len(self._pulls) != len(pulls):
             self._pulls = pulls
         else:
-            # A joint that is lost lets go where it last was.
+            # The points of a lost joint keep their last target while their weight decays.
             self._targets[lost] = before[lost]
             share = 1.0 - np.exp(-self.away(time_ns) / _SETTLING)
             self._pulls = self._pulls + share * (pulls - self._pulls)
@@ -113,14 +120,14 @@ class EmbeddedHold:
 
     @property
     def targets(self) -> tuple[Float, Float]:
-        """(L, 3) targets of the held points, metres in the rest space, and the (L,) weight of each."""
+        """(L, 3) targets of the held points, metres in the rest space, and (L,) their weights."""
         count = len(self)
         if self._targets is None or self._pulls is None or len(self._targets) != count or not self.active:
             return np.zeros((count, 3)), np.zeros(count)
         return self._targets, self._pulls
 
     def strengths(self, count: int) -> Float:
-        """Returns (N,) how strongly each of ``count`` nodes is held, from 0 to 1."""
+        """Returns (N,) the strength, from 0 to 1, with which each of ``count`` nodes is held."""
         firm = np.zeros(count)
         for grip in self.grips:
             nodes, strengths = grip.attachment.nodes
@@ -129,13 +136,13 @@ class EmbeddedHold:
 
 
 def depth_of(body: Body) -> float:
-    """Returns the metres by which the lowest joint is below the floor; 0 where none is."""
+    """Returns how far the lowest joint is below the floor, metres; 0 if no joint is below the floor."""
     return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 
 @dataclass(frozen=True)
 class Joined:
-    """The points of several holds as one set of constraints, in the holds' order."""
+    """The points of several holds as one set of constraints, in the order of the holds."""
 
     points: Float
     node_indices: Int32

@@ -1,4 +1,4 @@
-"""Limb drives limb: a performer's joints as joints of the skeleton that was found in a mesh."""
+"""Limb-to-limb retargeting: maps a performer's joints to the skeleton that was found in a mesh."""
 
 from __future__ import annotations
 
@@ -17,34 +17,40 @@ _HIP = Joint.HIP_CENTER
 _AS_IN_THE_MESH = frozenset(
     joint for joint in Joint if joint.name.split("_")[0] in ("ELBOW", "WRIST", "KNEE", "ANKLE")
 )
-"""The ends of bones that point as the performer's do: of arms and legs. A trunk, a hand or a foot of a mesh
-may be built otherwise: it turns by as much as the performer's."""
+"""Child joints of arm and leg bones, which point in the same direction as the performer's. The trunk, a
+hand or a foot of a mesh may be built differently, so these bones rotate by the same amount as the
+performer's."""
 _SWING = 1.5 * np.pi / 2
-"""The steepest slope of the cubic by which a mesh comes to a pose, along an arc for its chord."""
+"""Maximum slope of the cubic easing (1.5) times pi / 2, the ratio of arc to chord of a half turn."""
 
 
 class Mapped:
-    """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's bone has turned.
+    """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates as the performer's bone has
+    rotated.
 
-    Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the rotation of the
-    performer's bone since it was as the mesh's bone is at rest, and Q the rotation from where the mesh faces
-    in the world to where it faces in its rest space. A human-like mesh comes to its performer's pose from its
-    own, and always faces where they face; others are held as they are, and turn by as much as the performer.
-    The hip moves as theirs does, scaled by the ratio of the leg lengths, if there are legs.
+    Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone). R is the rotation of the
+    performer's bone since its reference pose. Q is the rotation from the direction that the mesh faces in the
+    world to the direction that it faces in its rest space. A human-like mesh moves from its own pose into its
+    performer's pose, and always faces in the performer's direction. Any other mesh keeps its pose when the
+    performer attaches, and rotates by the same amount as the performer. The hip moves as the performer's hip
+    does, scaled by the ratio of the leg lengths if the mesh has legs.
 
-    While a human-like mesh comes to the pose, R is split into the heading of the performer's hips, a turn
-    about +Y, and the remaining rotation. Only the remaining rotation is interpolated. Interpolating all of R
-    would show a part of each turn of the performer, and would jump where they pass half a turn.
+    While a human-like mesh moves into the pose, R is split into the heading of the performer's hips, a
+    rotation about +Y, and the remaining rotation. Only the remaining rotation is interpolated. Interpolating
+    all of R would show only a part of each turn of the performer, and would jump when a turn passes 180
+    degrees.
 
     Args:
         likeness: the mesh's skeleton.
-        body: the performer as they take hold.
-        scale: metres of the performer for one metre of the rest space.
-        travel: share of their travel over the floor that the mesh makes too.
-        seconds: how long the mesh takes to come to the performer's pose.
-        pace: metres of the performer a second, the fastest that it does so.
-        inside: whether the mesh is where the performer is, so that it goes over the floor exactly as they do.
-        front: radians about +Y, where a human-like mesh at rest faces in the world; None: as its performer.
+        body: the performer when attaching.
+        scale: metres of the performer per metre of the rest space.
+        travel: fraction of the performer's travel over the floor that the mesh follows.
+        seconds: how long the mesh takes to move into the performer's pose.
+        pace: metres of the performer per second, the maximum speed of that move.
+        inside: whether the mesh is at the performer's position, so that it travels exactly as the performer
+            does.
+        front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
+            performer's direction.
 
     Attributes:
         turns: (19, 3, 3) rotation of each bone of the mesh since rest, for the last joints.
@@ -87,23 +93,29 @@ class Mapped:
 
     @property
     def at_rest(self) -> Float | None:
-        """(20, 3) metres where the bones take hold of the mesh at rest; None: where the joints are now."""
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
+        current joints.
+        """
         return self.likeness.joints if self.likeness.human else None
 
     def goes_on(self, other: Mapped) -> None:
-        """Continues the approach to the performer's pose that another carrying of theirs has begun."""
+        """Continues the move into the performer's pose that an earlier transform of the same performer has
+        begun.
+        """
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
         self._start_gap = other._start_gap
 
     def at(self, time_ns: int) -> None:
-        """Brings the mesh nearer to the performer's pose, until it is in it."""
+        """Advances the move of the mesh into the performer's pose, until it is complete."""
         if self._share < 1.0:
             self._start_ns = time_ns if self._start_ns < 0 else self._start_ns
             part = float(np.clip((time_ns - self._start_ns) * 1e-9 / self._seconds, 0.0, 1.0))
             self._share = part * part * (3.0 - 2.0 * part)
 
     def __call__(self, joints: Float) -> Float:
-        """(20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN where it has none."""
+        """Returns (20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN for joints that the
+        mesh lacks.
+        """
         now = filled_joints(joints, self._last)
         self._last = now
         before, self._heading = self._heading, _hip_heading(now)
@@ -122,10 +134,10 @@ class Mapped:
         return out
 
     def _partly(self, since_rest: Float, heading: float) -> Float:
-        """Returns (19, 3, 3) bone rotations on the way from rest to ``since_rest``, in the world.
+        """Returns (19, 3, 3) bone rotations interpolated from rest to ``since_rest``, in the world.
 
         Args:
-            heading: radians about +Y from the mesh's front at rest to that of the performer's hips.
+            heading: radians about +Y from the mesh's front at rest to the front of the performer's hips.
         """
         level = rotation.from_matrix(turn_about_y(-heading) @ since_rest)
         part = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
@@ -133,11 +145,11 @@ class Mapped:
         return np.asarray(turn_about_y(shown) @ rotation.to_matrix(part))
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """Returns two empty arrays (0, 3): a person's surface does not lie on a mesh of another shape."""
+        """Returns two empty arrays (0, 3): a person's surface does not fit a mesh of another shape."""
         return np.empty((0, 3)), np.empty((0, 3))
 
     def handed_over(self, body: Body) -> None:
-        """Continues with another body from where the last one was."""
+        """Continues with another body from the last position of the previous body."""
         self.body = body.id
         self._heading = _hip_heading(filled_joints(body.joints, self._last))
         step = body.joints[_HIP] - self._last[_HIP]
@@ -147,18 +159,19 @@ class Mapped:
 
 
 def _hip_heading(joints: Float) -> float:
-    """Returns radians about +Y from +Z to where the hips of (20, 3) joints face."""
+    """Returns the heading of the hips of (20, 3) joints: radians about +Y from +Z."""
     left = joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
     return float(np.arctan2(-left[2], left[0]))
 
 
 def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
-    """(20, 3) metres: the performer upright on their floor, with limbs that point as the mesh's at rest.
+    """Returns (20, 3) metres: the performer upright on the floor, with limbs that point as the mesh's limbs
+    at rest.
 
     Args:
         now: (20, 3) metres, the performer.
         yaw: radians about +Y, the direction that the returned figure faces.
-        turn: (3, 3) from that direction to the mesh's front.
+        turn: (3, 3) rotation from that direction to the mesh's front.
     """
     figure = standing_figure() @ turn_about_y(yaw).T
     mesh = likeness.joints @ turn

@@ -1,7 +1,7 @@
-"""A mesh that was not held yet comes to the pose of the performer who may take hold of it next.
+"""Eases a mesh that has not been held yet into the pose of the performer that may attach next.
 
-It stays where it waits, and its limbs go where theirs are, eased. So a T-posed mesh lets its arms hang before
-its performer has it, and nothing of it jumps as they take hold.
+The mesh stays at its waiting place, and its limbs ease into the performer's pose. So a T-posed mesh lowers
+its arms before its performer attaches, and no part of it jumps at that moment.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ State = tuple[Float, Float]
 
 
 class Meeting:
-    """What one performer would hold of a mesh, solved as if they did, but for the way that they go.
+    """A preview hold of one performer on a mesh, solved like a real hold but without travel over the floor.
 
     Args:
-        carrying: limb drives limb, without travel.
+        carrying: limb-to-limb retargeting, without travel.
         start: the state to begin from; None: at rest.
     """
 
@@ -54,11 +54,11 @@ class Meeting:
 
     @property
     def state(self) -> State:
-        """The last answer."""
+        """The last solution."""
         return self._solver.state()
 
     def at(self, body: Body | None, time_ns: int) -> State:
-        """The state at a moment; the last one while the performer is out of view."""
+        """Returns the state at a moment; the last state while the performer is out of view."""
         if body is None or not self._hold.believes(body) or not np.isfinite(body.joints).any():
             return self.state
         self._hold.see(body, time_ns)

@@ -1,4 +1,4 @@
-"""The nodes within reach of each bone's samples: the inner loop of possession."""
+"""Search for the nodes within reach of each bone's samples: the inner loop of possession."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ from enliven.deformation.graph import insert
 from enliven.kernels import njit
 
 _INNER = 0.35
-"""Share of the reach that is looked at first."""
+"""Fraction of the reach that is searched first."""
 
 
 @njit(cache=True, nogil=True)
 def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
-    """The four nearest nodes of each sample that face as it does, nearest first.
+    """Returns the four nearest nodes of each sample that face the same way as it, nearest first.
 
-    Samples come in groups (of one bone). A node that is out of reach of a whole group is looked at once, and
-    those in the outer part of the reach only by samples that find too few in the inner part.
+    Samples come in groups (one group per bone). A node that is out of reach of a whole group is tested only
+    once. Nodes in the outer part of the reach are tested only for samples that find too few in the inner
+    part.
 
     Args:
         points: (L, 3) metres.
-        normals: (L, 3) unit vectors; zero where a sample faces no way and takes every node.
-        starts: (G + 1,) int64 where each group begins; the last is L.
+        normals: (L, 3) unit vectors; zero for a sample without a direction, which accepts every node.
+        starts: (G + 1,) int64 the index at which each group begins; the last is L.
         nodes: (N, 3) metres.
         node_normals: (N, 3) unit vectors.
         reach: metres.
-        cosine: of the widest angle between two normals.
+        cosine: cosine of the widest angle between two normals.
 
     Returns:
-        (L, 4) int32 nodes and (L, 4) metres to them, infinite where there are fewer.
+        (L, 4) int32 nodes and (L, 4) metres to them, infinite if there are fewer than four.
     """
     count = points.shape[0]
     indices = np.zeros((count, 4), np.int32)
@@ -38,11 +39,13 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     centre = np.empty(3)
     for g in range(starts.shape[0] - 1):
         first, last = starts[g], starts[g + 1]
+        # Collect the candidate nodes of the whole group.
         inner, kept = _close_to_group(points, first, last, nodes, reach, centre, close)
         for i in range(first, last):
             found, most = 0, reach
             n = normals[i]
             free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
+            # Nodes in the outer part are skipped if four in the inner part are near enough.
             for c in range(kept):
                 if c == inner and most <= _INNER * reach:
                     break
@@ -67,8 +70,13 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
 
 @njit(cache=True, nogil=True)
 def _close_to_group(points, first, last, nodes, reach, centre, close):
-    """Fills ``close`` with the nodes within ``reach`` of the ball around a group, those within the inner part
-    of it first; returns how many these are, and how many there are in all."""
+    """Collects the nodes within ``reach`` of the bounding ball of a group into ``close``.
+
+    Nodes within the inner part of the reach come first.
+
+    Returns:
+        the number of nodes in the inner part, and the total number.
+    """
     for a in range(3):
         low, high = np.inf, -np.inf
         for i in range(first, last):
@@ -97,9 +105,10 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):
 
 @njit(cache=True, nogil=True)
 def to_rest_space(points, indices, weights, pivots, linear, positions):
-    """(L, 3) the rest-space points that lie at ``points`` (L, 3) now: each node's inverse map, blended.
+    """Returns (L, 3) the rest-space points that are now at ``points`` (L, 3): each node's inverse map,
+    blended.
 
-    A node that is squashed flat is taken as unturned, so that the point stays finite.
+    A node that is squashed flat counts as not rotated, so that the point stays finite.
     """
     out = np.zeros((points.shape[0], 3))
     inverse = np.empty((3, 3))
@@ -120,7 +129,7 @@ def to_rest_space(points, indices, weights, pivots, linear, positions):
 
 @njit(cache=True, nogil=True)
 def _inverse_into(m, out):
-    """``out`` (3, 3) takes the inverse of ``m``, or the identity where that is far from one."""
+    """Writes the inverse of ``m`` into ``out`` (3, 3), or the identity if ``m`` is nearly singular."""
     for r in range(3):
         r1, r2 = (r + 1) % 3, (r + 2) % 3
         for c in range(3):

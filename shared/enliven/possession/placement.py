@@ -1,4 +1,4 @@
-"""Where a mesh stands on the stage: how large, which way it faces, where its origin is."""
+"""The placement of a mesh on the stage: its scale, its heading, and the position of its origin."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from enliven.person import Body, Joint
 
 @dataclass(frozen=True)
 class Placement:
-    """world_from_rest as a similarity: scale, then a turn about +Y, then an offset.
+    """A similarity world_from_rest: a scale, then a rotation about +Y, then an offset.
 
     Attributes:
         scale: factor on the rest mesh.
         yaw: radians about +Y.
-        offset: (3,) metres, where the rest origin stands.
+        offset: (3,) metres, the position of the rest origin in the world.
     """
 
     scale: float
@@ -26,50 +26,52 @@ class Placement:
 
     @property
     def rotation(self) -> Float:
-        """(3, 3) the turn about +Y."""
+        """(3, 3) the rotation about +Y."""
         return turn_about_y(self.yaw)
 
     def to_world(self, points: Float) -> Float:
-        """(..., 3) rest-space points in the world."""
+        """Returns (..., 3) rest-space points in the world."""
         return np.asarray(self.scale * points @ self.rotation.T + self.offset)
 
     def to_rest(self, points: Float) -> Float:
-        """(..., 3) world points in the rest space of the mesh."""
+        """Returns (..., 3) world points in the rest space of the mesh."""
         return np.asarray((points - self.offset) @ self.rotation / self.scale)
 
     def state_to_world(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Linear parts (N, 3, 3) and positions (N, 3) of the rest space in the world."""
+        """Returns linear parts (N, 3, 3) and positions (N, 3) of the rest space in the world."""
         return self.scale * self.rotation @ linear, self.to_world(positions)
 
     def state_to_rest(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
+        """Returns linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
         return self.rotation.T @ linear / self.scale, self.to_rest(positions)
 
     def larger(self, factor: float, about: Float) -> Placement:
-        """The placement with everything ``factor`` times as far from a place (3,) as it was."""
+        """Returns the placement scaled by ``factor`` about a fixed point (3,)."""
         return Placement(self.scale * factor, self.yaw, about + factor * (self.offset - about))
 
 
 AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
-"""The placement that leaves a mesh as it was modelled."""
+"""The placement that leaves a mesh as modelled."""
 
 
 def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
-    """The placement that puts a mesh where the performer stands, as tall as they are times ``ratio``.
+    """Returns the placement that puts a mesh at the performer's position, as tall as the performer times
+    ``ratio``.
 
     Args:
-        mesh_height: metres of the rest mesh, its floor at y = 0.
+        mesh_height: metres, height of the rest mesh, with its floor at y = 0.
         ratio: the mesh's height over the performer's.
     """
     return under(body, ratio * body.height / mesh_height)
 
 
 def under(body: Body, scale: float, stand: Float | None = None, front: float = 0.0) -> Placement:
-    """Returns the placement with a place of the mesh under the hips, and its front as the performer faces.
+    """Returns the placement that puts a point of the mesh under the hips, facing as the performer does.
 
     Args:
-        scale: metres of the world for one of the rest mesh.
-        stand: (3,) metres of the rest mesh, the place on its floor that comes under the hips; None: origin.
+        scale: metres of the world per metre of the rest mesh.
+        stand: (3,) metres of the rest mesh, the point on its floor that is put under the hips; None: the
+            origin.
         front: radians about +Y from +Z to the front of the rest mesh.
     """
     hip = body.joints[Joint.HIP_CENTER]
@@ -86,7 +88,9 @@ def beside(placement: Placement, metres: float) -> Placement:
 
 
 def facing(body: Body) -> float:
-    """Radians about +Y from +Z to the performer's front, by hips and shoulders; 0 where unknown."""
+    """Returns radians about +Y from +Z to the performer's front, from hips and shoulders; 0 if these are
+    unknown.
+    """
     lefts = [
         body.joints[a] - body.joints[b]
         for a, b in ((Joint.HIP_LEFT, Joint.HIP_RIGHT), (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT))
@@ -95,12 +99,13 @@ def facing(body: Body) -> float:
     if not lefts:
         return 0.0
     left = np.sum(lefts, axis=0)
-    # A person who faces +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
+    # A person facing +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
     return float(np.arctan2(-left[2], left[0]))
 
 
 def resettled(placement: Placement, rest: Float, shown: Float) -> Placement:
-    """The placement nearest to where the mesh is: turned about +Y and moved over the floor.
+    """Returns the placement nearest to the current mesh, using only rotation about +Y and a move over the
+    floor.
 
     Args:
         rest: (N, 3) metres, the nodes at rest.
@@ -114,18 +119,20 @@ def resettled(placement: Placement, rest: Float, shown: Float) -> Placement:
 
 
 def turn_about_y(yaw: float) -> Float:
-    """(3, 3) the turn by ``yaw`` radians about +Y."""
+    """Returns (3, 3) the rotation by ``yaw`` radians about +Y."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def wrapped(angle: float) -> float:
-    """Returns an angle in radians, brought to -pi .. pi."""
+    """Returns an angle in radians, wrapped to -pi .. pi."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def yaw_between(start: Float, end: Float) -> float:
-    """Radians about +Y that bring (N, 3) centred points nearest to others (Procrustes, over the floor)."""
+    """Returns the radians about +Y that best align (N, 3) centred points with others (Procrustes, in the
+    floor plane).
+    """
     sine = float((end[:, 0] * start[:, 2] - end[:, 2] * start[:, 0]).sum())
     cosine = float((end[:, 0] * start[:, 0] + end[:, 2] * start[:, 2]).sum())
     return float(np.arctan2(sine, cosine)) if sine or cosine else 0.0

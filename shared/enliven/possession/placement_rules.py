@@ -1,4 +1,4 @@
-"""Rules for where a mesh stands and how joints are carried into it: inside, beside or mapped."""
+"""Rules for the placement of a mesh and the transform of joints into it: inside, beside or mapped."""
 
 from __future__ import annotations
 
@@ -20,26 +20,29 @@ from enliven.possession.mapped import Mapped
 from enliven.possession.placement import AS_MODELLED, Placement, beside, under
 
 _OVERLAP_M = 0.2
-"""Farthest from the floor area of a mesh that its origin is a place to stand in it: half a person's width."""
+"""Maximum distance, metres, from the floor area of a mesh to its origin for a performer to stand at the
+origin. Half a person's width."""
 _USUAL_HEIGHT_M = 1.75
-"""Height of the performer that this distance is measured with: a mesh is scaled to its performer's height."""
+"""Performer height, metres, that ``_OVERLAP_M`` assumes, because a mesh is scaled to its performer's
+height."""
 _TRUNK = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
 """Joints around the middle of a person's trunk."""
 
 
 def seeks_person(settings: ActorSettings) -> bool:
-    """Whether a mesh that is stepped into is moved limb by limb where it is built as a person is."""
+    """Returns whether a human-like mesh that the performer stands in is moved limb by limb."""
     meets = settings.meets and settings.how == "inside" and settings.follow == "skeleton"
     return meets and settings.place == "meet" and settings.scaled == "mesh"
 
 
 class PlacementRules:
-    """Places a mesh, and carries performers into it, as the settings say.
+    """Rules that place a mesh, and that transform performers into its rest space, according to the settings.
 
     Args:
         height: metres of the rest mesh.
-        size: metres of the mesh as modelled for one of its rest space.
-        person: waits for the person in the mesh, or None, who is looked for beside; where not given, looks.
+        size: metres of the mesh as modelled per metre of its rest space.
+        person: waits for the result (a person or None) of the search in the mesh, which runs in the
+            background. If not given, the search runs here.
     """
 
     def __init__(
@@ -57,7 +60,7 @@ class PlacementRules:
 
     @cached_property
     def likeness(self) -> BodyInMesh | None:
-        """A person's skeleton in the mesh, where limb drives limb; None where bones hold what is near."""
+        """A person's skeleton in the mesh, if limb drives limb; None if bones hold the nodes near them."""
         own, ends = self.settings, np.array(self.settings.ends, np.float64)
         if own.how != "mapped" and not seeks_person(own):
             return None
@@ -71,10 +74,10 @@ class PlacementRules:
 
     @cached_property
     def stand(self) -> Float:
-        """(3,) metres of the rest space: the place on the floor where a performer stands in the mesh.
+        """(3,) metres of the rest space: the point on the floor at which a performer stands in the mesh.
 
-        It is the origin unless the mesh lies elsewhere, as a character does that stands aside in its project,
-        and a scan that is put next to another character. Then it is the middle of the mesh.
+        It is the origin unless the mesh lies away from it. That happens for a character that stands aside in
+        its project, and for a scan that is put next to another character. Then it is the middle of the mesh.
         """
         corners = self._character.vertices[:, [0, 2]]
         low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
@@ -87,20 +90,26 @@ class PlacementRules:
         return np.array([middle[0], 0.0, middle[1]])
 
     def _overlap(self) -> float:
-        """Returns the distance of the rest space up to which the origin is a place to stand in the mesh."""
+        """Returns the maximum distance, in the rest space, from the mesh to the origin for a performer to
+        stand there.
+        """
         own = self.settings
         metres = own.farthest_reach if own.stand == "modelled" else _OVERLAP_M
         scale = own.height_ratio * _USUAL_HEIGHT_M / self.height
         return metres / (self.size if own.scaled == "nobody" else scale)
 
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
-        """Returns where the mesh waits once the first performer is in view, so many metres to the left."""
+        """Returns the waiting placement once the first performer is in view, ``farther`` metres more to the
+        left.
+        """
         at = self.at_performer(body)
         metres = farther + (0.0 if self.settings.how == "inside" else self.settings.aside)
         return beside(at, metres) if metres else at
 
     def at_performer(self, body: Body) -> Placement:
-        """Returns the placement where the performer stands, the mesh's front in their facing."""
+        """Returns the placement at the performer's position, with the mesh's front in the performer's
+        heading.
+        """
         alike = self.settings.scaled == "mesh"
         front = 0.0 if self.likeness is None else self.likeness.yaw
         return under(body, self._performer_scale(body) if alike else self.size, self.stand, front)
@@ -108,13 +117,13 @@ class PlacementRules:
     def carryings(
         self, body: Body, placement: Placement, earlier: list[Carrying], own_earlier: Carrying | None = None
     ) -> list[Carrying]:
-        """Returns the carryings with which a body may take hold, the best first.
+        """Returns the transforms with which a body may attach, the best first.
 
         Args:
             placement: where the mesh stands.
-            earlier: the carryings of the present holds that are kept, of others or of the body itself.
-            own_earlier: the carrying of the present hold of the body, kept or not. Beside a mesh it continues
-                with it, so that attaching again moves nothing.
+            earlier: the transforms of the present holds that are kept, of other bodies or of this one.
+            own_earlier: the transform of the body's present hold, kept or not. If the mesh stands beside the
+                performer, the new hold continues with it, so that attaching again moves nothing.
         """
         own, scale = self.settings, self._performer_scale(body)
         inside = own.how == "inside"
@@ -140,11 +149,12 @@ class PlacementRules:
         return [CarriedPlacement(place, own.travel, not inside) for place in places]
 
     def _front(self, placement: Placement) -> float:
-        """Returns the direction in which the mesh faces at rest in the world, radians about +Y."""
+        """Returns the heading of the mesh at rest in the world, radians about +Y."""
         return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
 
     def meeting(self, body: Body, placement: Placement) -> Mapped | None:
-        """Returns the carrying with which a waiting mesh takes a performer's pose, or None if it does not.
+        """Returns the transform with which a waiting mesh takes a performer's pose, or None if it keeps its
+        own.
 
         Args:
             placement: where the mesh waits.
@@ -156,7 +166,7 @@ class PlacementRules:
         return Mapped(like, body, scale, 0.0, own.fade, own.fade_pace, front=front)
 
     def _performer_scale(self, body: Body) -> float:
-        """Returns the metres of the performer for one metre of the rest space."""
+        """Returns the metres of the performer per metre of the rest space."""
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height
@@ -166,7 +176,7 @@ def _twenty(joints: tuple[tuple[float, float, float], ...], character: str) -> F
     """Returns joints as (20, 3) metres.
 
     Raises:
-        InputError: for another number of them.
+        InputError: if their number is not 20.
     """
     if len(joints) != J:
         mend = f"Name all {J} in their order, or none."

@@ -1,4 +1,4 @@
-"""A mesh from a file, made ready to be possessed."""
+"""Preparation of a mesh from a file for possession: scale, placement and refinement."""
 
 from __future__ import annotations
 
@@ -20,19 +20,22 @@ from enliven.possession.standing import fit_standing_person, standing_figure
 log = logging.getLogger(__name__)
 
 _HEIGHT = 1.75
-"""Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
+"""Height, metres, to which meshes are scaled: that of a person. The performer's own height differs from it
+only by a small factor."""
 _LONGEST_EDGE = 0.04
-"""Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
+"""Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
+bend with it."""
 
 
 class Prepared(NamedTuple):
-    """A mesh as it goes on stage, and what an actor of it is told.
+    """A mesh ready for the stage, and the values for its actor.
 
     Attributes:
         mesh: in metres of its rest space.
         settings: with the ends and joints of this mesh.
-        size: metres of the mesh as modelled for one of its rest space.
-        height: metres of the person that it shows, of whom it may be a part; 0: as high as the mesh is.
+        size: metres of the mesh as modelled per metre of its rest space.
+        height: metres, height of the person that the mesh shows, perhaps only in part; 0: the height of the
+            mesh.
     """
 
     mesh: Mesh
@@ -49,13 +52,14 @@ def prepared_as(
     ends: Float | None = None,
     joints: Float | None = None,
 ) -> Prepared:
-    """Returns a mesh and its settings as an actor takes them.
+    """Returns a mesh and its settings in the form that an actor takes.
 
     Args:
-        fit: whether it is brought to a person's size, as :func:`prepared` does; else it is as modelled.
-        ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot,
-            where they are known; else those of the settings are kept.
-        joints: (20, 3) metres of the mesh as given, of the person that it shows, where they are known.
+        fit: whether the mesh is scaled to a person's size, as :func:`prepared` does; else it stays as
+            modelled.
+        ends: (5, 3) metres of the given mesh, the ends of head, left and right hand, left and right foot, if
+            known; else those of the settings are kept.
+        joints: (20, 3) metres of the given mesh, of the person that it shows, if known.
     """
     given, size, height = mesh.vertices, 1.0, 0.0
     at = [] if ends is None else [int(np.linalg.norm(given - end, axis=1).argmin()) for end in ends]
@@ -66,7 +70,7 @@ def prepared_as(
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     if joints is not None and len(joints):
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
-        # Where a part of them was in view, the mesh is less high than the person.
+        # If only a part of the person was in view, the mesh is lower than the person.
         height = Body(0, joints, np.ones(len(joints))).height
     return Prepared(mesh, settings, size, height)
 
@@ -74,11 +78,11 @@ def prepared_as(
 def prepared(
     mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
 ) -> tuple[Mesh, float]:
-    """Returns an upright mesh as it goes on stage, and how many metres as modelled are one metre of it.
+    """Returns an upright mesh ready for the stage, and the metres as modelled per metre of it.
 
-    One that meets its performer is scaled to a person's height, moved to where a standing person fits into
-    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled. Its
-    own vertices stay the first ones.
+    If the mesh meets its performer, three steps follow. The mesh is scaled to a person's height, moved to
+    where a standing person fits into it, and refined if its triangles are too large to bend. A mesh that
+    stays fixed is returned as modelled. The original vertices keep their indices.
 
     Args:
         ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
@@ -103,7 +107,7 @@ def prepared(
 
 
 def as_moved(points: Float, before: Float, after: Float) -> Float:
-    """Returns points (N, 3) moved, turned and scaled as the vertices (V, 3) of a mesh were."""
+    """Returns points (N, 3) under the affine map that took the vertices ``before`` (V, 3) to ``after``."""
     about = before.mean(0)
     return np.asarray(
         after.mean(0) + (points - about) @ np.linalg.lstsq(before - about, after - after.mean(0))[0]
@@ -111,7 +115,9 @@ def as_moved(points: Float, before: Float, after: Float) -> Float:
 
 
 def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
-    """Returns the mesh with its front at +Z and its trunk about that of a figure who stands at the origin."""
+    """Returns the mesh with its front at +Z and its trunk aligned with that of a figure that stands at the
+    origin.
+    """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     turn = turn_about_y(person.yaw)
     offset = standing_figure(_HEIGHT)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)

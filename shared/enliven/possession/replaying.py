@@ -1,4 +1,4 @@
-"""A take of performers once more: the live actor is given the bodies and the holds of a recording."""
+"""Replay of a recorded take: the live actor receives the bodies and the holds of the recording."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from enliven.possession.embedded_actor import EmbeddedActor
 from enliven.settings import load_settings
 
 _SAME = 1e-7
-"""Seconds within which two times are one: far less than between two frames of any sensor."""
+"""Tolerance, seconds, within which two times count as equal. It is far less than one frame of any sensor."""
 
 
 def settings_of(possession: Possession) -> ActorSettings:
-    """Returns the settings of an actor as they were recorded.
+    """Returns the recorded settings of an actor.
 
     Raises:
-        InputError: for what is no JSON, or a setting that is not known.
+        InputError: if the text is not JSON, or contains an unknown setting.
     """
     try:
         told = json.loads(possession.settings)
@@ -44,14 +44,15 @@ def replay(
 ) -> Iterator[Pose]:
     """Yields the pose of a mesh at each frame of a take, as the stage would show it live.
 
-    The same take gives the same poses; on the mesh that it was recorded with, those of the recording. The
-    performers' surfaces are not in a take: bones alone drive what followed them too.
+    The same take always gives the same poses. On the mesh that it was recorded with, it gives the recorded
+    poses. A take does not contain the performers' surfaces, so a mesh that followed a surface is driven by
+    the bones alone.
 
     Args:
-        notes: takes a sentence about each change of holds that this mesh refused.
+        notes: list to which a sentence is appended for each change of holds that this mesh refused.
 
     Raises:
-        InputError: where no performer can take hold of the mesh at all.
+        InputError: if no performer can attach to the mesh at all.
     """
     settings = replace(settings_of(possession), hand_over=0.0)
     actor = EmbeddedActor(character, graph, settings, possession.size, possession.height or None)
@@ -83,10 +84,10 @@ def replay(
 
 
 def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:
-    """Carries out a change of holds.
+    """Applies a change of holds.
 
     Raises:
-        InputError: where nothing is in reach, or the performer is not in view.
+        InputError: if nothing is within reach, or the performer is not in view.
     """
     if change.mode == "remove":
         return
@@ -106,6 +107,8 @@ def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> Non
 
 
 def _as_seen(body: Body) -> Body:
-    """Returns a body of a take, in which a joint that was not known is the origin without confidence."""
+    """Returns a body of a take with unknown joints as NaN. A take stores them as the origin with confidence
+    0.
+    """
     known = (body.confidence > 0.0) | body.joints.any(1)
     return body if known.all() else replace(body, joints=np.where(known[:, None], body.joints, np.nan))

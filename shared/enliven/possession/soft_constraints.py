@@ -1,4 +1,4 @@
-"""Soft constraints on a mesh besides its performers' bones: observed surface, floor, self-contact."""
+"""Soft constraints on a mesh in addition to its performers' bones: observed surface, floor, self-contact."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven.possession.hold import EmbeddedHold
 
 
 class SoftConstraints:
-    """The soft constraints that the settings ask for; one that is off costs nothing."""
+    """The soft constraints that the settings enable. A disabled one costs nothing."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"
@@ -37,14 +37,14 @@ class SoftConstraints:
         floor: float,
         seconds: float,
     ) -> PlaneConstraints | None:
-        """Returns the frame's plane constraints, None where there are none.
+        """Returns the plane constraints of the frame, or None if there are none.
 
         Args:
-            state: (N, 3, 3) linear parts and (N, 3) positions, as they are.
+            state: current (N, 3, 3) linear parts and (N, 3) positions.
             holds: all holds on the mesh.
             seen: by body id, the part of the performer's surface that the sensor sees.
             floor: metres, the floor's height in the rest space.
-            seconds: since the last frame.
+            seconds: time since the last frame.
         """
         sets = []
         if self._surface is not None:
@@ -62,12 +62,14 @@ class SoftConstraints:
         return joined_planes(sets)
 
     def raised(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
-        """Returns the state, lifted out of the floor where the settings say so; ``floor`` in rest space."""
+        """Returns the state, lifted out of the floor if the settings ask for it; ``floor`` is in the rest
+        space.
+        """
         if self._floor is not None and self._raises:
             positions = self._floor.raised(linear, positions, floor)
         return linear, positions
 
     def moved_elsewhere(self) -> None:
-        """Forgets where feet stood, as the mesh was put elsewhere."""
+        """Resets the foot contacts, because the mesh was placed elsewhere."""
         if self._floor is not None:
             self._floor.reset()

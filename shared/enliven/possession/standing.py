@@ -1,8 +1,8 @@
-"""Finds where a person stands in a mesh: legs in legs, back in back, as far as the mesh has any.
+"""Finds where a person would stand in a mesh: legs in legs and trunk in trunk, as far as the mesh has them.
 
-A mesh from a file has its origin anywhere. A performer in the middle of a chair would stand in its seat, in
-the middle of a horse in its belly, and take hold of little. So the mesh is moved and turned until a standing
-figure is as near to its surface as possible, limb by limb.
+The origin of a mesh from a file may be anywhere. A performer in the middle of a chair would stand in its
+seat, or in the middle of a horse in its belly, and attach to little. So the mesh is moved and turned until a
+standing figure is as near to its surface as possible, limb by limb.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from enliven.person import PARENTS, Joint
 from enliven.possession.placement import turn_about_y
 
 _NEAR = 0.11
-"""Metres at which a bone counts a third of one that lies in the surface."""
+"""Distance, metres, at which a bone scores a third of a bone that lies in the surface."""
 _CELL = 0.04
-"""Metres of a cell of the grid: a third of ``_NEAR``, so that a cell hardly changes what a bone counts."""
+"""Grid cell size, metres: a third of ``_NEAR``, so that the score of a bone hardly changes within a cell."""
 _TURNS = 16
-"""Yaws that are tried, 22.5 degrees apart: each costs a pass over all places."""
+"""Number of yaws that are tried, 22.5 degrees apart. Each costs a pass over all positions."""
 _SAMPLES = 5
-"""Points on a bone at which nearness is looked up: at most 9 cm apart on a shank."""
+"""Points per bone at which nearness is looked up: at most 9 cm apart on a shank."""
 _MOST_PLACES = 700
-"""Places of the floor that are tried: they lie farther apart on a mesh that is much wider than high."""
+"""Approximate number of floor positions that are tried. They are farther apart on a mesh that is much
+wider than high."""
 _MOST_CELLS = 300_000
-"""Cells of a grid at most: they are larger in a mesh that is much wider than high."""
+"""Maximum number of grid cells. Cells are larger in a mesh that is much wider than high."""
 _HEIGHT = 1.75
-"""Metres of the reference person; all lengths of this module scale with the mesh's height over it."""
+"""Height of the reference person, metres. All lengths in this module scale with the mesh's height over it."""
 _UPRIGHT = {
     "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
     "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
@@ -39,34 +40,37 @@ _UPRIGHT = {
     "SHOULDER_LEFT": (0.17, 1.39, -0.01), "ELBOW_LEFT": (0.22, 1.10, 0.0), "WRIST_LEFT": (0.26, 0.86, 0.06),
     "HAND_LEFT": (0.26, 0.78, 0.08),
 }  # fmt: skip
-"""Metres: the joints of the reference person on the left and in the middle, standing with hanging arms."""
+"""Joints of the reference person on the left and in the middle, metres: standing, with hanging arms."""
 _PAIRS = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
-"""The paired bones that count, by the joint at the end, with weights; a pair counts twice its worse bone.
-Hanging arms weigh little: few meshes have any there."""
+"""Paired bones that are scored, by their child joint, with weights. A pair scores twice its worse bone.
+Hanging arms have a low weight, because few meshes have any surface there."""
 _MIDDLE = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
-"""The bones of the trunk that count, by the joint at the end, with weights."""
+"""Bones of the trunk that are scored, by their child joint, with weights."""
 _TOUCHED = 0.25
-"""Metres at which a piece of surface counts a third of one that a bone lies in."""
+"""Distance, metres, at which a piece of surface scores a third of a piece that a bone lies in."""
 _HEAD_FIRST = 0.4
-"""Share of the score gained for each metre by which the head is ahead: a performer in a horse looks where the
-horse does."""
+"""Relative gain in score per metre that the head is ahead: a performer in a horse looks where the horse
+does."""
 _MASS_FIRST = 0.03
-"""Share of the score gained for each metre by which the middle of the mesh is ahead: a performer in the back
-of a chair looks over its seat. It counts far less than a head."""
+"""Relative gain in score per metre that the centre of the mesh is ahead: a performer in the back of a
+chair looks over its seat. It is far smaller than the gain for a head."""
 _AS_MODELLED = 0.004
-"""Share of the score gained by the yaw as modelled over a quarter turn: it decides only between equals."""
+"""Relative gain in score of the modelled yaw over a quarter turn. It only breaks ties."""
 _HIGHEST = 0.85
-"""Share of the mesh's height from which on the surface is taken for the head."""
+"""Fraction of the mesh's height above which the surface counts as the head."""
 _NO_HEAD = 0.15
-"""Metres ahead or behind within which the highest part is no head that says where the front is."""
+"""Distance ahead or behind, metres, within which the highest part does not indicate the front."""
 _BEHIND = 0.5
 """Factor on distances behind the surface: a bone belongs inside a limb rather than outside."""
 _LEAF = 32
-"""Points of a leaf of the tree: neighbours of a whole grid are found in three quarters of the usual time."""
+"""Points per leaf of the k-d tree. A query for a whole grid then takes three quarters of the time with the
+default."""
 
 
 def standing_figure(height: float = _HEIGHT) -> Float:
-    """(20, 3) metres: the joints of a person who stands at the origin facing +Z, arms hanging."""
+    """Returns (20, 3) metres: the joints of a person that stands at the origin facing +Z, with hanging
+    arms.
+    """
     joints = np.empty((len(Joint), 3))
     for joint in Joint:
         x, y, z = _UPRIGHT[joint.name.replace("RIGHT", "LEFT")]
@@ -75,10 +79,10 @@ def standing_figure(height: float = _HEIGHT) -> Float:
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
-    """Moves the mesh, its floor at y = 0, so that a person standing at the origin facing +Z fits in best.
+    """Moves the mesh, its floor at y = 0, so that a person standing at the origin and facing +Z fits best.
 
     Returns:
-        the mesh, and the score of the fit: from 0, no bone is near, to 1, every bone is in the surface.
+        the mesh, and the score of the fit, from 0 (no bone is near) to 1 (every bone is in the surface).
     """
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
     yaw, offset, score = best_stand(mesh, [standing_figure(height)])
@@ -87,13 +91,13 @@ def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
 
 
 def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
-    """Finds the rotation about +Y and the move over the floor that fit figures into a mesh best, one for all.
+    """Finds one rotation about +Y and one move over the floor that best fit all figures into a mesh.
 
-    The score counts how near the bones are to the surface, how much of the surface is near to bones, and, for
-    one figure, how symmetric the mesh is about it.
+    The score combines how near the bones are to the surface and how much of the surface is near to bones. For
+    a single figure it also includes how symmetric the mesh is about the figure.
 
     Args:
-        figures: (20, 3) metres each, as tall as the mesh wants them; about the origin, facing +Z.
+        figures: (20, 3) metres each, scaled to the mesh's height, about the origin, facing +Z.
 
     Returns:
         radians about +Y, (3,) metres, and the score, from 0 to 1.
@@ -101,9 +105,11 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _HEIGHT
     samples = scatter(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
+    # Precompute the nearness fields of the surface and of the figures' bones.
     near = _Nearness(points, _NEAR * unit, _CELL * unit, samples.normals)
     touched = [_Nearness(_bone_points(figure), _TOUCHED * unit, _CELL * unit) for figure in figures]
     low, high = mesh.bounds
+    # Candidate positions: a grid over the floor area of the mesh.
     wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MOST_PLACES)))
     steps = [np.arange(low[a], high[a] + wide, wide) for a in (0, 2)]
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
@@ -112,6 +118,8 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     alike = float(near.over(pieces, np.zeros((1, 3))).mean())
     head = points[points[:, 1] >= low[1] + _HIGHEST * (high[1] - low[1])].mean(0)[[0, 2]]
     best, found = -np.inf, (0.0, np.zeros(3), 0.0)
+    # For each yaw, score all floor positions at once: bones near the surface, surface near the bones, and
+    # symmetry.
     for yaw in np.arange(_TURNS) * (2 * np.pi / _TURNS):
         turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
         held = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
@@ -121,6 +129,7 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
             mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
             across = near.over(pieces @ mirror, floor - floor @ mirror)
             held *= (across.mean(1) / alike) ** 2
+        # Prefer yaws with the head, or else the mass, ahead. The reported score leaves these gains out.
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
         worth = held + _HEAD_FIRST * held * ahead
@@ -134,16 +143,17 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
 
 
 def _bone_points(joints: Float) -> Float:
-    """(P, 3) points along all bones of (20, 3) joints."""
+    """Returns (P, 3) points along all bones of (20, 3) joints."""
     along = np.linspace(0.0, 1.0, 8)[:, None, None]
     ends, starts = joints[1:], joints[list(PARENTS[1:])]
     return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
 
 
 class _Nearness:
-    """exp(-(d / near)^2) of the distance d to the nearest of some points, on a grid around them.
+    """A grid of exp(-(d / near)^2), where d is the distance to the nearest of some points.
 
-    Where points have ``normals``, distances behind them are shortened: a spine belongs inside a trunk.
+    If the points have ``normals``, distances behind them are shortened, because a spine belongs inside a
+    trunk.
     """
 
     def __init__(self, points: Float, near: float, cell: float, normals: Float | None = None) -> None:
@@ -154,14 +164,14 @@ class _Nearness:
         axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
         grid = grid.reshape(-1, 3)
-        from scipy.spatial import cKDTree  # which no character needs that is made to fit
+        from scipy.spatial import cKDTree  # imported late: characters that already fit do not need it
 
         length, nearest = cKDTree(points, leafsize=_LEAF).query(grid, distance_upper_bound=4 * near)
         if normals is not None:
             at = np.minimum(nearest, len(points) - 1)
             behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
             length = np.where(behind, _BEHIND * length, length)
-        # A border of zeros, in which every point beyond the grid is looked up.
+        # A border of zeros: every point outside the grid is looked up in it.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
     def over(self, points: Float, shifts: Float) -> Float:

@@ -1,4 +1,6 @@
-"""Scanning: depth images of a moving camera are tracked and fused into a surface."""
+"""Scanning: tracks a moving depth camera (ICP, frame to model) and fuses its images into a surface (TSDF
+volume).
+"""
 
 import lazy_loader
 

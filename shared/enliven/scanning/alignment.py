@@ -1,4 +1,6 @@
-"""Compiled loops of the tracking: how far a depth image's points are from a volume's surface."""
+"""Compiled loops of frame-to-model tracking: distances of a depth image's points from the surface in a
+TSDF volume.
+"""
 
 from __future__ import annotations
 
@@ -8,34 +10,35 @@ from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, find, key_of
 
 MOMENTS = 32
-"""The first of the sums that tell the noise of the slopes."""
+"""Index of the first sum that is used to estimate the noise of the slopes."""
 BINS = 16
-"""Bins of the angles between the image's normals and the surface's; their edges grow as the square."""
+"""Bins of the angle between the image's normals and the surface's. Bin edges grow quadratically."""
 SQUARES = MOMENTS + 9 + BINS
-"""The sum of the weights' squares; after it the 21 of the upper half of the products of the surface's slopes
-and the image's normals, row by row. They are added up where they are asked for."""
+"""Index of the sum of squared weights. The 21 sums after it are the upper half of the products of the
+surface's slopes and the image's normals, row by row. They are computed only on request."""
 SUMS = SQUARES + 22
-"""Numbers of a sum: 21 of the upper half of the normal matrix, row by row, and 6 of the gradient; then the
-weighted squares, the weights, what agrees, what was looked for, and what could be compared. From MOMENTS on
-the weighted places about the camera (3), their products (6, the upper half, row by row), and the weights of
-the points by the angle between the two normals."""
+"""Length of a row of sums. First come 21 of the upper half of the normal matrix, row by row, and 6 of the
+gradient. Then come the weighted squares, the weights, the agreeing points, all valid points, and the
+points in known space. From MOMENTS on come the weighted positions relative to the camera (3) and their
+products (6, the upper half, row by row). After these comes a histogram of the weights by the angle between
+the two normals."""
 _OPPOSED = 0.5
-"""Cosine between a point's normal and the surface's below which they are two different sides."""
+"""Cosine between a point's normal and the surface's below which they belong to two different sides."""
 WIDEST = 1.0
-"""Twice the sine of half the angle of that cosine: where the last bin of angles ends."""
+"""Twice the sine of half the angle of ``_OPPOSED``: the upper edge of the last bin of angles."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def look_up(field, x, y, z, found, last):
-    """Fills the distance at a point of the world and its slope along each axis, trilinear between voxels.
+    """Interpolates the signed distance and its gradient at a point of the world, trilinearly between voxels.
 
     Args:
         field: :class:`FieldArrays`.
         found: (4,) metres and three slopes; written.
-        last: (4,) int64 the block that was looked at last, its number and its place; read and written.
+        last: (4,) int64 cache of the last block, its number and its position; read and written.
 
     Returns:
-        Whether all eight voxels around it were seen.
+        Whether all eight voxels around the point were observed.
     """
     voxel, beside = field.band.voxel, field.beside
     gx, gy, gz = x / voxel, y / voxel, z / voxel
@@ -75,20 +78,21 @@ def look_up(field, x, y, z, found, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):
-    """Adds up the normal equations of the points in some rows of a half-size image.
+    """Accumulates the normal equations of the points in some rows of a half-size image.
 
-    A point's residual is the volume's distance there; it falls by the slope along a move of the camera.
+    The residual of a point is the volume's signed distance there. Its derivative along a camera move is the
+    gradient.
 
     Args:
         points: :class:`PointArrays`.
-        stride: pixels from a point that is looked at to the next, each way.
-        span: (2,) metres of depth, points between which are looked at.
+        stride: pixels from one used point to the next, in each direction.
+        span: (2,) metres, the depth range of the points that are used.
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
-        closely: whether the products of slopes and normals are added up, too.
-        soft: metres at which a residual counts a quarter (Geman-McClure).
-        sums: (R, SUMS) a row for each row of points that is looked at, where the sums are written; the six
-            unknowns are a move (m) and a turn (rad) about the camera's place, world frame.
+        closely: whether the products of slopes and normals are accumulated as well.
+        soft: metres at which a residual has a quarter of its weight (Geman-McClure).
+        sums: (R, SUMS) one row for each row of points, written. The six unknowns are a translation (m) and a
+            rotation (rad) about the camera's position, world frame.
     """
     found, cache, j, m = np.empty(4), np.empty(4, np.int64), np.empty(6), np.empty(6)
     cache[0], cache[1] = -1, np.int64(1) << 40
@@ -100,6 +104,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             if points.worth[v, u] == 0.0 or z < span[0] or z >= span[1]:
                 continue
             sums[r, 30] += points.worth[v, u]
+            # Transform the point into the world and look up its signed distance.
             px, py = points.places[v, u, 0], points.places[v, u, 1]
             qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * z
             qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * z
@@ -110,6 +115,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             d, gx, gy, gz = found[0], found[1], found[2], found[3]
             if d >= 0.98 * field.band.front or d <= -0.98 * field.band.behind:
                 continue
+            # Reject the point if its normal and the surface's gradient belong to opposite sides.
             nx, ny, nz = points.normals[v, u, 0], points.normals[v, u, 1], points.normals[v, u, 2]
             mx = pose[0, 0] * nx + pose[0, 1] * ny + pose[0, 2] * nz
             my = pose[1, 0] * nx + pose[1, 1] * ny + pose[1, 2] * nz
@@ -117,10 +123,12 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             along, slope = mx * gx + my * gy + mz * gz, np.sqrt(gx * gx + gy * gy + gz * gz)
             if along < _OPPOSED * slope:
                 continue
+            # Robust weight (Geman-McClure).
             robust = soft * soft / (soft * soft + d * d)
             w = points.worth[v, u] * robust * robust
             j[0], j[1], j[2] = gx, gy, gz
             j[3], j[4], j[5] = qy * gz - qz * gy, qz * gx - qx * gz, qx * gy - qy * gx
+            # Upper half of the normal matrix J^T W J, and the gradient J^T W d.
             at = 0
             for a in range(6):
                 wj = w * j[a]
@@ -128,6 +136,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
                     sums[r, at] += wj * j[b]
                     at += 1
                 sums[r, 21 + a] += wj * d
+            # Sums for error, agreement and overlap, and moments of the positions for the noise estimate.
             sums[r, 27] += w * d * d
             sums[r, 28] += w
             sums[r, 29] += points.worth[v, u] * robust
@@ -140,8 +149,10 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             sums[r, MOMENTS + 6] += w * qy * qy
             sums[r, MOMENTS + 7] += w * qy * qz
             sums[r, MOMENTS + 8] += w * qz * qz
+            # Histogram of the angle between the image's normal and the surface's gradient.
             chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / WIDEST
             sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w
+            # Products of surface slopes and image normals, symmetrised: their noise is independent.
             if closely:
                 m[0], m[1], m[2] = slope * mx, slope * my, slope * mz
                 m[3], m[4], m[5] = qy * m[2] - qz * m[1], qz * m[0] - qx * m[2], qx * m[1] - qy * m[0]

@@ -1,4 +1,6 @@
-"""Blocks of 8 x 8 x 8 voxels by their place: a hash table, and the neighbours of each block."""
+"""Sparse voxel blocks of 8 x 8 x 8 by their position: a spatial hash table, and the neighbours of each
+block.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +10,28 @@ from enliven.arrays import Int, Int32
 from enliven.kernels import njit
 
 SIDE = 8
-"""Voxels of a block's side: the table stays small, and a block is as wide as the band that it holds."""
+"""Voxels along a block's side. The table stays small, and a block is as wide as the truncation band that
+it holds."""
 VOXELS = SIDE**3
-"""Voxels of a block; voxel (x, y, z) of it is number x + 8 y + 64 z."""
+"""Voxels of a block; voxel (x, y, z) of it has the index x + 8 y + 64 z."""
 _FIRST = 1024
-"""Blocks that a table begins with: 4 MB of voxels."""
+"""Initial capacity of a table, blocks: 4 MB of voxels."""
 _GROWTH = 1.5
-"""Factor by which a full table grows: a third of the memory at most is not yet used."""
+"""Growth factor of a full table: at most a third of the memory is then unused."""
 _REACH = 1 << 20
-"""Blocks to each side of the origin that a key can tell apart: 30 km at 4 mm."""
+"""Maximum block coordinate that a key can represent, in each direction from the origin: 30 km at 4 mm."""
 _FULL = 0.5
-"""Share of the hash table that is filled at most: a search then looks at two places on average."""
+"""Maximum load factor of the hash table. A search then probes two slots on average."""
 
 
 class BlockTable:
-    """The places of blocks, numbered in the order in which they came.
+    """The positions of blocks, numbered in the order in which they were added.
 
     Attributes:
         count: the number of blocks.
-        places: (C, 3) int32 in blocks from the origin, of which the first ``count`` are used.
-        beside: (C, 8) int32 the block that lies one further along x, y and z, at the sum of 1, 2 and 4 for
-            these; itself at 0, -1 where there is none.
+        places: (C, 3) int32 in blocks from the origin; only the first ``count`` rows are used.
+        beside: (C, 8) int32 the neighbour one further along x, y and z, at the sum of 1, 2 and 4 for these
+            axes. Entry 0 is the block itself; -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:
@@ -40,11 +43,11 @@ class BlockTable:
 
     @property
     def capacity(self) -> int:
-        """Blocks for which there is room."""
+        """Number of blocks that fit into the table."""
         return len(self.places)
 
     def grow(self) -> None:
-        """Make room for more blocks."""
+        """Makes room for more blocks."""
         capacity = int(self.capacity * _GROWTH)
         self.places = grown(self.places, capacity, 0)
         self.beside = grown(self.beside, capacity, -1)
@@ -52,7 +55,7 @@ class BlockTable:
             self._hash(2 * len(self.keys))
 
     def keep(self, kept: Int) -> None:
-        """Keep only the blocks (K,) of these numbers, which get the numbers 0 to K - 1."""
+        """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
         self.places[: len(kept)] = self.places[kept]
         self.count = len(kept)
         self._hash(len(self.keys))
@@ -60,7 +63,7 @@ class BlockTable:
         link(self.keys, self.slots, self.places, self.beside, 0, self.count)
 
     def find(self, places: Int32) -> Int32:
-        """Returns (N,) int32 numbers of the blocks at (N, 3) places, -1 where there is none."""
+        """Returns (N,) int32 numbers of the blocks at (N, 3) positions, -1 for a missing block."""
         found = np.empty(len(places), np.int32)
         _find_all(self.keys, self.slots, np.asarray(places, np.int32), found)
         return found
@@ -79,13 +82,13 @@ def grown(array: np.ndarray, length: int, fill: float) -> np.ndarray:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def key_of(x, y, z):
-    """Returns the key of a block's place."""
+    """Returns the hash key of a block's position."""
     return ((np.int64(x) + _REACH) << 42) | ((np.int64(y) + _REACH) << 21) | (np.int64(z) + _REACH)
 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _home(key, size):
-    """Returns where the search for a key begins in a table of ``size``, a power of two."""
+    """Returns the slot at which the search for a key begins, in a table of ``size``, a power of two."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(size - 1))
 
@@ -103,7 +106,7 @@ def find(keys, slots, key):
 
 @njit(cache=True, nogil=True)
 def insert(keys, slots, key, number):
-    """Gives a key that the table does not have a number."""
+    """Stores the block number of a key that is not in the table yet."""
     at = _home(key, len(keys))
     while keys[at] != -1:
         at = (at + 1) & (len(keys) - 1)
@@ -112,7 +115,7 @@ def insert(keys, slots, key, number):
 
 @njit(cache=True, nogil=True)
 def link(keys, slots, places, beside, first, last):
-    """Makes the blocks ``first`` to ``last`` and those beside them neighbours."""
+    """Links the blocks ``first`` to ``last`` with their neighbours, in both directions."""
     for b in range(first, last):
         x, y, z = places[b, 0], places[b, 1], places[b, 2]
         for k in range(8):

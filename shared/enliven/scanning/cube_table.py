@@ -1,10 +1,10 @@
-"""The triangles of marching cubes for each of the 256 ways in which the corners of a cell may lie.
+"""The triangle table of marching cubes for all 256 corner configurations of a cell.
 
-The table is made, not copied: on every face of the cell, each run of corners inside is parted from the rest
-by a segment. Two cells see the same runs on the face that they share, so that no crack opens between them.
+The table is computed, not copied. On every face of the cell, a segment separates each run of inside corners
+from the rest. Two cells find the same runs on their shared face, so no crack opens between them.
 
 Corner k of a cell is at (k & 1, k >> 1 & 1, k >> 2). Edge 4 a + n runs along axis a; n numbers the four
-corners where an edge along that axis begins.
+corners at which an edge along that axis begins.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from enliven.arrays import Int32
 _FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
 """Corners of each face, counter-clockwise seen from outside of the cell."""
 STARTS = ((0, 2, 4, 6), (0, 1, 4, 5), (0, 1, 2, 3))
-"""By axis, the corners where the four edges along it begin."""
+"""For each axis, the corners at which the four edges along it begin."""
 MOST_TRIANGLES = 5
-"""Triangles of a cell at most."""
+"""Maximum number of triangles in a cell."""
 
 
 def _edge(a: int, b: int) -> int:
@@ -32,9 +32,9 @@ def _edge(a: int, b: int) -> int:
 
 @cache
 def triangle_table() -> Int32:
-    """Returns (256, 16) int32 the edges of each case's triangles, three by three, -1 after the last.
+    """Returns (256, 16) int32 the edges of each case's triangles, in groups of three, -1 after the last.
 
-    Bit k of the case says that corner k is inside, which is where distances are negative; triangles are
+    Bit k of the case is set if corner k is inside, that is, its distance is negative. Triangles are
     counter-clockwise seen from outside of the surface.
     """
     table = np.full((256, 3 * MOST_TRIANGLES + 1), -1, np.int32)
@@ -45,14 +45,14 @@ def triangle_table() -> Int32:
 
 
 def _loops(case: int) -> list[list[int]]:
-    """Returns the closed lines of edges in which the surface leaves the cell."""
+    """Returns the closed loops of edges along which the surface intersects the cell's faces."""
     after: dict[int, int] = {}
     for corners in _FACES:
         inside = [bool(case >> corner & 1) for corner in corners]
         for k in range(4):
             if inside[k] or not inside[(k + 1) % 4]:
                 continue
-            # A run of corners inside begins here; the segment leads from its end to its beginning.
+            # A run of inside corners begins here; the segment leads from its end to its beginning.
             last = next(n for n in range(k + 1, k + 5) if not inside[(n + 1) % 4])
             end = _edge(corners[last % 4], corners[(last + 1) % 4])
             after[_edge(corners[k], corners[(k + 1) % 4])] = end
@@ -66,9 +66,10 @@ def _loops(case: int) -> list[list[int]]:
 
 
 def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Returns the triangles of a loop, as few of their inner sides as can be lying in a face of the cell.
+    """Returns the triangles of a loop, with as few inner sides as possible in a face of the cell.
 
-    A side in a face would meet that of the cell behind it, and four triangles would share it.
+    An inner side in a face would coincide with that of the neighbouring cell, and four triangles would share
+    it.
     """
     if len(loop) < 3:
         return []
@@ -83,7 +84,9 @@ def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
 
 
 def _in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> int:
-    """Returns how many sides of triangles that are not sides of the loop lie in a face of the cell."""
+    """Returns the number of inner sides of triangles (not sides of the loop) that lie in a face of the
+    cell.
+    """
     border = {frozenset(side) for side in pairwise((*loop, loop[0]))}
     inner = {frozenset((t[a], t[(a + 1) % 3])) for t in triangles for a in range(3)} - border
     return sum(1 for side in inner if any(side <= face for face in _edges_of_faces()))

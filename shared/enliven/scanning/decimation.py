@@ -1,4 +1,4 @@
-"""A scan with fewer triangles, and how far its surface moved by that."""
+"""Mesh decimation of a scan, and the resulting distance from the original surface."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from enliven.arrays import Float, Int, Int32
 from enliven.meshes import Mesh, submesh
 
 _EAGER = (3.0, 7.0, 10.0)
-"""Of 0 to 10, how eagerly edges are collapsed, one after the other until the budget is met; 7 folds
-three times as many faces onto others as 3."""
+"""Aggressiveness of the edge collapse, from 0 to 10. The values are tried in turn until the triangle
+budget is met. At 7, three times as many faces fold onto others as at 3."""
 _COMPARED = 20_000
-"""Vertices of the scan, by chance, of which the distance to the new surface is measured."""
+"""Number of random scan vertices at which the distance to the new surface is measured."""
 _SPREAD = 60_000
-"""Points on a mesh among which a near one tells its face: 7 mm apart on a chair."""
+"""Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAR = 20
-"""The nearest of them; their faces are looked at, and where another one is nearer, too much is told."""
+"""Number of nearest sample points with faces to test. If another face is nearer, the reported distance is
+too large."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Decimated:
     """A mesh with fewer triangles.
 
     Attributes:
-        mean: metres from the full mesh's vertices to its surface.
-        most: metres within which 99 of 100 of them lie.
+        mean: metres, mean distance from the full mesh's vertices to its surface.
+        most: metres, the 99th percentile of these distances.
     """
 
     mesh: Mesh
@@ -36,9 +37,10 @@ class Decimated:
 
 
 def decimated(mesh: Mesh, faces: int) -> Decimated:
-    """Returns a mesh of so many triangles at most, by edges that are collapsed where that moves least.
+    """Returns a mesh with at most ``faces`` triangles, by collapsing the edges that move the surface least.
 
-    Vertices take the colour of the nearest one of the full mesh. A mesh that is small enough stays as it is.
+    Vertices take the colour of the nearest vertex of the full mesh. A mesh that is small enough is returned
+    unchanged.
     """
     if len(mesh.faces) <= faces:
         return Decimated(mesh, 0.0, 0.0)
@@ -60,13 +62,15 @@ def decimated(mesh: Mesh, faces: int) -> Decimated:
 
 
 def _unfolded(faces: Int | Int32) -> Int32:
-    """Returns the faces (F, 3) without pairs of the same corners: folds of no thickness."""
+    """Returns the faces (F, 3) without pairs that share all corners, which are folds of zero thickness."""
     _, number, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)
 
 
 def distances(mesh: Mesh, points: Float) -> Float:
-    """Returns (N,) metres at most from points (N, 3) to the nearest faces of a mesh."""
+    """Returns (N,) upper bounds, metres, of the distances from points (N, 3) to the nearest face of a
+    mesh.
+    """
     corners, areas = mesh.vertices[mesh.faces], np.linalg.norm(mesh.face_vectors(), axis=1)
     # One point for each face, and more on large ones.
     random, count = np.random.default_rng(0), np.ceil(_SPREAD * areas / areas.sum()).astype(int).clip(1)

@@ -1,4 +1,4 @@
-"""A depth image as the fusion and the tracking see it: a plane through each pixel, and its weight."""
+"""A depth image prepared for fusion and tracking: a plane through each pixel, and its weight."""
 
 from __future__ import annotations
 
@@ -14,36 +14,37 @@ from enliven.scanning.settings import DepthNoiseModel
 from enliven.scanning.threads import in_pieces
 
 TILE = 8
-"""Pixels of a tile's side; of each tile the nearest and farthest depth are kept. A block covers a few."""
+"""Pixels along a tile's side. The nearest and farthest depth are kept for each tile. A block covers a few
+tiles."""
 _STEP = 2
-"""Half-size pixels between the nine from which a plane is fitted: 17 mm across at 1 m; those between them
+"""Half-size pixels between the nine samples of a plane fit: 17 mm across at 1 m. The pixels between them
 have the same noise in most cameras."""
 _GATE = 0.04
-"""Share of its own depth by which a neighbour may lie nearer or farther and still be of the same surface."""
+"""Maximum relative difference in depth between a pixel and a neighbour on the same surface."""
 _FEWEST = 4
-"""Pixels of nine from which a plane is fitted; fewer are the splinters that float at edges."""
+"""Minimum number of the nine samples for a plane fit. Fewer are isolated points that float at edges."""
 _STEEPEST = 0.12
 """Cosine between ray and normal below which depth is not trusted: 83 degrees."""
 _NOTHING = np.float32(1e9)
-"""Offset of the plane of a pixel without depth: everything lies far behind it, so that nothing is fused."""
+"""Plane offset of a pixel without depth. Everything lies far behind the plane, so that nothing is fused."""
 _ROWS = 24
-"""Rows of half-size pixels that a thread takes at a time."""
+"""Rows of half-size pixels that a thread processes at a time."""
 
 
 @dataclass(frozen=True)
 class DepthView:
-    """One depth image, prepared.
+    """One prepared depth image.
 
     Attributes:
         intrinsics: of the full image.
-        planes: (H, W, 4) float32 unit normal towards the camera, camera frame, and offset: the distance of
-            a point before the surface is normal . point - offset.
-        weights: (H, W) float32 what the pixel's distance is worth, at most 1; 0 where there is none.
-        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 where none.
-        normals: (h, w, 3) float32 the points' normals; 0 where there is none.
-        worth: (h, w) float32 what they are worth, as ``weights``.
-        tiles: (R, C, 3) float32 nearest and farthest depth of each 8 x 8 tile, metres, inf and 0 where it has
-            none; and the share of its pixels that have none.
+        planes: (H, W, 4) float32 unit normal towards the camera, camera frame, and offset. The distance of a
+            point in front of the surface is normal . point - offset.
+        weights: (H, W) float32 weight of the pixel's distance, at most 1; 0 if it has none.
+        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 if there is none.
+        normals: (h, w, 3) float32 the points' normals; 0 if there is none.
+        worth: (h, w) float32 weights of the points, like ``weights``.
+        tiles: (R, C, 3) float32 nearest and farthest depth of each 8 x 8 tile, metres (inf and 0 if it has
+            none), and the fraction of its pixels without depth.
         colour: (H, W, 3) uint8 sRGB, or None.
     """
 
@@ -58,19 +59,20 @@ class DepthView:
 
     @property
     def point_arrays(self) -> PointArrays:
-        """The points as kernels take them."""
+        """The points in the form that kernels take."""
         return PointArrays(self.points, self.normals, self.worth)
 
     @property
     def known(self) -> float:
-        """Share of the half-size pixels that show a surface."""
+        """Fraction of the half-size pixels that show a surface."""
         return float(np.count_nonzero(self.worth)) / self.worth.size
 
 
 def only(view: DepthView, keep: Bool) -> DepthView:
-    """Returns a view of some half-size pixels (h, w).
+    """Returns a view restricted to some half-size pixels (h, w).
 
-    Of the others it tells only that there is nothing before them: fused, they carve and make no surface.
+    The other pixels only state that the space in front of them is free. When fused, they carve free space and
+    create no surface.
     """
     height, width = view.weights.shape
     wide = keep.repeat(2, 0).repeat(2, 1)[:height, :width]
@@ -84,28 +86,28 @@ def only(view: DepthView, keep: Bool) -> DepthView:
 
 
 class DepthPreparation:
-    """Prepares the depth images of one camera; keeps what depends on the camera only.
+    """Preparation of one camera's depth images, with cached values that depend only on the camera.
 
     Args:
-        near: metres, nearer depth is left out.
-        far: metres, farther depth is left out.
+        near: metres; nearer depth is discarded.
+        far: metres; farther depth is discarded.
     """
 
     def __init__(self, intrinsics: Intrinsics, noise: DepthNoiseModel, near: float, far: float) -> None:
-        # All that follows knows pinholes only: an image of a lens is made one.
+        # The remaining code assumes a pinhole camera, so lens distortion is removed here.
         self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
         self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
         ray = rays(self.intrinsics).astype(np.float32)
-        # Without distortion a column's rays share their x, and a row's their y.
+        # Without distortion, all rays of a column share x, and all rays of a row share y.
         self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
         self._half = np.pad(_pair_means(self._across), _STEP), _pair_means(self._down)
         self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
 
     def prepare(self, depth: UInt16 | Float32, colour: UInt8 | None = None) -> DepthView:
-        """Returns the view of (H, W) millimetres, 0 and 65535 where nothing is known.
+        """Returns the view of a depth image (H, W) in millimetres, with 0 and 65535 for unknown depth.
 
         Args:
-            colour: (h, w, 3) sRGB that shows the same as the depth image, or None.
+            colour: (h, w, 3) sRGB, registered to the depth image, or None.
         """
         height, width = depth.shape
         if colour is not None and colour.shape[:2] != depth.shape:
@@ -115,7 +117,7 @@ class DepthPreparation:
             depth = depth[self._straight]
             colour = None if colour is None else colour[self._straight]
         half = ((height + 1) // 2, (width + 1) // 2)
-        # Columns of nothing on either side: no neighbour of a pixel has to be asked whether it is there.
+        # Empty columns on either side avoid a bounds check for each neighbour of a pixel.
         inverse = np.zeros((half[0], half[1] + 2 * _STEP), np.float32)
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
@@ -131,7 +133,9 @@ class DepthPreparation:
 
 
 def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
-    """Returns (H, W) rows and columns of the pixels that a pinhole would have seen in each pixel's place."""
+    """Returns (H, W) rows and columns of the source pixel for each pixel of an undistorted (pinhole)
+    image.
+    """
     rows, columns = np.mgrid[0 : intrinsics.height, 0 : intrinsics.width].astype(float)
     x, y = (columns - intrinsics.cx) / intrinsics.fx, (rows - intrinsics.cy) / intrinsics.fy
     seen = np.rint(project(np.stack([x, y, np.ones_like(x)], -1), intrinsics)).astype(int)
@@ -139,14 +143,16 @@ def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
 
 
 def _pair_means(values: Float32) -> Float32:
-    """Returns the means of (N,) values by twos; the last one stands alone where N is odd."""
+    """Returns the means of (N,) values in pairs; the last value is its own mean if N is odd."""
     other = np.minimum(np.arange(1, len(values) + 1, 2), len(values) - 1)
     return (0.5 * (values[::2] + values[other])).astype(np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _halve(depth, limits, inverse, first, last):
-    """Fills rows of (h, w + 2 _STEP) inverse depth, 1/m, of 2 x 2 pixels: the mean of the nearest ones."""
+    """Fills rows of (h, w + 2 _STEP) inverse depth, 1/m, from 2 x 2 pixels: the mean over the nearest
+    surface.
+    """
     height, width = depth.shape
     for v in range(first, last):
         upper, lower = depth[2 * v], depth[min(2 * v + 1, height - 1)]
@@ -161,12 +167,14 @@ def _halve(depth, limits, inverse, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _mean_inverse(a, b, c, d, limits):
-    """Returns the mean inverse, 1/m, of those of four depths (mm) that lie at the nearest; 0 for none."""
+    """Returns the mean inverse depth, 1/m, of those of four depths (mm) on the nearest surface; 0 if there
+    are none.
+    """
     za, zb, zc, zd = _metres(a, limits), _metres(b, limits), _metres(c, limits), _metres(d, limits)
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
     last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _GATE))
     zero, one = np.float32(0.0), np.float32(1.0)
-    # What is not known is infinitely far, and infinity is not less than itself.
+    # Unknown depth is infinite, and infinity is not less than itself.
     ia, ib = (one if za < last else zero), (one if zb < last else zero)
     ic, id_ = (one if zc < last else zero), (one if zd < last else zero)
     count = ia + ib + ic + id_
@@ -175,20 +183,22 @@ def _mean_inverse(a, b, c, d, limits):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _metres(depth, limits):
-    """Returns a depth (mm) in metres, infinity where it is none, or nearer or farther than what counts."""
+    """Returns a depth (mm) in metres; infinity if it is unknown or outside of the depth limits."""
     z = np.float32(depth) * np.float32(1e-3)
     return z if (z > np.float32(0.0)) & (z >= limits[0]) & (z <= limits[1]) else np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(inverse, across, down, limits, points, normals, worth, first, last):
-    """Fits a plane round each half-size pixel of some rows.
+    """Fits a plane around each half-size pixel of some rows.
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
-    normal. A structured-light camera's noise is even in inverse depth, so least squares there is right.
+    normal. A structured-light camera's noise is uniform in inverse depth, so least squares is appropriate
+    there.
 
     Args:
-        inverse: (h, w + 2 _STEP), across: (w + 2 _STEP,) 1/m and x of the rays, with nothing on either side.
+        inverse: (h, w + 2 _STEP), across: (w + 2 _STEP,) 1/m and x of the rays, with empty columns on either
+            side.
         down: (h,) y of the rays.
     """
     width = inverse.shape[1] - 2 * _STEP
@@ -210,7 +220,8 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
             a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
             smooth = here + (sz - a * sx - b * sy) * part
             c = smooth - a * x0 - b * y0
-            # Its own depth: the fitted one lies too deep on all that is round, and the camera would drift.
+            # Use the pixel's own depth. The fitted depth is too deep on curved surfaces, and the camera would
+            # drift.
             z, length = one / here, np.sqrt(a * a + b * b + c * c)
             facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + one))
             if not facing > _STEEPEST:
@@ -223,10 +234,12 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_neighbours(inverse, v, across, down, sums):
-    """Sums up the nine pixels about each one of a row that are of the same surface, without a branch.
+    """Sums over the nine samples around each pixel of a row that belong to the same surface, without a
+    branch.
 
     Args:
-        sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz: from the pixel to these, rays and 1/m; written.
+        sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz, written. x, y (rays) and z (1/m) are relative to
+            the pixel.
     """
     one, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _STEP
     middle = inverse[v]
@@ -255,7 +268,7 @@ def _add_neighbours(inverse, v, across, down, sums):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def certainty(limits, z):
-    """Returns the variance of the best depth over that of a depth z, at most 1."""
+    """Returns the variance at the best depth divided by the variance at depth z, at most 1."""
     beyond = z - limits[4]
     share = limits[2] / (limits[2] + limits[3] * beyond * beyond)
     return share * share
@@ -263,7 +276,9 @@ def certainty(limits, z):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _through(depth, across, down, points, normals, worth, planes, weights, first, last):
-    """Puts the plane of its half-size pixel through each pixel of some rows."""
+    """Assigns to each pixel of some rows the plane of its half-size pixel, shifted through the pixel's own
+    depth.
+    """
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
         for u in range(width):
@@ -303,6 +318,6 @@ def _bound(depth, limits, tiles, first, last):
                 nearest, farthest = min(nearest, near[u]), max(farthest, far[u])
                 count += known[u]
             tiles[r, c, 0], tiles[r, c, 1] = nearest, farthest
-            # At the image's edge what the tile lacks is no hole.
+            # Pixels beyond the image's edge do not count as holes.
             holes = np.float32((high - low) * (right - c * TILE)) - count
             tiles[r, c, 2] = holes / np.float32(TILE * TILE)

@@ -1,4 +1,6 @@
-"""What stands on the floor is cut out of a scan: the floor found, holes closed, the thing put upright."""
+"""Cuts an object that stands on the floor out of a scan: ground plane detection, hole filling, upright
+placement.
+"""
 
 from __future__ import annotations
 
@@ -14,29 +16,32 @@ from enliven.scanning.rims import close_holes, lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
 _GUESSES = 100
-"""Faces that are tried as the floor: one of ten that is of the floor is enough."""
+"""Number of faces that are tried as floor hypotheses (RANSAC). It is enough if one in ten belongs to the
+floor."""
 _LOOKED_AT = 6000
-"""Faces, by chance, that a plane is compared with: they tell its area to some percent."""
+"""Number of random faces that a plane is compared with. They estimate its area to some percent."""
 _LEVEL = 0.82
-"""Cosine, 35 degrees, between a face's normal and the way up below which it is no part of a floor."""
+"""Cosine (35 degrees) between a face's normal and up below which the face is not part of a floor."""
 _FLAT = 0.97
-"""Cosine, 14 degrees, between a floor's normal and those of its faces at least: noise tilts them."""
+"""Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
 _RIVAL = 0.5
-"""Share of the largest plane's area from which a lower one is the floor, and that one a table."""
+"""Fraction of the largest plane's area above which a lower plane is the floor, and the largest one a
+table."""
 _ASIDE = 0.05
-"""Share of the meant thing's surface about the focus below which other things there do not count."""
+"""Other objects are ignored if they have less than this fraction of the chosen object's surface near the
+focus."""
 _AGAIN = 3
-"""Times that a plane is fitted to the faces in it."""
+"""Number of times that a plane is fitted to its inlier faces."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """The plane on which things stand: normal . x = offset, world.
+    """The ground plane that objects stand on: normal . x = offset, world.
 
     Attributes:
         normal: (3,) unit, up.
         offset: metres.
-        area: square metres of it that were seen.
+        area: square metres of the plane that were seen.
     """
 
     normal: Float
@@ -44,7 +49,7 @@ class Ground:
     area: float
 
     def heights(self, points: Float) -> Float:
-        """Returns (N,) metres of (N, 3) points above it."""
+        """Returns (N,) heights in metres of (N, 3) points above the plane."""
         return np.asarray(points @ self.normal - self.offset)
 
 
@@ -52,10 +57,10 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     """Returns the lowest of the large level planes of a scan.
 
     Args:
-        up: (3,) about up, in the scan's world; +Y where it is not given. It may be 35 degrees off.
+        up: (3,) approximate up direction in the scan's world, up to 35 degrees off; +Y if not given.
 
     Raises:
-        InputError: where nothing level was scanned.
+        InputError: if no level surface was scanned.
     """
     s, up = settings or CutOutSettings(), np.array([0.0, 1.0, 0.0]) if up is None else up
     vectors = mesh.face_vectors()
@@ -82,7 +87,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
 def _fitted(
     normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
 ) -> Ground:
-    """Returns the plane through the faces that lie in a guessed one."""
+    """Returns the plane fitted to the inlier faces of a guessed plane."""
     inside = _lying(normal, offset, normals, middles, s)
     for _ in range(_AGAIN):
         weight = areas[inside]
@@ -98,32 +103,33 @@ def _fitted(
 
 
 def _lying(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
-    """Returns (F,) which faces lie in a plane."""
+    """Returns (F,) whether each face lies in a plane."""
     near = np.abs(middles @ normal - offset) < s.thickness
     return np.asarray(near & (normals @ normal > _FLAT))
 
 
 def focus_of(poses: list[Float]) -> Float:
-    """Returns the (3,) point to which the optical axes of cameras (4, 4) come nearest: what was looked at."""
+    """Returns the (3,) point nearest to the optical axes of cameras (4, 4): the point that they look at."""
     matrix, right = 1e-6 * np.eye(3), np.zeros(3)
     for pose in poses:
         axis = pose[:3, 2]
         across = np.eye(3) - np.outer(axis, axis)
         matrix += across
         right += across @ pose[:3, 3]
-    # Where all look the same way, that is a metre before them.
+    # If all cameras look in the same direction, the point is one metre in front of them.
     ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
 
 
 def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns what stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred on x and z.
+    """Returns the object that stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred
+    on x and z.
 
-    Of several things the settings choose one. It is closed where it stood; holes with short rims are closed,
-    and larger ones stay open.
+    If there are several objects, the settings choose one. The contact area with the ground is closed. Holes
+    with short rims are closed, and larger ones stay open.
 
     Raises:
-        InputError: where nothing stands there, or not so many things.
+        InputError: if no object stands there, or fewer than the number in the settings.
     """
     s = settings or CutOutSettings()
     parts = parts_about(mesh, ground, focus, s)
@@ -137,7 +143,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
         raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices
-    # What the cut took off its feet is given back to them.
+    # Extend the feet down again by the clearance that the cut removed.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
     feet |= lowest_rims(replace(thing, vertices=vertices), s.drawn)
@@ -146,7 +152,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
 
 
 def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns the largest connected part of an object that was seen from below, too, upright, on y = 0.
+    """Returns the largest connected part of an object that was also seen from below, upright, on y = 0.
 
     Holes with short rims are closed.
     """
@@ -158,9 +164,9 @@ def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = Non
 def parts_about(
     mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None
 ) -> list[Mesh]:
-    """Returns the connected parts that stand on the ground about a point (3,), the one that is meant first.
+    """Returns the connected parts that stand on the ground about a point (3,), the most likely object first.
 
-    That is the one with the most surface near the point; small ones, and those far away, are left out.
+    That is the part with the most surface near the point. Small and distant parts are left out.
     """
     s = settings or CutOutSettings()
     above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
@@ -191,7 +197,7 @@ def largest_part(mesh: Mesh) -> Mesh:
 
 
 def levelled(mesh: Mesh, ground: Ground) -> Mesh:
-    """Returns the mesh turned upright and moved so that the ground is y = 0, its box centred on x and z."""
+    """Returns the mesh rotated upright and moved so that the ground is y = 0, its box centred on x and z."""
     turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
     vertices = mesh.vertices @ turn.T
     vertices[:, 1] -= ground.offset
@@ -201,11 +207,11 @@ def levelled(mesh: Mesh, ground: Ground) -> Mesh:
 
 
 def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
-    """Returns the part of a mesh where normal (3,) . x > offset, cut along that plane."""
+    """Returns the part of a mesh with normal (3,) . x > offset, cut along that plane."""
     heights = np.asarray(mesh.vertices @ normal - offset)
     inside = heights[mesh.faces] > 0
     count = inside.sum(1)
-    # The corner that is alone on its side comes first.
+    # Rotate the corners so that the one alone on its side of the plane comes first.
     alone = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
     turned = np.take_along_axis(mesh.faces, (alone[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
     one, two = turned[count == 1], turned[count == 2]

@@ -1,4 +1,6 @@
-"""Compiled loops of the fusion: which blocks a depth image needs, which it shows, and what it tells them."""
+"""Compiled loops of TSDF fusion: allocate the blocks that a depth image needs, find the visible ones,
+integrate.
+"""
 
 from __future__ import annotations
 
@@ -9,44 +11,46 @@ from enliven.scanning.blocks import SIDE, VOXELS, find, insert, key_of
 from enliven.scanning.depth_view import TILE, certainty
 
 _BEHIND_RAY = 2.0
-"""Times the band behind a surface that a voxel may lie behind it along the ray, however slanted it is:
-what is farther may be behind another side of a thin part."""
+"""Maximum depth of a voxel behind a surface along the ray, in truncation bands, for any slant. A deeper
+voxel may be behind the other side of a thin part."""
 _SLANT = 8.0
-"""Times the band before a surface beyond which a voxel is in free space, however slanted the surface is: the
-inverse of the least cosine that is trusted."""
+"""Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
+It is the inverse of the smallest trusted cosine."""
 _FAINTEST = 0.1
-"""Share of a look's weight that is left at the rims of the band, where it tells the surface's place least."""
+"""Fraction of an observation's weight at the edges of the band, where it constrains the surface least."""
 _COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
-"""(512,) where each voxel of a block is along x, in voxels; a table, for the loop over it has no branch."""
+"""(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
-"""(512,) where it is along y."""
+"""(512,) y of each voxel in a block."""
 _LAYER = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
-"""(512,) where it is along z."""
+"""(512,) z of each voxel in a block."""
 _PAINTED = 1.8
-"""Voxels from a surface within which a voxel takes its colour: the corners of the cells that it crosses."""
+"""Voxels from a surface within which a voxel stores a colour: the corners of the cells that the surface
+crosses."""
 _FIRM = 8.0
-"""Weight beyond which a voxel's colour changes no slower, so that the first look's light does not stay."""
+"""Maximum weight in the running average of a voxel's colour, so that the light of the first observation
+fades."""
 UNSEEN = 0
-"""A block that an image does not show."""
+"""State of a block that is not visible in an image."""
 FREE = 1
-"""A block before everything that an image shows."""
+"""State of a block in front of all surfaces in an image."""
 NEAR = 2
-"""A block that an image shows at a surface, or in part."""
+"""State of a block that is at a surface in an image, or only partly visible."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def allocate(points, stride, phase, reach, turn, place, band, keys, slots, places, count):
-    """Adds the blocks round the points of a half-size image that are not there yet.
+    """Allocates the missing blocks around the points of a half-size image.
 
     Args:
         points: :class:`PointArrays`.
-        stride: pixels from one point that is looked at to the next, each way.
-        phase: of them the first, 0 to stride^2 - 1.
-        reach: metres, farther points are left out.
+        stride: pixels from one used point to the next, in each direction.
+        phase: index of the first used point, 0 to stride^2 - 1.
+        reach: metres; farther points are left out.
         turn, place: world_from_camera, (3, 3) and (3,).
 
     Returns:
-        The new count; the length of ``places`` where there was no more room.
+        The new count; the length of ``places`` if there was not enough room.
     """
     size = band.voxel * SIDE
     for v in range(phase // stride, points.places.shape[0], stride):
@@ -54,7 +58,7 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
             if points.worth[v, u] == 0.0 or points.places[v, u, 2] > reach:
                 continue
             for k in range(3):
-                # Before the surface, on it and behind it; a block is two bands wide.
+                # In front of the surface, on it and behind it; a block is two bands wide.
                 off = band.front if k == 0 else (0.0 if k == 1 else -band.behind)
                 px = points.places[v, u, 0] + off * points.normals[v, u, 0]
                 py = points.places[v, u, 1] + off * points.normals[v, u, 1]
@@ -75,7 +79,9 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def classify(places, band, camera, tiles, shape, state, first, last):
-    """Fills ``state`` for some blocks: unseen, free or near, by the depth of the tiles that they cover."""
+    """Sets the ``state`` of some blocks (unseen, free or near) from the depth of the image tiles that they
+    cover.
+    """
     size = band.voxel * SIDE
     radius = 0.5 * np.sqrt(3.0) * size
     turn, fx, fy, cx, cy = camera.turn, camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
@@ -87,7 +93,7 @@ def classify(places, band, camera, tiles, shape, state, first, last):
         z = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
         if z < camera.limits[0] + radius:
             continue
-        # A ball's silhouette, a little too wide.
+        # The silhouette of the block's bounding sphere, slightly too wide.
         u, v = fx * x / z + cx, fy * y / z + cy
         ru = fx * radius / (z - radius) * (1.0 + abs(x) / z)
         rv = fy * radius / (z - radius) * (1.0 + abs(y) / z)
@@ -141,7 +147,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _depth_of(places, b, band, camera):
-    """Returns the depth of a block's middle."""
+    """Returns the depth of a block's centre."""
     size, turn = band.voxel * SIDE, camera.turn
     return (
         turn[2, 0] * (places[b, 0] + 0.5) * size
@@ -153,7 +159,7 @@ def _depth_of(places, b, band, camera):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _carve(distance, weight, front, more):
-    """Averages free space into all voxels of a block; returns how many are behind a surface."""
+    """Averages free space into all voxels of a block, and returns the number of voxels behind a surface."""
     inside = 0
     for i in range(VOXELS):
         distance[i] = (distance[i] * weight[i] + front * more) / (weight[i] + more)
@@ -164,17 +170,17 @@ def _carve(distance, weight, front, more):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _project(places, b, band, camera, shape, local, pixel, shown):
-    """Fills where a block's voxels are in the camera's frame, and their pixels, without a branch.
+    """Computes the camera-frame positions of a block's voxels and their pixels, without a branch.
 
     Args:
         shape: of the image, (H, W).
         local: (3, 512) metres, camera frame; written.
-        pixel: (512,) int32 number of the pixel; written.
-        shown: (512,) 1 where the voxel is in the image, else 0; written.
+        pixel: (512,) int32 index of the pixel; written.
+        shown: (512,) 1 if the voxel is in the image, else 0; written.
     """
     turn, lens, size = camera.turn, camera.lens, np.float32(band.voxel * SIDE)
     voxel = np.float32(band.voxel)
-    # Numbers of their own: what is read from an array is read again after every write to another.
+    # Local scalars, because array elements are loaded again after every write to another array.
     xx, xy, xz = voxel * turn[0, 0], voxel * turn[0, 1], voxel * turn[0, 2]
     yx, yy, yz = voxel * turn[1, 0], voxel * turn[1, 1], voxel * turn[1, 2]
     zx, zy, zz = voxel * turn[2, 0], voxel * turn[2, 1], voxel * turn[2, 2]
@@ -205,14 +211,15 @@ def _project(places, b, band, camera, shape, local, pixel, shown):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look(pixel, local, planes, weights, behind, before, along, worth):
-    """Fills (512,) metres before the plane of each voxel's pixel, normal . voxel, and the plane's weight.
+    """Computes (512,) metres in front of the plane of each voxel's pixel, normal . voxel, and the plane's
+    weight.
 
     Args:
-        planes: (4, H W), weights: (H W,) as of a view.
-        behind: metres behind a surface up to which it is told.
+        planes: (4, H W), weights: (H W,) as in a view.
+        behind: metres, truncation distance behind a surface.
 
     Returns:
-        How many voxels are told anything; of the others the image shows what hides them.
+        The number of voxels that are observed. The others are occluded in the image.
     """
     told = np.int32(0)
     for i in range(VOXELS):
@@ -231,22 +238,24 @@ def _look(pixel, local, planes, weights, behind, before, along, worth):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average(sizes, local, shown, before, along, worth, distance, weight):
-    """Averages distances into the voxels of a block, without a branch; returns how many are behind a surface.
+    """Averages distances into the voxels of a block, without a branch, and returns the number behind a
+    surface.
 
     Args:
-        sizes: (3,) the bands before and behind a surface, metres, and the weight of free space.
+        sizes: (3,) the truncation distances in front of and behind a surface, metres, and the weight of free
+            space.
     """
     front, behind, free = sizes[0], sizes[1], sizes[2]
     zero, one, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
     fade, tiny, inside, least = one / behind, np.float32(1e-30), np.int32(0), np.float32(_FAINTEST)
     for i in range(VOXELS):
         d = before[i]
-        # What is behind a surface is guessed, not seen, and the less so the deeper. As much less before, or
-        # noise that falls behind would count less, and surfaces would sink.
+        # A voxel behind a surface is inferred, not observed, so its weight falls with depth. The weight in
+        # front falls equally. Otherwise noise behind the surface would count less, and surfaces would sink.
         told = one - abs(d) * fade
         more = worth[i] * (told if told > least else least)
         more = free if d >= front else more
-        # `along` is negative, for the normal faces the camera.
+        # `along` is negative, because the normal faces the camera.
         known = (d > -behind) & (d * local[2, i] >= deepest * along[i])
         more = (more if known else zero) * shown[i]
         d = front if d >= front else d
@@ -265,7 +274,7 @@ def _paint(pixel, shown, before, worth, near, picture, weight, hue):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
         share = worth[i] / (min(weight[i], np.float32(_FIRM)) + worth[i])
-        # Looks without a colour may have come before; 0 is no colour, and black is 1.
+        # Earlier observations may have had no colour; 0 means no colour, and black is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):
             now = np.float32(hue[i, c])

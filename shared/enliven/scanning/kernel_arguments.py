@@ -1,4 +1,4 @@
-"""What the compiled loops of the fusion and the tracking take: arrays by name."""
+"""Named arrays that the compiled loops of fusion and tracking take as arguments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enliven.arrays import Bool, Float32, Int, Int32, UInt8, UInt16
 
 
 class DistanceBand(NamedTuple):
-    """The sizes of a volume, metres."""
+    """The voxel size of a volume and its truncation distances, metres."""
 
     voxel: float
     front: float
@@ -16,11 +16,11 @@ class DistanceBand(NamedTuple):
 
 
 class ImageArrays(NamedTuple):
-    """A view as the fusion takes it.
+    """A view in the form that the fusion takes.
 
     Attributes:
-        planes: (4 H W,), weights: (H W,) float32 as of a :class:`DepthView`.
-        colours: (3 H W,) uint8 sRGB, empty where there are none.
+        planes: (4 H W,), weights: (H W,) float32 as in a :class:`DepthView`.
+        colours: (3 H W,) uint8 sRGB, empty if there are none.
         shape: (H, W).
     """
 
@@ -31,11 +31,11 @@ class ImageArrays(NamedTuple):
 
 
 class VoxelArrays(NamedTuple):
-    """What the voxels of C blocks hold.
+    """The contents of the voxels of C blocks.
 
     Attributes:
-        distance: (C, 512) float32 metres before the surface, averages.
-        weight: (C, 512) float32 sums of weights; 0 where nothing was seen.
+        distance: (C, 512) float32 metres in front of the surface, averages.
+        weight: (C, 512) float32 sums of weights; 0 for unobserved voxels.
         solid: (C,) whether a block has voxels behind the surface.
         hue: (C, 512, 3) uint16 averages of sRGB in 256ths, 0 for none; (0, 512, 3) without colours.
     """
@@ -47,7 +47,7 @@ class VoxelArrays(NamedTuple):
 
 
 class CameraArrays(NamedTuple):
-    """A camera and where it stands, as kernels take it.
+    """A camera and its pose in the form that kernels take.
 
     Attributes:
         turn: (3, 3) float32 rotation of camera_from_world.
@@ -68,7 +68,7 @@ class PointArrays(NamedTuple):
     Attributes:
         places: (h, w, 3) float32 metres.
         normals: (h, w, 3) float32 towards the camera.
-        worth: (h, w) float32 weights, 0 where there is no point.
+        worth: (h, w) float32 weights, 0 if there is no point.
     """
 
     places: Float32
@@ -77,13 +77,13 @@ class PointArrays(NamedTuple):
 
 
 class FieldArrays(NamedTuple):
-    """The distances of a volume and the way to them.
+    """The signed distances of a volume and the hash table to find them.
 
     Attributes:
         keys: (S,), slots: (S,) of the hash table of blocks.
-        beside: (C, 8) neighbours of each block, as of a :class:`BlockTable`.
+        beside: (C, 8) neighbours of each block, as in a :class:`BlockTable`.
         distance: (C, 512), weight: (C, 512) of its voxels.
-        band: the sizes.
+        band: the voxel size and truncation distances.
     """
 
     keys: Int

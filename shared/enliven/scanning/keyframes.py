@@ -1,4 +1,4 @@
-"""Keyframes: small depth images with their poses, among which a lost camera finds where it was before."""
+"""Keyframes: small depth images with their poses, for relocalization of a lost camera."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import apart
 
 _ROWS = 15
-"""Cells down a small image: a hand's shift of the camera changes few of them much."""
+"""Cells down a small image. A hand-sized shift of the camera changes only a few of them much."""
 _COLUMNS = 20
-"""Cells across it."""
+"""Cells across a small image."""
 _APART = 0.15
-"""Metres between neighbouring keyframes; nearer ones are found by the tracking."""
+"""Minimum distance between neighbouring keyframes, metres. Tracking recovers from smaller distances."""
 _TURNED = 0.2
-"""Radians between them, 11 degrees: a sixth of a camera's field of view."""
+"""Minimum rotation between neighbouring keyframes, radians (11 degrees): a sixth of a camera's field of
+view."""
 _SHARED = 0.3
-"""Share of the cells that must be known in both images to compare them."""
+"""Minimum fraction of cells that must be known in both images for a comparison."""
 
 
 class Keyframes:
-    """Poses of the camera on its way, found again by what the depth image looked like there."""
+    """Past camera poses that are found again by the similarity of their depth images."""
 
     def __init__(self) -> None:
         self._small: list[Float32] = []
@@ -31,7 +32,7 @@ class Keyframes:
         return len(self._poses)
 
     def offer(self, view: DepthView, world_from_camera: Float) -> bool:
-        """Keep an image, where no kept one was taken near it; returns whether it is kept."""
+        """Stores an image if no keyframe is near its pose. Returns whether it was stored."""
         for pose in self._poses:
             move, turn = apart(pose, world_from_camera)
             if move < _APART and turn < _TURNED:
@@ -41,7 +42,7 @@ class Keyframes:
         return True
 
     def nearest(self, view: DepthView, count: int) -> list[Float]:
-        """Returns the (4, 4) poses of the images that look most like this one, the likest first."""
+        """Returns the (4, 4) poses of the most similar images, most similar first."""
         small = reduced(view)
         unlike = unlikeness(small, self._small)
         order = np.argsort(unlike, kind="stable")[:count]
@@ -49,7 +50,9 @@ class Keyframes:
 
 
 def unlikeness(small: Float32, others: list[Float32]) -> Float:
-    """Returns (N,) how unlike reduced images are to one, 1/m; inf where they have too little in common."""
+    """Returns (N,) differences of reduced images from one, 1/m; inf if they have too few known cells in
+    common.
+    """
     unlike = []
     for other in others:
         both = (small > 0) & (other > 0)
@@ -59,7 +62,7 @@ def unlikeness(small: Float32, others: list[Float32]) -> Float:
 
 
 def reduced(view: DepthView) -> Float32:
-    """Returns (15, 20) means of the inverse depth of a view's points, 0 where a cell has too few."""
+    """Returns (15, 20) means of the inverse depth of a view's points, 0 for a cell with too few."""
     depth = view.points[..., 2]
     height, width = depth.shape
     rows = np.arange(height) * _ROWS // height

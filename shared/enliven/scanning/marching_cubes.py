@@ -1,4 +1,4 @@
-"""The surface of a volume of sparse blocks as a triangle mesh, by marching cubes."""
+"""Extracts the surface of a sparse TSDF volume as a triangle mesh, by marching cubes."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from enliven.scanning.cube_table import STARTS, triangle_table
 from enliven.scanning.volume import DistanceVolume
 
 _STARTS = np.array(STARTS, np.int32)
-"""(3, 4) by axis, the corners where a cell's edges begin."""
+"""(3, 4) by axis, the corners at which a cell's edges begin."""
 _SUPPORT = 0.1
-"""Sum of weights below which a voxel counts as not seen: a look from near, or two from two metres away."""
+"""Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
 
 
 def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
-    """Returns the surface, metres, world, open where nothing was seen; coloured where the volume has colours.
+    """Returns the surface, metres, world. It is open at unobserved voxels, and coloured if the volume has
+    colours.
 
     Args:
-        support: sum of weights that a voxel needs.
+        support: minimum sum of weights of a voxel.
     """
     count = volume.blocks.count
     beside, solid = volume.blocks.beside[:count], volume.solid[:count]
     looked = solid | (solid[np.maximum(beside, 0)] & (beside >= 0)).any(1)
     rows = np.full(count, -1, np.int64)
-    # A cell's edges begin in its own block or in those beside it.
+    # The edges of a cell begin in its own block or in neighbouring blocks.
     near = beside[looked]
     owners = np.unique(near[near >= 0])
     rows[owners] = np.arange(len(owners))
@@ -48,7 +49,7 @@ def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
 
 
 def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
-    """Returns the colours with those that no image told taken from the nearest that are told."""
+    """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
     if told.any() and not told.all():
         colours[~told] = colours[told][cKDTree(vertices[told]).query(vertices[~told])[1]]
     return colours
@@ -56,7 +57,9 @@ def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _gather(b, beside, distance, weight, support, cells):
-    """Fills (9, 9, 9) distances of a block and of the next layer beside it, NaN where too little was seen."""
+    """Fills (9, 9, 9) distances of a block and of the next layer of its neighbours, NaN for too little
+    support.
+    """
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
             for x in range(SIDE + 1):
@@ -68,7 +71,7 @@ def _gather(b, beside, distance, weight, support, cells):
 
 @njit(cache=True, nogil=True)
 def _case(cells, x, y, z):
-    """Returns the case of a cell; 0 where a corner is not known."""
+    """Returns the configuration of a cell; 0 if a corner is unknown."""
     case = 0
     for k in range(8):
         d = cells[z + (k >> 2), y + ((k >> 1) & 1), x + (k & 1)]
@@ -89,7 +92,7 @@ def _edge_at(b, beside, x, y, z, edge):
 
 @njit(cache=True, nogil=True)
 def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
-    """Numbers the edges that the surface crosses; returns the counts of faces and of vertices."""
+    """Numbers the edges that the surface crosses, and returns the counts of faces and of vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:
@@ -113,7 +116,9 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 @njit(cache=True, nogil=True)
 def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):
-    """Fills where the surface crosses the numbered edges, its colours there, and which were told."""
+    """Computes the vertex positions on the numbered edges, the colours there, and which vertices have a
+    colour.
+    """
     for row in range(len(owners)):
         b = owners[row]
         for i in range(VOXELS):
@@ -132,7 +137,7 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                 vertices[number, 1] = voxel * (SIDE * places[b, 1] + y + share * (axis == 1))
                 vertices[number, 2] = voxel * (SIDE * places[b, 2] + z + share * (axis == 2))
                 for c in range(len(colours) and 3):
-                    # Where only one end has a colour, it is the vertex's; 0 is none.
+                    # If only one end has a colour, the vertex takes that colour; 0 means none.
                     one = hue[b, i, c] if hue[b, i, c] > 0 else hue[other, beyond, c]
                     two = hue[other, beyond, c] if hue[other, beyond, c] > 0 else one
                     mixed = one + share * (float(two) - one)

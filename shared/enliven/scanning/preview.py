@@ -1,4 +1,4 @@
-"""The surface of a scan in pieces, coarser than the final one, to be looked at while it grows."""
+"""Preview of a growing scan: the surface in pieces, coarser than the final one."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from enliven.scanning.volume import DistanceVolume
 PIECE = 8
 """Blocks along a side of a piece: 26 cm at 4 mm."""
 STEPS = 512
-"""Steps of a voxel in which a piece tells its places: its side, 64 voxels, has 32768."""
+"""Quantization steps per voxel of vertex positions in a piece. Its side, 64 voxels, has 32768 steps."""
 PIECE_STEPS = PIECE * SIDE * STEPS
-"""Steps of a piece's side."""
+"""Quantization steps along a piece's side."""
 _STRIDE = 2
-"""Voxels of a cell's side: a quarter of the triangles, and legs of 2 cm still stand."""
+"""Voxels along a cell's side. This gives a quarter of the triangles, and legs of 2 cm are still connected."""
 _CELLS = SIDE // _STRIDE
 """Cells along a side of a block."""
 _SUPPORT = 0.05
-"""Sum of weights from which a voxel is shown: half of what the final surface needs."""
+"""Minimum sum of weights of a voxel that is shown: half of the minimum for the final surface."""
 _WELL = 1.2
-"""Sum of weights of a voxel that was seen well: six looks from a metre and a half."""
+"""Sum of weights of a well observed voxel: six observations from a metre and a half."""
 _STARTS = np.array(STARTS, np.int32)
-"""(3, 4) by axis, the corners where a cell's edges begin."""
+"""(3, 4) by axis, the corners at which a cell's edges begin."""
 
 
 @dataclass(frozen=True)
 class ScanPiece:
-    """A part of the surface.
+    """A piece of the surface.
 
     Attributes:
-        place: (3,) of the piece, in sides of pieces from the scan's origin.
-        places: (V, 3) uint16 in ``step`` metres from the piece's corner.
+        place: (3,) position of the piece, in piece sides from the scan's origin.
+        places: (V, 3) uint16 vertex positions, in units of ``step`` metres from the piece's corner.
         colours: (V, 3) uint8 sRGB, or None.
-        seen: (V,) uint8, 255 where the surface was seen well.
+        seen: (V,) uint8, 255 if the surface was observed well.
         faces: (F, 3) int32.
         step: metres.
     """
@@ -58,14 +58,14 @@ class ScanPiece:
 
 @dataclass(frozen=True)
 class PieceSums:
-    """What a volume has of each piece.
+    """Summary of a volume's contents per piece.
 
     Attributes:
-        places: (P, 3) of the pieces.
-        counts: (P,) their blocks with a surface.
-        weights: (P,) sums of the weights in these.
-        piece: (B,) the piece of each of those blocks.
-        blocks: (B,) its number in the volume.
+        places: (P, 3) positions of the pieces.
+        counts: (P,) number of blocks with a surface.
+        weights: (P,) sums of the weights in these blocks.
+        piece: (B,) the piece of each of these blocks.
+        blocks: (B,) the block's number in the volume.
     """
 
     places: Int
@@ -76,10 +76,10 @@ class PieceSums:
 
 
 def piece_sums(volume: DistanceVolume) -> PieceSums:
-    """Returns what a volume has of each piece, to tell which changed."""
+    """Returns a summary of each piece of a volume, to detect which pieces changed."""
     count = volume.blocks.count
     beside, solid = volume.blocks.beside[:count], volume.solid[:count]
-    # A cell lies in its block, and its far corners in those beside it.
+    # A cell lies in its own block, and its far corners may lie in neighbouring blocks.
     blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
     weights = np.empty(len(blocks))
     _weigh(blocks, volume.weight, weights)
@@ -123,14 +123,14 @@ def _weigh(blocks, weight, sums):
 
 @njit(cache=True, nogil=True)
 def _voxel(b, x, y, z, beside):
-    """Returns the block and the voxel at a place of a block, up to one beyond its end."""
+    """Returns the block and the voxel at a position relative to a block, up to one block beyond its end."""
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
 
 
 @njit(cache=True, nogil=True)
 def _case(b, x, y, z, beside, distance, weight):
-    """Returns the case of a cell; 0 where a corner is not known."""
+    """Returns the configuration of a cell; 0 if a corner is unknown."""
     case = 0
     for k in range(8):
         at = (x + _STRIDE * (k & 1), y + _STRIDE * ((k >> 1) & 1), z + _STRIDE * (k >> 2))
@@ -143,7 +143,7 @@ def _case(b, x, y, z, beside, distance, weight):
 
 @njit(cache=True, nogil=True)
 def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
-    """Fills the corners of the triangles, three by three; returns how many corners they are."""
+    """Writes the corners of the triangles, three per triangle, and returns their number."""
     used = 0
     place = np.empty(3, np.int64)
     for b in blocks:
@@ -167,7 +167,7 @@ def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, col
                     voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _STRIDE * share * (axis == c)
                     places[used, c] = np.uint16(voxels * STEPS + 0.5)
                 for c in range(len(colours) and 3):
-                    # Where only one end has a colour, it is the vertex's; 0 is none.
+                    # If only one end has a colour, the vertex takes that colour; 0 means none.
                     first = hue[one, i, c] if hue[one, i, c] > 0 else hue[two, j, c]
                     second = hue[two, j, c] if hue[two, j, c] > 0 else first
                     colours[used, c] = np.uint8(min((first + share * (float(second) - first)) / 256.0, 255.0))

@@ -1,4 +1,6 @@
-"""Draws triangles into a depth image, pixel by pixel: which face each pixel shows, and where on it."""
+"""A software rasterizer: draws triangles into a depth image, with the face and the barycentric coordinates
+per pixel.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +14,17 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 
 _NEAR = 0.05
-"""Metres from the camera within which a face is not drawn: its projection would run out of the picture."""
+"""Near clipping distance, metres. A face that comes nearer is not drawn, because its projection would
+overflow."""
 
 
 class Drawing(NamedTuple):
-    """What each pixel of a camera sees of a mesh.
+    """The visible part of a mesh at each pixel of a camera.
 
     Attributes:
-        depth: (H, W) metres along the optical axis, inf where there is no face.
-        face: (H, W) int32 number of the face, -1 where there is none.
-        shares: (H, W, 3) shares of the face's corners at the pixel's centre.
+        depth: (H, W) metres along the optical axis, inf without a face.
+        face: (H, W) int32 index of the face, -1 if there is none.
+        shares: (H, W, 3) barycentric coordinates at the pixel's centre.
     """
 
     depth: Float
@@ -30,9 +33,9 @@ class Drawing(NamedTuple):
 
 
 def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> Drawing:
-    """Returns what a pinhole camera sees of a mesh; lens distortion is left out.
+    """Returns a pinhole camera's view of a mesh; lens distortion is ignored.
 
-    Faces are seen from both sides. One that reaches nearer to the camera than 5 cm is left out.
+    Faces are visible from both sides. A face that comes nearer to the camera than 5 cm is left out.
 
     Args:
         world_from_camera: (4, 4) pose of the camera, in the frame of the mesh's vertices.
@@ -48,7 +51,7 @@ def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> D
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _draw_faces(points, faces, lens, depth, face, shares):
-    """Draws every face, camera frame, keeping the nearest at each pixel."""
+    """Draws every face, in the camera frame, and keeps the nearest face at each pixel."""
     height, width = depth.shape
     u, v, inverse = np.empty(3), np.empty(3), np.empty(3)
     for f in range(len(faces)):
@@ -72,7 +75,7 @@ def _draw_faces(points, faces, lens, depth, face, shares):
                 c = 1.0 - a - b
                 if a < 0.0 or b < 0.0 or c < 0.0:
                     continue
-                # What is linear in the image is the inverse of the depth.
+                # In the image, the inverse of the depth is linear.
                 z = 1.0 / (a * inverse[0] + b * inverse[1] + c * inverse[2])
                 if z < depth[row, column]:
                     depth[row, column], face[row, column] = z, f

@@ -1,4 +1,4 @@
-"""Small arithmetic of poses, (4, 4) each."""
+"""Basic operations on rigid poses, (4, 4) each."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from enliven.arrays import Float
 
 
 def cross_matrix(v: Float) -> Float:
-    """Returns (3, 3) the matrix of v x."""
+    """Returns (3, 3) the cross product matrix of v."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def moved(pose: Float, step: Float) -> Float:
-    """Returns the pose after a move (m) and a turn (rad) about its own place, (6,), world axes."""
+    """Returns the pose after a translation (m) and a rotation (rad) about its own position, (6,), world
+    axes.
+    """
     out = pose.copy()
     turn = rotation.from_rotation_vector(step[3:])
     out[:3, :3] = rotation.nearest_rotation(rotation.to_matrix(turn) @ pose[:3, :3])
@@ -31,12 +33,12 @@ def inverse(pose: Float) -> Float:
 
 
 def apart(one: Float, other: Float) -> tuple[float, float]:
-    """Returns the metres and the radians between two poses."""
+    """Returns the distance in metres and the angle in radians between two poses."""
     turn = rotation.to_rotation_vector(rotation.from_matrix(one[:3, :3].T @ other[:3, :3]))
     return float(np.linalg.norm(other[:3, 3] - one[:3, 3])), float(np.linalg.norm(turn))
 
 
 def between(one: Float, other: Float, share: float) -> Float:
-    """Returns the pose at a share, 0 to 1, of the way from one to another."""
+    """Returns the pose interpolated between two poses, at a fraction from 0 to 1."""
     turn = rotation.to_rotation_vector(rotation.from_matrix(other[:3, :3] @ one[:3, :3].T))
     return moved(one, np.concatenate([share * (other[:3, 3] - one[:3, 3]), share * turn]))

@@ -1,4 +1,6 @@
-"""The rims of a cut-out mesh: short ones are closed, soles too; the lowest are drawn down to the floor."""
+"""Hole filling for a cut-out mesh: closes short rims and soles, and finds the lowest rims, which are drawn
+to the floor.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,17 @@ from enliven.modeling.mesh import triangulated
 from enliven.scanning.settings import CutOutSettings
 
 _DOWN = 0.0
-"""Cosine between the way down and the way out of a rim from which it looks down: a rim is jagged."""
+"""Minimum cosine between down and the outward direction of a rim that faces down. It is low because rims
+are jagged."""
 _BESIDE = 0.02
-"""Metres in plan about a rim within which nothing of the mesh may lie below it."""
+"""Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
 _BELOW = 0.03
-"""Metres that something must be lower to lie below it: more than the teeth of a jagged rim."""
+"""Minimum height difference, metres, for a vertex to lie below another: more than the teeth of a jagged
+rim."""
 
 
 def lowest_rims(mesh: Mesh, low: float) -> Bool:
-    """Returns (V,) which vertices are of a rim that looks down, below which nothing of the mesh lies.
+    """Returns (V,) whether each vertex is on a rim that faces down, with no part of the mesh below it.
 
     Args:
         mesh: upright, on y = 0.
@@ -50,7 +54,9 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with short rims closed, and the rims that lie wholly on ``feet`` (V,)."""
+    """Returns the mesh with holes filled that have short rims, and those with rims wholly on ``feet``
+    (V,).
+    """
     rims = rims_of(mesh)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
@@ -74,7 +80,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
 
 
 def _facing_down(faces: Int, vertices: Float) -> Int:
-    """Returns the faces with the corners of those that look up in the other order."""
+    """Returns the faces, with the corner order reversed if a face looks up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     up = np.cross(b - a, c - a)[:, 1] > 0
     faces[up] = faces[up, ::-1]
@@ -82,7 +88,7 @@ def _facing_down(faces: Int, vertices: Float) -> Int:
 
 
 def rims_of(mesh: Mesh) -> list[Int]:
-    """Returns the loops of vertices round the holes of a mesh, along the sides of its faces."""
+    """Returns the boundary loops (rims of holes) of a mesh as loops of vertices."""
     faces = mesh.faces
     face, corner = np.nonzero(open_sides(faces, len(mesh.vertices)))
     after: dict[int, list[int]] = {}
@@ -102,7 +108,7 @@ def rims_of(mesh: Mesh) -> list[Int]:
 
 
 def open_sides(faces: Int32, count: int) -> Bool:
-    """Returns (F, 3) whether no face has the side from each corner to the next the other way round.
+    """Returns (F, 3) whether each side is a boundary: no face has the same side in the opposite direction.
 
     Args:
         count: of vertices.
@@ -114,12 +120,12 @@ def open_sides(faces: Int32, count: int) -> Bool:
 
 @njit(cache=True, nogil=True)
 def _open_sides(faces, first, ends, free):
-    """Returns the same by the ends of the sides that leave each vertex.
+    """Returns the boundary sides from an adjacency list of the sides that leave each vertex.
 
     Args:
-        first: (V + 1,) where the ends of each vertex's sides begin.
-        ends: (3 F,) the ends; written.
-        free: (V,) where the next one of each vertex goes; begins as ``first``, written.
+        first: (V + 1,) where each vertex's list begins.
+        ends: (3 F,) the end vertices of the sides; written.
+        free: (V,) the next free entry for each vertex; begins as ``first``, written.
     """
     for f in range(len(faces)):
         for k in range(3):

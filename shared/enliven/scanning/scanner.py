@@ -1,4 +1,6 @@
-"""A scan: frame by frame the camera is found and its image fused; what is not sure is not fused."""
+"""A scan: tracks the camera frame by frame and fuses its images. An image with an uncertain pose is not
+fused.
+"""
 
 from __future__ import annotations
 
@@ -24,57 +26,60 @@ from enliven.scanning.threads import made_ahead
 from enliven.scanning.volume import DistanceVolume
 
 _COARSER = 4.0
-"""Factor of the voxels from one volume to the next: each reaches four times as far from the surface."""
+"""Ratio of voxel sizes between successive volumes. The truncation band grows by the same factor."""
 _LEVELS = 3
-"""Volumes: 4, 16 and 64 mm, of which the last brings a camera back from 25 cm away."""
+"""Number of volumes: 4, 16 and 64 mm. The last one recovers a camera from 25 cm away."""
 _TRIED = 4
-"""Keyframes from which a lost camera is sought in each frame: 30 ms each."""
+"""Number of keyframes that are tried in each frame to relocalize a lost camera: 30 ms each."""
 _CLEANED = 90
-"""Frames after which blocks without a surface are given back: three seconds."""
+"""Frames between removals of blocks without a surface: three seconds."""
 _FRAME = 1.0 / 30.0
-"""Seconds between two images at least, where a recording's times stand still."""
+"""Minimum time between two images, seconds, used if a recording's timestamps stand still."""
 _MANY = 120
-"""Images that are fused again at least. Of twice as many every second one is left out: so many average the
-noise out, and the stage waits for them."""
+"""Minimum number of images that are fused again. If twice as many are stored, every second one is left
+out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
 _ROUGHLY = 3
-"""Of very many images every third of those that are fused again goes into the coarse volumes, which only
-lead a camera near; of few images all do, for each may show what no other does."""
+"""If there are very many images, only every third goes into the coarse volumes, which only guide the
+tracking. If there are few, all do, because each may show something that no other image shows."""
 _STAYED = 0.25
-"""Voxels by which a closed way must move an image for all to be fused again: 1.3 mm bring leaves, which are
-2 mm thick, a tenth nearer to the truth."""
+"""Minimum image displacement, voxels, after a loop closure for all images to be fused again. Leaves, which
+are 2 mm thick, come a tenth nearer to the truth with 1.3 mm."""
 _SURER = 0.5
-"""Times the deviation that is let pass at most where an image left the camera's place open at first."""
+"""Maximum deviation, relative to the usual limit, if an image left the camera's position uncertain at
+first."""
 _SLACK = 0.05
-"""Metres that a camera may be found off at any time: twice what noise and a hand's tremor do."""
+"""Position error of the camera, metres, that is always tolerated: twice the effect of noise and hand
+tremor."""
 _WORSE = 0.02
-"""Share by which images may agree less once a loop is closed: on a doubled surface each has its own."""
+"""Maximum loss in image agreement after a loop closure. On a doubled surface, each image agrees with its
+own copy."""
 
 
 class ScanState(Enum):
-    """What became of a frame."""
+    """The result of processing a frame."""
 
     EMPTY = "empty"
-    """It shows hardly any surface; nothing was done."""
+    """It shows hardly any surface; it was skipped."""
     SCANNING = "scanning"
     """The camera was found, and the image was fused."""
     UNSURE = "unsure"
-    """The image leaves open where the camera is, as a blank wall does; it was not fused."""
+    """The image does not constrain the camera's pose (a blank wall, for example); it was not fused."""
     LOST = "lost"
     """The camera was not found; the image was not fused."""
     FOUND = "found"
-    """A lost camera may be found; it is fused once the next frame agrees."""
+    """A lost camera may have been relocalized; fusion resumes once the next frame agrees."""
 
 
 @dataclass(frozen=True)
 class ScanStep:
-    """What became of a frame.
+    """The result of processing a frame.
 
     Attributes:
         state: see :class:`ScanState`.
-        world_from_camera: (4, 4) the camera's pose, the last one known where it was not found, and the
-            likeliest where it is unsure.
-        alignment: how well the image fits; None for the first one, and for an empty one.
-        room: whether the memory held all that is new; where it did not once, nothing is fused any more.
+        world_from_camera: (4, 4) the camera's pose; the last known one if it was not found, the most likely
+            one if it is unsure.
+        alignment: how well the image fits; None for the first frame, and for an empty one.
+        room: whether all new blocks fit into memory. After the first failure, nothing more is fused.
     """
 
     state: ScanState
@@ -85,12 +90,12 @@ class ScanStep:
 
 @dataclass(frozen=True)
 class LeftAside:
-    """Half-size pixels (h, w) without which a camera is found.
+    """Half-size pixels (h, w) that are excluded from camera tracking.
 
     Attributes:
-        moving: they show what moves by itself: nothing of them is fused; or None.
-        doubtful: they show what may begin to move: they are left aside where the others tell the camera's
-            place surely, and fused as long as they are not ``moving``; or None.
+        moving: pixels that show an independently moving object, which are not fused; or None.
+        doubtful: pixels that show something that may begin to move; or None. They are excluded if the other
+            pixels determine the camera's pose reliably, and they are fused unless they are ``moving``.
     """
 
     moving: Bool | None = None
@@ -98,23 +103,22 @@ class LeftAside:
 
 
 def empty_volumes(settings: VolumeSettings) -> list[DistanceVolume]:
-    """Returns volumes without a surface, from the finest to the coarsest, as a camera is tracked in."""
+    """Returns empty volumes for camera tracking, from the finest to the coarsest."""
     sizes = [settings.voxel * _COARSER**level for level in range(_LEVELS)]
     reaches = [settings.reach] + [settings.far] * (_LEVELS - 1)
     return [DistanceVolume(settings, size, reach) for size, reach in zip(sizes, reaches, strict=True)]
 
 
 class Scanner:
-    """Fuses the frames of one moving camera.
+    """Tracks one moving camera and fuses its frames into TSDF volumes.
 
-    The world is that of the first frame: of its own pose where it has one, else of a level camera at the
-    origin.
+    The first frame defines the world: by its own pose if it has one, else as a level camera at the origin.
 
     Attributes:
-        full: whether the memory was full: from then on images are tracked only, and what is there is kept.
+        full: whether the memory is full. Images are then only tracked, and the fused surface is kept.
 
     Raises:
-        InputError: where a frame is of another camera than the first.
+        InputError: if a frame comes from a different camera than the first.
     """
 
     def __init__(self, settings: ScanSettings | None = None) -> None:
@@ -134,25 +138,25 @@ class Scanner:
 
     @property
     def megabytes(self) -> float:
-        """Memory of all volumes, and of the images that are kept."""
+        """Memory of all volumes and of the stored images."""
         return sum(volume.megabytes for volume in self.volumes) + self.history.megabytes
 
     @property
     def pose(self) -> Float:
-        """(4, 4) where the camera was in the newest image in which it was known."""
+        """(4, 4) the camera's pose in the newest image with a known pose."""
         return self._pose
 
     @property
     def predicted(self) -> Float:
-        """(4, 4) where the camera is in the next image, if it goes on as it went."""
+        """(4, 4) the camera's predicted pose in the next image, at constant velocity."""
         return np.asarray(self._pose @ np.linalg.inv(self._before) @ self._pose)
 
     def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
-        """Find the camera of a frame, and fuse the image where that is sure.
+        """Tracks the camera of a frame, and fuses the image if the pose is reliable.
 
         Args:
-            up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
-            aside: pixels without which the camera is found, or None.
+            up: (3,) unit vector, camera frame, that points up according to its accelerometer, or None.
+            aside: pixels that are excluded from tracking, or None.
         """
         view, aside = self.prepared(frame), aside or LeftAside()
         self.view = view
@@ -171,29 +175,33 @@ class Scanner:
         found = self._tracked(view, up, aside.doubtful)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is ScanState.UNSURE:
-            # What is known of the way is gone along, or a camera that moves on would not be found after it.
+            # Follow the most likely pose. Otherwise a camera that moves on would be lost afterwards.
             self._before, self._pose = self._pose, found.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)
         return self._fuse(frame, view, found.world_from_camera, found, up)
 
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
-        """Fuse an image at the pose of its camera, where that is known, as of a scan that was kept."""
+        """Fuses an image at a known camera pose, for example of a stored scan."""
         pose = np.array(world_from_camera, float)
         return self._fuse(frame, self.prepared(frame), pose, None, None)
 
     def look_again(self) -> None:
-        """Forget where the camera is, as after it was put down: it is sought where it was before."""
+        """Discards the current camera pose, for example after the camera was put down. It is relocalized
+        near earlier poses.
+        """
         if self.poses:
             self._state = ScanState.LOST
 
     def close_loops(self) -> ClosedWay | None:
-        """Bend the camera's way so that what it saw twice lies in one place, and fuse its images again.
+        """Closes loops: corrects the trajectory so that surfaces seen twice coincide, and fuses the images
+        again.
 
-        The way stays as it is where it closes already, or where the images agree less well after it.
+        The trajectory stays unchanged if it is already consistent, or if the images agree less well after the
+        correction.
 
         Returns:
-            What was found; None where nothing was scanned.
+            The loop closure result; None if nothing was scanned.
         """
         if self._camera is None or not self.poses:
             return None
@@ -211,9 +219,10 @@ class Scanner:
         return replace(found, taken=True)
 
     def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
-        """Returns the volumes and keyframes of the images that are still there, at other poses.
+        """Returns volumes and keyframes fused from the stored images at other poses.
 
-        Of very many only every second one, or fewer, are fused: each counts for those between.
+        If there are very many images, only every second one, or fewer, are fused. Each one then also carries
+        the weight of those left out.
         """
         volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
         numbers = self.history.numbers
@@ -232,7 +241,7 @@ class Scanner:
         return volumes, keyframes
 
     def surface(self, since: int = 0) -> Mesh:
-        """Returns the surface that was scanned, metres, world: by the images from number ``since`` on."""
+        """Returns the scanned surface, metres, world, from the images with number ``since`` or later."""
         if not since:
             return surface_of(self.volumes[0])
         volume = DistanceVolume(self.settings.volume)
@@ -242,16 +251,16 @@ class Scanner:
         return surface_of(volume)
 
     def thing(self) -> Mesh:
-        """Returns what stands on the floor, cut out of the surface: upright, on y = 0, metres.
+        """Returns the object that stands on the floor, cut out of the surface: upright, on y = 0, metres.
 
         Raises:
-            InputError: where no floor was scanned, or nothing that stands on it.
+            InputError: if no floor was scanned, or no object stands on it.
         """
         surface, cut = self.surface(), self.settings.cut_out
         return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
 
     def prepared(self, frame: DepthFrame) -> DepthView:
-        """Returns the view of a frame; of the same one again, the view that was made."""
+        """Returns the view of a frame, cached for repeated calls with the same frame."""
         if self._prepared is not None and self._prepared[0] is frame:
             return self._prepared[1]
         if self._camera is None:
@@ -265,7 +274,7 @@ class Scanner:
         return self._prepared[1]
 
     def _tracked(self, view: DepthView, up: Float | None, doubtful: Bool | None = None) -> Alignment:
-        """Returns the pose of an image that follows the last one; from farther away where it must be."""
+        """Returns the pose of an image that follows the last one, with a wider search if necessary."""
         predicted = self.predicted
         if doubtful is not None:
             found = self.tracker.align(only(view, ~doubtful), predicted, up)
@@ -282,7 +291,7 @@ class Scanner:
         return max((found, *others), key=_fit)
 
     def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
-        """Looks for a lost camera where it was before."""
+        """Relocalizes a lost camera near its last pose and at similar keyframes."""
         starts = [self._pose, *self.keyframes.nearest(view, _TRIED)]
         found = max((self.tracker.align(view, start, up, _LEVELS - 1) for start in starts), key=_fit)
         if self._judged(found) is not ScanState.SCANNING:
@@ -293,14 +302,16 @@ class Scanner:
         return ScanStep(ScanState.FOUND, self._pose, found)
 
     def _judged(self, found: Alignment) -> ScanState:
-        """Returns what an alignment is worth: SCANNING, UNSURE or LOST."""
+        """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
         if found.overlap < s.overlap or found.agreeing < s.agreeing:
             return ScanState.LOST
         return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
 
     def _too_far(self, found: Alignment, time_ns: int) -> bool:
-        """Returns whether nothing that is carried could have come there since the last image."""
+        """Returns whether the camera would have moved faster than a handheld camera can since the last
+        image.
+        """
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _FRAME)
         way = float(np.linalg.norm(found.world_from_camera[:3, 3] - self._pose[:3, 3]))
         return way > self.settings.tracking.fastest * passed + _SLACK
@@ -324,7 +335,7 @@ class Scanner:
 
 
 def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
-    """Returns a frame that knows no depth at some half-size pixels (h, w)."""
+    """Returns a frame with unknown depth at some half-size pixels (h, w)."""
     height, width = frame.depth.shape
     wide = own.repeat(2, 0).repeat(2, 1)[:height, :width]
     return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))

@@ -1,4 +1,4 @@
-"""Settings of a scan: how fine, how far, and what the camera's depth is worth."""
+"""Settings of a scan: resolution, range, and the depth noise of the camera."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from dataclasses import dataclass, replace
 from enliven.settings import setting
 
 _LEAST_ALONE = 0.01
-"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
+"""Minimum fraction of an image that the object fills if nothing else is in view: a hand's width at a
+metre."""
 _UNSURE_ALONE = 0.25
-"""Metres by which the camera's place about it may be off: a few images of a thing half a metre high leave
-open how it is turned by some degrees, and only more of them tell it."""
+"""Maximum camera position uncertainty, metres, if only the object is in view. A few images of an object
+half a metre high leave its rotation uncertain by some degrees, and only more images can resolve it."""
 
 
 @dataclass(frozen=True)
 class DepthNoiseModel:
-    """Standard deviation of a depth z: ``constant + quadratic (z - start)^2``; a structured-light camera's.
+    """Standard deviation of a depth z: ``constant + quadratic (z - start)^2``, for a structured-light camera.
 
     Khoshelham and Elberink, Sensors 12 (2012); Nguyen, Izadi, Lovell, 3DIMPVT 2012, eq. 2.
     """
@@ -33,7 +34,7 @@ class DepthNoiseModel:
 
 @dataclass(frozen=True)
 class VolumeSettings:
-    """How depth images become a surface."""
+    """Settings of the fusion of depth images into a surface (TSDF)."""
 
     voxel: float = setting(
         0.004, "Side of the finest voxels: 4 mm for a thing, 1 cm for a room.", unit="m", low=0.001, high=0.1
@@ -58,7 +59,7 @@ class VolumeSettings:
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """How a depth image is laid onto the surface."""
+    """Settings of the alignment of a depth image with the surface."""
 
     coarse_steps: int = setting(6, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
     fine_steps: int = setting(5, "Steps of it in the finest one.", low=1, high=100)
@@ -98,7 +99,7 @@ class TrackingSettings:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """How a way that comes back to where it was is closed."""
+    """Settings of loop closure: how a trajectory that returns to an earlier place is corrected."""
 
     history: int = setting(400, "Megabytes of packed images, to fuse again.", low=1, high=100_000)
     piece_metres: float = setting(0.3, "Way of the camera in one piece.", unit="m", low=0.01, high=5)
@@ -135,7 +136,7 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class CutOutSettings:
-    """How what stands on the floor is taken out of a scan."""
+    """Settings for cutting an object that stands on the floor out of a scan."""
 
     thickness: float = setting(
         0.02, "Faces so near to a plane may be of the floor.", unit="m", low=1e-3, high=0.2
@@ -158,7 +159,7 @@ class CutOutSettings:
 
 @dataclass(frozen=True)
 class RegistrationSettings:
-    """How an object that was put down elsewhere is found again."""
+    """Settings for finding an object again that was put down elsewhere."""
 
     turns: int = setting(900, "Turns that are tried, 20 degrees from one to the next.", low=24, high=100_000)
     points: int = setting(300, "Points of the surface that are laid down from each.", low=50, high=10_000)
@@ -184,7 +185,7 @@ class RegistrationSettings:
 
 @dataclass(frozen=True)
 class ObjectSettings:
-    """How an object that is moved while it is scanned is told apart from the room, and found again."""
+    """Settings for separating an object that is moved during the scan from the room, and finding it again."""
 
     known_after: int = setting(
         30, "Images after which it is looked for what stands there; again at twice as many.", low=5, high=1000
@@ -235,7 +236,9 @@ class ScanSettings:
 
 
 def alone_within(volume: VolumeSettings, within: float) -> ScanSettings:
-    """Returns the settings of a scan of what alone is nearer than so many metres, and may be turned."""
+    """Returns the settings for scanning an object that may be turned, with all depth beyond ``within``
+    metres ignored.
+    """
     near = replace(volume, reach=min(volume.reach, within), far=within)
     tracking = TrackingSettings(unsure=_UNSURE_ALONE)
     return ScanSettings(volume=near, tracking=tracking, least_depth=_LEAST_ALONE)

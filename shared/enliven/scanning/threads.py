@@ -1,8 +1,9 @@
-"""A kernel's range shared between two threads.
+"""Splits a kernel's range between two threads.
 
-The kernels give up the lock of the interpreter and are serial themselves, for parallel kernels may not be
-called from several threads of one process everywhere. The range is cut into pieces that each thread takes
-when it has nothing else to do; a piece writes to its own places only, so that the answer is always the same.
+The kernels release the global interpreter lock (GIL) and are serial themselves, because parallel kernels
+cannot be called from several threads of one process on every platform. The range is split into pieces, and
+each thread takes the next piece when it is idle. A piece writes only to its own part of the output, so the
+result is always the same.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
 
 
 def made_ahead(items: Iterator[T]) -> Iterator[T]:
-    """Yields the items; while the caller uses one, the second thread makes the next."""
+    """Yields the items; while the caller uses one, the second thread computes the next."""
     end = object()
     coming = _second().submit(next, items, end)
     while (item := coming.result()) is not end:
@@ -53,10 +54,11 @@ def made_ahead(items: Iterator[T]) -> Iterator[T]:
 
 
 def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Callable[[], T]) -> None:
-    """Calls ``do(tool, item)`` for all items, in no order; each of the two threads makes a tool of its own.
+    """Calls ``do(tool, item)`` for all items, in no defined order. Each of the two threads creates its own
+    tool.
 
-    Kernels that are shared as :func:`in_pieces` does may be called in it: the second thread has no time for
-    them, so that each of the two does its own alone.
+    ``do`` may call kernels through :func:`in_pieces`. The second thread is then busy, so each thread runs its
+    kernels alone.
     """
     left = deque(items)
 

@@ -1,4 +1,4 @@
-"""A volume of signed distances in sparse blocks: depth images go in, a surface comes out."""
+"""A TSDF volume (truncated signed distances) in sparse blocks: fuses depth images into a surface."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ from enliven.scanning.settings import VolumeSettings
 from enliven.scanning.threads import in_pieces
 
 _PIECE = 64
-"""Blocks that a thread takes at a time: 0.1 ms."""
+"""Blocks that a thread processes at a time: 0.1 ms."""
 _LOOKED_AT = 2
-"""Half-size pixels from one that may ask for new blocks to the next; other ones with each image."""
+"""Half-size pixels from one that may allocate new blocks to the next. The offset changes with each image."""
 
 
 @dataclass(frozen=True)
 class Fused:
-    """What an image did to a volume: blocks that it changed, new blocks, and whether there was room."""
+    """The effect of an image on a volume: blocks that it changed, new blocks, and whether there was enough
+    room.
+    """
 
     changed: int
     new: int
@@ -36,16 +38,17 @@ class Fused:
 
 
 class DistanceVolume:
-    """Averages of truncated signed distances, metres, positive before the surface.
+    """A TSDF volume: averages of truncated signed distances, metres, positive in front of the surface.
 
     A voxel's distance is that to the plane of the pixel that shows it (Bylow et al., RSS 2013), weighted by
-    what the pixel's depth is worth. No weight depends on what is there already, so the order of images does
-    not matter.
+    the reliability of the pixel's depth. No weight depends on earlier images, so the order of images does not
+    matter.
 
     Args:
         voxel: metres, side of a voxel.
-        settings: the bands about a surface, in voxels, the camera's noise, and the memory.
-        reach: metres, surfaces farther from the camera get no blocks.
+        settings: the truncation distances about a surface, in voxels, the camera's noise, and the memory
+            limit.
+        reach: metres; surfaces farther from the camera get no blocks.
     """
 
     def __init__(
@@ -79,7 +82,7 @@ class DistanceVolume:
         return sum(array.nbytes for array in held) * 1e-6
 
     def integrate(self, view: DepthView, world_from_camera: Float) -> Fused:
-        """Average a depth image into the volume.
+        """Averages a depth image into the volume.
 
         Args:
             world_from_camera: (4, 4) pose of the camera.
@@ -102,7 +105,9 @@ class DistanceVolume:
         return Fused(len(jobs), count - before, room)
 
     def allocate(self, view: DepthView, world_from_camera: Float) -> bool:
-        """Add the blocks that an image needs, as :meth:`integrate` does; returns whether there was room."""
+        """Adds the blocks that an image needs, as :meth:`integrate` does. Returns whether there was enough
+        room.
+        """
         before, blocks = self.blocks.count, self.blocks
         points = view.point_arrays
         turn = np.ascontiguousarray(world_from_camera[:3, :3], np.float32)
@@ -122,7 +127,7 @@ class DistanceVolume:
         return room
 
     def _picture(self, view: DepthView) -> UInt8:
-        """Returns the image's colours as a kernel takes them, empty where none are wanted."""
+        """Returns the image's colours in the form that a kernel takes, empty if colours are off."""
         if view.colour is None or not self.settings.colour:
             return np.empty(0, np.uint8)
         if len(self.hue) < len(self.distance):
@@ -130,7 +135,7 @@ class DistanceVolume:
         return np.ascontiguousarray(view.colour).reshape(-1)
 
     def _grow(self) -> bool:
-        """Makes room for more blocks; returns whether the memory allows it."""
+        """Makes room for more blocks. Returns whether the memory limit allows it."""
         if self.megabytes * 1.5 > self.settings.memory:
             return False
         self.blocks.grow()
@@ -142,12 +147,12 @@ class DistanceVolume:
 
     @property
     def field(self) -> FieldArrays:
-        """The distances as kernels look them up."""
+        """The signed distances in the form that kernels take."""
         b = self.blocks
         return FieldArrays(b.keys, b.slots, b.beside, self.distance, self.weight, self.band)
 
     def _camera(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
-        """Returns the camera as kernels take it."""
+        """Returns the camera in the form that kernels take."""
         turn = np.ascontiguousarray(world_from_camera[:3, :3].T)
         i = view.intrinsics
         return CameraArrays(
@@ -158,17 +163,17 @@ class DistanceVolume:
         )
 
     def clear(self) -> None:
-        """Forget all images; the memory is kept for the next ones."""
+        """Discards all images but keeps the allocated memory for the next ones."""
         for array in (self.distance, self.weight, self.solid, self.hue):
             array[: self.blocks.count] = 0
         self.blocks.keep(np.empty(0, np.int64))
         self._images = 0
 
     def clean(self) -> int:
-        """Give back the blocks that hold no surface; returns how many they were."""
+        """Removes the blocks that contain no surface. Returns the number of removed blocks."""
         count = self.blocks.count
         near = self.solid[:count].copy()
-        # A surface crosses from a block into those beside it.
+        # A surface crosses from a block into its neighbours.
         for k in range(1, 8):
             other = self.blocks.beside[:count, k]
             there = other >= 0

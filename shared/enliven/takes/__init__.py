@@ -1,5 +1,5 @@
-"""Takes: clips of motion captures, of recordings and of possessed meshes, read from files of any
-known kind.
+"""Takes: motion clips from motion captures, recordings and possessed meshes, read from files of any known
+kind.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Takes of performers' joints, as they are kept for possession: every measured frame, nothing resampled.
+"""Takes of performers' joints for possession: every measured frame, without resampling.
 
 body_take_of(path) -> BodyTake
 body_take_of_frames(frames, id) -> BodyTake        # enliven.frames.BodyFrame
@@ -24,10 +24,10 @@ from enliven.wire import HOLDS, HoldMessage
 
 
 def body_take_of(path: Path | str) -> BodyTake:
-    """Returns everything that performers did in a recording: its sensor's bodies, or those published.
+    """Returns all motion of the performers in a recording: bodies from its sensor, or published ones.
 
     Raises:
-        InputError: where the file is no recording, or holds no bodies.
+        InputError: if the file is not a recording, or contains no bodies.
     """
     path = Path(path)
     return body_take_of_frames(body_frames(Recording(path)), path.stem)
@@ -35,7 +35,7 @@ def body_take_of(path: Path | str) -> BodyTake:
 
 @dataclass(frozen=True)
 class RecordedHolds:
-    """The performers of a recording, and who held what.
+    """The performers of a recording, and their holds on characters.
 
     Attributes:
         take: the performers.
@@ -48,7 +48,7 @@ class RecordedHolds:
     events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
 
     def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
-        """Returns how a character with these poses was possessed; None where that was not recorded.
+        """Returns how a character with these poses was possessed; None if that was not recorded.
 
         Args:
             key: the id and the revision of the character.
@@ -74,12 +74,12 @@ class RecordedHolds:
         )
 
     def _second(self, time_ns: int) -> float:
-        """The second of the take at a time of the sensor's clock, as :attr:`BodyTake.seconds` has it."""
+        """Returns the second of the take for a time of the sensor's clock, as in :attr:`BodyTake.seconds`."""
         return float((time_ns - self.begin_ns) * 1e-9)
 
 
 def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
-    """Returns the performers of a recording and their holds; None where a recording does not hold them."""
+    """Returns the performers of a recording and their holds; None if the recording does not contain them."""
     if HOLDS.name not in recording.info.topics:
         return None
     events = []
@@ -92,7 +92,7 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
 
 
 def holds_among(frames: Iterable[Frame], events: Iterable[HoldMessage], id: str) -> RecordedHolds | None:
-    """Returns the performers of frames as a take, and who held what; None where no performer is in them."""
+    """Returns the performers in the frames as a take, and their holds; None without performers."""
     seen = [frame for frame in frames if isinstance(frame, BodyFrame)]
     begin = next((frame.time_ns for frame in seen if frame.bodies), None)
     if begin is None:
@@ -104,12 +104,13 @@ def holds_among(frames: Iterable[Frame], events: Iterable[HoldMessage], id: str)
 
 
 def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
-    """Returns the bodies of frames as a take; it begins with the first frame in which there is a performer.
+    """Returns the bodies of frames as a take, beginning with the first frame that contains a performer.
 
-    A frame that is not later than the one before is left out, and joints that are not finite count as unseen.
+    A frame that is not later than the previous one is dropped, and joints that are not finite count as
+    unseen.
 
     Raises:
-        InputError: where no performer is in them.
+        InputError: if the frames contain no performer.
     """
     kept: list[BodyFrame] = []
     for frame in frames:

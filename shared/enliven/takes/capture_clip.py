@@ -1,10 +1,10 @@
-"""Clips of motion captures and of tracked people, at another rate, and cut out of longer ones.
+"""Clips of motion captures and of tracked people, resampled to another rate, or cut out of longer ones.
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
     clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
     between_times(clip, start, stop) -> Clip
 
-Clips are in metres, +Y up; their quaternions change no sign from frame to frame.
+Clips are in metres, +Y up; their quaternions do not change sign from frame to frame.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ def clip_of_capture(
 ) -> Clip:
     """Returns the motion of a file as a clip in metres.
 
-    A capture with another axis up is turned upright. What a file moves a joint by against its parent is the
-    clip's offsets, where it can be seen. A joint above all others that only carries the one that moves (a
-    point on the floor) is left out.
+    A capture with another axis up is turned upright. Visible translations of joints relative to their parents
+    become the clip's offsets. A joint above all others that only carries the moving root (a point on the
+    floor) is removed.
 
     Args:
-        rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
-            that pose stands as tall as the frames do, else "first".
-        unit: a name of ``UNITS``, metres a unit, or None to guess it by the legs of a person, else by the
-            height of the root over the lowest joint.
+        rest: the rest pose: "zero" for all rotations zero; "first" for the first frame; a frame number; or
+            "auto", which is "zero" if that pose stands as tall as the frames do, else "first".
+        unit: a name of ``UNITS``, or metres per unit. None guesses it from the legs of a person, else from
+            the height of the root over the lowest joint.
 
     Raises:
-        InputError: for a tree with two roots, a frame or a unit that is not there.
+        InputError: if the tree has two roots, or a frame or unit does not exist.
     """
     capture = upright_capture(capture)
     names, parents, positions, rotations = rooted(capture, id)
@@ -65,7 +65,7 @@ def clip_of_capture(
     if unit is None:
         unit = metres_of_legs(capture)
     scale = metres(unit, at_rest, f"clip {id!r}")
-    # Bone j turns with the joint that it hangs on; the root's children and the root turn as one.
+    # Bone j rotates with its parent joint; the root's children and the root rotate as one.
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
@@ -86,19 +86,19 @@ def clip_of_bodies(
 ) -> Clip:
     """Returns a tracked person's motion as a clip of 20 joints.
 
-    Where a body has orientations, a bone's turn is theirs since rest; elsewhere it is the swing of least
-    twist against the bone before. In both, every bone points where its joints say. A joint of confidence 0
-    is taken from the frames before and after.
+    If a body has orientations, a bone's rotation is the orientation since rest. Otherwise it is the swing
+    with the least twist relative to the parent bone. In both cases, every bone points along its joints. A
+    joint of confidence 0 is interpolated from the frames before and after.
 
     Args:
         bodies: (F,) the person over time.
-        seconds: (F,) their times, ascending, as irregular as they come.
-        rest: which of them is the rest pose, or a body that is.
+        seconds: (F,) their times, ascending, irregular intervals allowed.
+        rest: index of the rest pose among the bodies, or a body in the rest pose.
         step: seconds between the frames of the clip.
         names: (20,) of the joints; None for :data:`BODY_NAMES`.
 
     Raises:
-        InputError: where there is no body, or the times do not fit or do not ascend.
+        InputError: if the list of bodies is empty, or the times do not match or do not ascend.
     """
     times: Float = np.asarray(seconds, np.float64)
     where = f"clip {id!r}"
@@ -117,7 +117,9 @@ def clip_of_bodies(
 
 
 def resampled(clip: Clip, step: float) -> Clip:
-    """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
+    """Returns the clip with a frame every ``step`` seconds; its last frame is the last at or before its
+    end.
+    """
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     tracks: dict[str, Any] = {name: _mixed(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
@@ -136,22 +138,25 @@ def between_times(clip: Clip, start: float, stop: float) -> Clip:
 
 
 def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
-    """Returns a clip with frames ``step`` seconds apart from turns and root at ``times`` (F,), which begin at
-    0."""
+    """Returns a clip with frames ``step`` seconds apart, from rotations and root at ``times`` (F,) that
+    begin at 0.
+    """
     before, after, part = _between(times, step)
     made = slerp(turns[before], turns[after], part[:, None])
     return Clip(id, skeleton, continuous(made), _mixed(root, times, step), step)
 
 
 def _mixed(track: Float, times: Float, step: float) -> Float:
-    """(G, ...) the values of (F, ...) at ``times`` (F,), ``step`` seconds apart."""
+    """Returns (G, ...) the values of (F, ...) at ``times`` (F,), interpolated every ``step`` seconds."""
     before, after, part = _between(times, step)
     part = part.reshape(-1, *(1,) * (track.ndim - 1))
     return np.asarray(track[before] + part * (track[after] - track[before]))
 
 
 def _between(times: Float, step: float) -> tuple[Int, Int, Float]:
-    """(G,) the frames before and after moments ``step`` seconds apart, and how far they are between these."""
+    """Returns (G,) the frames before and after times ``step`` seconds apart, and the interpolation
+    factors.
+    """
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
     wanted = np.minimum(np.arange(count) * step, times[-1])
     before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
@@ -161,7 +166,7 @@ def _between(times: Float, step: float) -> tuple[Int, Int, Float]:
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:
-    """Returns (F, 20, 4) turns since rest from the bodies' orientations, or None where a body has none."""
+    """Returns (F, 20, 4) rotations since rest from the bodies' orientations, or None if a body has none."""
     if still.orientations is None or any(body.orientations is None for body in bodies):
         return None
     world = np.stack([np.asarray(body.orientations) for body in bodies])

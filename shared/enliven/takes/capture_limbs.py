@@ -1,4 +1,4 @@
-"""Computes the frames of a captured person's limbs from the joints' places."""
+"""Computes the frames of a captured person's limbs from the joint positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np
 
 
 def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
-    """(F, 16, 3, 3) world_from_limb in every frame; (F, 2) whether each foot stands."""
+    """Returns (F, 16, 3, 3) world_from_limb in every frame, and (F, 2) whether each foot stands."""
     p = capture.positions
     at = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
     shoulders, elbows, wrists, tips = (
@@ -28,7 +28,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
     out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
     out[:, Limb.ABDOMEN] = _axes(top - low, unit(across_hips) + unit(across_shoulders))
-    # The head as its joint turns, facing on average where the chest does.
+    # The head rotates with its joint, and faces on average in the chest's direction.
     head = capture.rotations[:, roles.head]
     usual = nearest_rotation((out[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
     out[:, Limb.SKULL] = head @ usual.T
@@ -48,7 +48,9 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
 
 
 def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
-    """Returns (F, 2) frames in which a foot is low and hardly moves; at least the best fifth of them."""
+    """Returns (F, 2) whether a foot is low and hardly moves in a frame; true for at least the best fifth
+    of frames.
+    """
     leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
     height = (toes[..., 1] + ankles[..., 1]) / leg
@@ -57,7 +59,7 @@ def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Fl
 
 
 def half_way(path: Float) -> Float:
-    """Returns (F, 3) the point at half the length of each polyline (F, K, 3)."""
+    """Returns (F, 3) the point halfway along the length of each polyline (F, K, 3)."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
     half = upto[:, -1:] / 2
@@ -68,19 +70,18 @@ def half_way(path: Float) -> Float:
 
 
 def _axes(up: Float, left: Float) -> Float:
-    """(F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as that allows."""
+    """Returns (F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as possible."""
     y = unit(up)
     x = unit(left - (left * y).sum(-1, keepdims=True) * y)
     return np.stack([x, y, np.cross(x, y)], -1)
 
 
 def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
-    """Returns (F, 3) the axis about which a limb bends, towards the body's left; straight limbs take the
-    trunk's.
+    """Returns (F, 3) the hinge axis of a limb, towards the body's left; straight limbs use the trunk's axis.
 
     Args:
-        trunk: (F, 3, 3) the frame that the limb hangs on.
-        sense: 1 where the lower half bends forward (elbows), -1 backward (knees).
+        trunk: (F, 3, 3) the frame that the limb is attached to.
+        sense: 1 if the lower half bends forward (elbows), -1 if backward (knees).
     """
     upper, lower = unit(middle - first), unit(last - middle)
     bent = sense * np.cross(lower, upper)
@@ -97,7 +98,7 @@ def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
 
     Args:
         along: (F, 3) from the ankle to the toes.
-        shank_left: (F, 3) the shank's +X: which way is left where the foot points up or down.
+        shank_left: (F, 3) the shank's +X, used as left if the foot points up or down.
     """
     z = unit(along)
     flat = np.hypot(z[:, 0], z[:, 2])
@@ -111,6 +112,6 @@ def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
 
 
 def smoothstep(value: Float, low: float, high: float) -> Float:
-    """0 up to ``low``, 1 from ``high``, smooth between."""
+    """Returns 0 up to ``low``, 1 from ``high``, and a smooth transition between."""
     t = np.clip((value - low) / (high - low), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

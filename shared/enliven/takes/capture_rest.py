@@ -9,17 +9,18 @@ from enliven.errors import InputError
 from enliven.formats.motion import UNITS, Capture, guess_unit
 
 _STANDS = 0.9
-"""Share of the frames' height above which a zero pose counts as standing."""
+"""Minimum height of a zero pose that counts as standing, as a fraction of the height in the frames."""
 _MOVES = 0.002
-"""Share of the extent by which a joint must move against its parent to be a root of its own: more than
-rounding."""
+"""Minimum motion of a joint relative to its parent to count as a separate root, as a fraction of the
+extent. It is more than rounding."""
 _HIP_TO_ANKLE = 0.9
-"""Share of a root's height over the lowest joint that is leg, for the guess of the unit."""
+"""Leg length as a fraction of the root's height over the lowest joint, for guessing the unit."""
 
 
 def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
-    """Returns the capture's names, parents, positions and rotations from the joint on that moves as the
-    root."""
+    """Returns the capture's names, parents, positions and rotations, starting at the joint that moves as
+    the root.
+    """
     if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
         raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
     names, parents = capture.names, list(capture.parents)
@@ -35,13 +36,17 @@ def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float
 
 
 def links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns (N, 3) each joint in its parent's frame, the median over the frames; zero at the root."""
+    """Returns (N, 3) the position of each joint in its parent's frame, median over the frames; zero at the
+    root.
+    """
     return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
 
 def moved_links(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns (F, N, 3) what each joint is moved by in its parent's frame beside its (N, 3) ``offsets``; zero
-    for a joint that stays where it is but for rounding."""
+    """Returns (F, N, 3) the translation of each joint in its parent's frame beyond its (N, 3) ``offsets``.
+
+    It is zero for a joint that moves only by rounding.
+    """
     moved = _local_links(parents, positions, rotations) - offsets
     extent = float(np.median(np.ptp(positions, axis=1).max(1)))
     moved[:, np.abs(moved).max((0, 2)) < _MOVES * extent] = 0.0
@@ -49,14 +54,14 @@ def moved_links(parents: list[int], offsets: Float, positions: Float, rotations:
 
 
 def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns (F, N, 3) each joint in its parent's frame; zero at the root."""
+    """Returns (F, N, 3) the position of each joint in its parent's frame; zero at the root."""
     above = np.maximum(parents, 0)
     apart = positions - positions[:, above]
     return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], apart))
 
 
 def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns (N, 3) the joints of a frame with the bones' own lengths."""
+    """Returns (N, 3) the joints of a frame with constant bone lengths."""
     at = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
         at[j] = at[parent] + rotations[parent] @ offsets[j]
@@ -64,7 +69,7 @@ def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: 
 
 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
-    """Returns (N, 3) the joints with all rotations zero, standing on the frames' floor where they begin."""
+    """Returns (N, 3) the joints with all rotations zero, standing on the floor at the start of the motion."""
     count = len(parents)
     at = stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
@@ -73,7 +78,9 @@ def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
 
 
 def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Returns whether the zero pose is about as tall, and its root as high, as the frames."""
+    """Returns whether the zero pose is about as tall as the frames, with its root at about the same
+    height.
+    """
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
     tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
@@ -82,7 +89,7 @@ def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
 
 
 def metres(unit: str | float | None, at_rest: Float, where: str) -> float:
-    """Returns the metres in a unit of the file."""
+    """Returns the metres per unit of the file."""
     if unit is None:
         legs = at_rest[0, 1] - at_rest[:, 1].min()
         return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]

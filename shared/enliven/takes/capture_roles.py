@@ -1,4 +1,4 @@
-"""Finds the roles of a motion capture's joints (which one is the left elbow) by name and by the tree."""
+"""Finds the roles of a motion capture's joints (such as the left elbow) by name and by the tree."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SIDES = (("left", "l"), ("right", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """Numbers of a capture's joints; in a pair the left one comes first.
+    """Indices of a capture's joints; in a pair the left one comes first.
 
     Attributes:
-        root: the joint from which trunk and legs part.
-        spine: the joints from the root to where the arms part, both included.
-        tips: the joints beyond the wrists; the wrist itself where there is none.
+        root: the joint at which trunk and legs branch.
+        spine: the joints from the root to where the arms branch, both included.
+        tips: the joints beyond the wrists; the wrist itself if there is none.
         toes: the joints beyond the ankles.
     """
 
@@ -47,7 +47,7 @@ def find_roles(capture: Capture) -> Roles:
     """Finds the roles of a capture's joints.
 
     Raises:
-        InputError: where a joint is missing; it names the joints that are there.
+        InputError: if a joint is missing; the message lists the existing joints.
     """
     names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
     elbows = _pair(capture, names, _ELBOWS, "elbow")
@@ -79,7 +79,7 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """Returns the left and the right joint of the first part that has both."""
+    """Returns the left and the right joint of the first name part that matches on both sides."""
     for part in parts:
         found = [
             next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)
@@ -99,7 +99,7 @@ def _missing(capture: Capture, role: str) -> InputError:
 
 
 def _ancestors(capture: Capture, joint: int) -> list[int]:
-    """The joints from the file's root to ``joint``."""
+    """Returns the joints from the file's root to ``joint``."""
     chain = [joint]
     while capture.parents[chain[-1]] >= 0:
         chain.append(capture.parents[chain[-1]])
@@ -119,7 +119,7 @@ def _children(capture: Capture, joint: int) -> list[int]:
 def _below(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
-    """Returns for each joint the child of that name, or its first child."""
+    """Returns for each joint its child with a matching name, or its first child."""
     found = []
     for joint in joints:
         below = _children(capture, joint)
@@ -131,7 +131,7 @@ def _below(
 
 
 def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
-    """Returns the nearest joint below that is at another place and no thumb, or the joint itself."""
+    """Returns the nearest descendant at a different position that is not a thumb, or the joint itself."""
     fringe = [joint]
     while fringe:
         fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]

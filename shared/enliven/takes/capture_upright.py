@@ -1,4 +1,4 @@
-"""Turns motion captures upright and finds their unit: the same for import, retargeting, export and studio."""
+"""Turns motion captures upright and finds their unit. Import, retargeting, export and studio all use it."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ _Y_FROM = {
     "+X": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     "-X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""(3, 3) rotations that bring each axis of a file up to +Y."""
+"""(3, 3) rotations that map each up axis of a file to +Y."""
 _HEAD_BYTES = 1024
-"""Bytes in which the first word of a file is looked for."""
+"""Bytes in which the first word of a file is searched."""
 _MIN_ALIGNMENT = 0.8
-"""Least cosine between a rest pose, or an animal's legs, and an axis for it to state which way is up."""
+"""Minimum cosine between a rest pose, or an animal's legs, and an axis for it to determine the up
+direction."""
 _MIN_REST_HEIGHT = 0.8
-"""Least height of a rest pose, as a ratio of that in the frames, for it to count as standing."""
+"""Minimum height of a rest pose that counts as standing, as a ratio of the height in the frames."""
 _MIN_STEADINESS = 0.7
-"""Least mean cosine between the body and its median direction for the frames to overrule the rest pose: who
-turns somersaults has no direction."""
+"""Minimum mean cosine between the body and its median direction for the frames to override the rest pose.
+A person that turns somersaults has no such direction."""
 _FLOOR_TOLERANCE = 0.05
-"""Distance of the lowest joint from zero, as a ratio of the body's length, within which a file has its floor
-at zero along an axis: markers are some centimetres above it."""
+"""Maximum distance of the lowest joint from zero along an axis, as a ratio of the body's length, for the
+file to have its floor there. Markers are some centimetres above the floor."""
 _FEET = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
-"""What the lowest joint of a leg is called in captures of animals too."""
+"""Names of the lowest joint of a leg, also in captures of animals."""
 
 
 def read_capture(path: Path) -> Capture:
-    """Reads a motion capture, BVH or CMU's exponential maps, upright with +Y up and in its own unit.
+    """Reads a motion capture, BVH or CMU's exponential maps, turned upright with +Y up, in its own unit.
 
     Raises:
-        InputError: for a file that cannot be read or is damaged.
+        InputError: if the file cannot be read or is damaged.
     """
     with open_file(path) as file:
         is_bvh = decode_text(file.read(_HEAD_BYTES)).lstrip().upper().startswith("HIERARCHY")
@@ -59,8 +60,8 @@ def read_capture(path: Path) -> Capture:
 def upright_capture(capture: Capture) -> Capture:
     """Returns the capture with +Y up; the same object if it already is.
 
-    Joints' own frames are turned too, so that the result is what the same motion written with +Y up would
-    be, and zero rotations give the same pose.
+    The joints' own frames are rotated too. So the result equals the same motion written with +Y up, and zero
+    rotations give the same pose.
     """
     up = _up_axis(capture)
     if up == "+Y":
@@ -70,7 +71,7 @@ def upright_capture(capture: Capture) -> Capture:
 
 
 def leg_length(capture: Capture, roles: Roles) -> float:
-    """Returns the length of the left leg from hip to ankle in the file's unit, the median over the frames."""
+    """Returns the length of the left leg from hip to ankle in the file's unit, median over the frames."""
     p = capture.positions
     upper = np.linalg.norm(p[:, roles.hips[0]] - p[:, roles.knees[0]], axis=-1)
     lower = np.linalg.norm(p[:, roles.knees[0]] - p[:, roles.ankles[0]], axis=-1)
@@ -78,8 +79,9 @@ def leg_length(capture: Capture, roles: Roles) -> float:
 
 
 def metres_of_legs(capture: Capture) -> float | None:
-    """Returns the metres in a unit of the file, by the length of a person's legs; None if it has none by
-    name."""
+    """Returns the metres per unit of the file, from the length of a person's legs; None if no legs are
+    found by name.
+    """
     roles = _roles(capture)
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
 
@@ -94,9 +96,9 @@ def _roles(capture: Capture) -> Roles | None:
 def _up_axis(capture: Capture) -> str:
     """Returns the axis of a file that points up, such as "+Z".
 
-    It is the axis along which the head is above the ankles, or the legs of an animal stand. Who crawls or
-    lies the whole time is recognised by a rest pose that stands along another axis, if the floor is at zero
-    only along that one.
+    It is the axis along which the head is above the ankles, or the legs of an animal stand. If a person
+    crawls or lies the whole time, the rest pose stands along another axis. That axis is used if the floor is
+    at zero only along it.
     """
     roles = _roles(capture)
     ups = _ups(capture, roles, capture.positions)
@@ -117,8 +119,9 @@ def _up_axis(capture: Capture) -> str:
 
 
 def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
-    """(F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero if
-    unknown."""
+    """Returns (F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero
+    if unknown.
+    """
     if roles is not None:
         return np.asarray(positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1))
     parents = np.array(capture.parents)
@@ -130,14 +133,14 @@ def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
 
 
 def _nearest_axis(up: Float) -> tuple[str, bool]:
-    """Returns the axis nearest to a vector, +Y or -Y in doubt, and whether it is clear which one it is."""
+    """Returns the axis nearest to a vector, +Y or -Y in doubt, and whether the choice is clear."""
     length = np.abs(up)
     k = 1 if length[1] >= length.max() else int(np.argmax(length))
     return f"{'+-'[int(up[k] < 0)]}{'XYZ'[k]}", bool(np.abs(unit(up)[k]) > _MIN_ALIGNMENT)
 
 
 def _zero_pose(capture: Capture) -> Float:
-    """(N, 3) the joints with all rotations zero, the root at the origin."""
+    """Returns (N, 3) the joints with all rotations zero, the root at the origin."""
     at = np.zeros((len(capture.parents), 3))
     for j, parent in enumerate(capture.parents):
         if parent >= 0:

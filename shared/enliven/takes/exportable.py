@@ -1,4 +1,4 @@
-"""The characters of a file with motion, each ready to be sampled: what ``enliven export`` chooses from."""
+"""The characters of a file with motion, ready to be sampled: the choices of ``enliven export``."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
 from enliven.takes.rigged import rigged_of
 
 Sample = Callable[[float, float | None, float | None, bool, bool], Performance]
-"""From start to end seconds (None: all), frames a second (None: its own), with morph targets or without, and
-with the clips' own keys or without."""
+"""A function of start and end seconds (None: all), frames per second (None: the native rate), whether to
+use morph targets, and whether to use the clips' own keys."""
 _RATE = 30.0
-"""Frames a second of what has no rate of its own: that of the sensors."""
+"""Frames per second of motion without a rate of its own: that of the sensors."""
 
 
 @dataclass(frozen=True)
 class Exportable:
-    """A character, a person or an animation of a file; its motion is sampled when it is asked for.
+    """A character, a person or an animation of a file; its motion is sampled on request.
 
     Attributes:
         name: unique in its file.
-        sample: makes the performance.
+        sample: creates the performance.
         jointed: whether it has a skeleton.
         solid: whether it has a surface.
-        rank: 0 for what the file is about; 1 for what is taken where nothing of rank 0 fits.
+        rank: 0 for the main content of the file; 1 for content that is used if nothing of rank 0 fits.
     """
 
     name: str
@@ -52,12 +52,12 @@ class Exportable:
 
 
 class Exportables(NamedTuple):
-    """All that a file has to export.
+    """All exportable content of a file.
 
     Attributes:
-        found: what moves in it.
+        found: the moving characters.
         notes: on the file, a sentence each.
-        sounds: those that were performed along.
+        sounds: sounds that belong to the performance.
     """
 
     found: list[Exportable]
@@ -66,12 +66,13 @@ class Exportables(NamedTuple):
 
 
 def exportables_of(path: Path | str) -> Exportables:
-    """Returns what a recording, a project, a model or a motion file has to export.
+    """Returns the exportable content of a recording, a project, a model or a motion file.
 
-    Seconds are a project's or a clip's; in a recording, those since the first pose, or since a person came.
+    Seconds are those of a project or a clip. In a recording, they count from the first pose, or from the
+    appearance of a person.
 
     Raises:
-        InputError: where the file cannot be read, or nothing moves in it.
+        InputError: if the file cannot be read, or nothing moves in it.
     """
     path, notes, sounds = Path(path), tuple[str, ...](), tuple[Sound, ...]()
     kind = path.suffix.lower()
@@ -95,7 +96,7 @@ def exportables_of(path: Path | str) -> Exportables:
 
 
 def _of_project(project: Project) -> list[Exportable]:
-    """Rigged shapes, possessed meshes, puppets that play something, and then takes."""
+    """Returns rigged shapes, possessed meshes and puppets that play motion, and then takes."""
     found = list[Exportable]()
     for character in project.characters.values():
         if not rig_of(character).lacking(project, character):
@@ -104,7 +105,7 @@ def _of_project(project: Project) -> list[Exportable]:
 
 
 def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
-    """Each animation of a model, the first before the others; the model as it stands where it has none."""
+    """Returns each animation of a model, the first before the others; the static model if it has none."""
     if not clips:
         return [_character(Project().with_characters(shape), shape)]
     found = list[Exportable]()
@@ -116,7 +117,7 @@ def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
 
 
 def _of_recording(path: Path) -> list[Exportable]:
-    """Characters with the poses that were recorded of them, and then the people."""
+    """Returns characters with their recorded poses, and then the people."""
     recording = Recording(path)
     characters, poses = characters_and_poses(recording)
     moving = {key: found for key, found in poses.items() if len(found) > 1}
@@ -151,7 +152,7 @@ def _sampled(
     keyed: bool,
     own: float = _RATE,
 ) -> Performance:
-    """A character of a project, at its ``own`` frames a second where no others are asked for."""
+    """Samples a character of a project, at its ``own`` frames per second if no other rate is requested."""
     keyed = keyed and rate is None
     how: Literal["skin", "morphs"] = "morphs" if morphs else "skin"
     return performance_of(project, character, start, end, rate or own, how=how, keyed=keyed)
@@ -168,7 +169,7 @@ def _recorded(
     morphs: bool,
     keyed: bool,
 ) -> Performance:
-    """A character that was performed live, as a rigged shape or as a possessed mesh."""
+    """Samples a character that was performed live, as a rigged shape or as a possessed mesh."""
     if character.kind == "bones":
         still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
@@ -181,7 +182,7 @@ def _recorded(
 
 
 def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:
-    """Frames of a clip; what is no longer there at a time is refused by its name."""
+    """Samples frames of a clip; raises an error with the clip's name if the range contains no frames."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:
         what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"

@@ -27,13 +27,14 @@ _KNOWN = f"Known: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with take
 def read_take(
     path: Path | str, animation: str | None = None, start: float = 0.0, end: float | None = None
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Returns the clip of a file from ``start`` to ``end`` seconds, and notes on what was unusual.
+    """Returns the clip of a file from ``start`` to ``end`` seconds, and notes on unusual content.
 
     Args:
-        animation: of a glTF, person of a recording, or take of a project; None for the first.
+        animation: name of a glTF animation, of a person in a recording, or of a take in a project; None for
+            the first.
 
     Raises:
-        InputError: where there is none, or the times are not in it.
+        InputError: if the animation does not exist, or the times are outside of it.
     """
     path = Path(path)
     clip, notes = _read(path, animation)
@@ -51,7 +52,7 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
         clip = _named(rig.clips, path, animation)
-        # A pose that snaps into another may be meant there: only the rest pose is known to be added.
+        # A jump between two poses may be intended in a model, so only a rest pose is removed.
         return _without_added(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
         return _named(clips_of_recording(path), path, animation), ()
@@ -67,7 +68,7 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
 def _without_added(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
-    """The clip without poses that were added at its ends, with a note. Its rest pose stays."""
+    """Returns the clip without poses that were added at its ends, with a note. Its rest pose stays."""
     begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes
@@ -76,7 +77,7 @@ def _without_added(
 
 
 def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
-    """Returns the clip of that name (a glTF name may end in it, after a bar), or the first."""
+    """Returns the clip with that name (a glTF name may end in it, after a bar), or the first."""
     if not clips:
         raise InputError("it has no animation", where=str(path), mend=_KNOWN)
     for clip in clips:

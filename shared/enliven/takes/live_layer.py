@@ -1,4 +1,4 @@
-"""A live pose as one more layer over what a shape plays: what a recording of it is going to look like."""
+"""A live pose as an additional layer over a shape's motion (live overlay): a preview of a recording."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
 
 class LiveLayer:
-    """Plays a shape of a project with the pose of a moment on top, or in the place of what it plays.
+    """A player of a project's shape with a live pose on top, or in place of its present motion.
 
-    It holds what the project was when it was made: after an edit, make another.
+    It keeps a snapshot of the project. After an edit, create another.
 
     Args:
-        replaced: joints of the bones that lose the layers that they have.
+        replaced: joints of the bones that lose their present layers.
     """
 
     def __init__(self, project: Project, shape_id: str, replaced: frozenset[int] = frozenset()) -> None:
@@ -33,10 +33,10 @@ class LiveLayer:
         self._player = Player(project, shape_id)
 
     def pose(self, live: Pose, seconds: float, *, heard: bool = True) -> tuple[Pose, Float]:
-        """Returns the pose at a time of the project, where the live one stands, and its (N, 3) joints.
+        """Returns the pose at a time of the project, at the place of the live one, and its (N, 3) joints.
 
         Args:
-            heard: whether what is done live counts; else the shape only plays, in that place.
+            heard: whether the live pose has an effect; otherwise the shape only plays, at that place.
         """
         shape, rest = self.shape, self.shape.skeleton.positions[0] + self.shape.place
         own = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
@@ -51,12 +51,12 @@ class LiveLayer:
 
 
 def own_chain(shape: Shape, joint: int) -> tuple[int, ...]:
-    """Returns the chain of one bone alone: its parent and the joint, or the root."""
+    """Returns the chain of a single bone: its parent and the joint, or the root."""
     return (int(shape.skeleton.parents[joint]), joint) if joint else (0,)
 
 
 def own_turns(shape: Shape, turns: Float) -> Float:
-    """Returns (G, N, 4) what layers turned each bone, for turns (G, N, 4) in the world."""
+    """Returns (G, N, 4) the rotation of each bone by layers, for world rotations (G, N, 4)."""
     own = np.empty_like(turns)
     for j, parent in enumerate(shape.skeleton.parents):
         within = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
@@ -65,7 +65,7 @@ def own_turns(shape: Shape, turns: Float) -> Float:
 
 
 def composed(parents: np.ndarray, own: Float) -> Float:
-    """Returns (G, N, 4) turns in the world of turns (G, N, 4) against the parent."""
+    """Returns (G, N, 4) world rotations from rotations (G, N, 4) relative to the parent."""
     turns = own.copy()
     for j, parent in enumerate(parents):
         if parent >= 0:

@@ -1,11 +1,11 @@
-"""What performers did over a while, from a recording or gathered live, as takes and layers of a project.
+"""Converts a performance, recorded or live, into takes and layers of a project.
 
     project, names = with_performed(project, performed, begin)     # begin: the sensor's clock at 0 seconds
 
-Each performer becomes a take. A character of the project that was performed plays what was done: a rigged
-shape as layers on the bones that moved, a possessed mesh as motion of its nodes that can be solved again, a
-puppet as a layer of its performer's take: on top of what plays, or in its place for as long as was recorded.
-Others are added.
+Each performer becomes a take. A character of the project that was performed plays the new motion. A rigged
+shape gets layers on the bones that moved. A possessed mesh gets motion of its nodes that can be solved again.
+A puppet gets a layer of its performer's take. The new motion plays on top of the present motion, or replaces
+it for the length of the recording (punch-in). Other characters are added to the project.
 """
 
 from __future__ import annotations
@@ -45,33 +45,34 @@ from enliven.takes.rigged import rigged_of
 from enliven.wire import HoldMessage
 
 _FEWEST = 2
-"""Poses that a character needs at least to count as performed."""
+"""Minimum number of poses of a character that counts as performed."""
 _FEWEST_EXAMPLES = 2
 """Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
 _STILL = 0.005
-"""Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
+"""Minimum motion, metres or entries of a rotation matrix. The steps of transmitted poses are a tenth of
+it."""
 _TURNED = 0.01
-"""Radians from which a bone counts as turned, half a degree: turns on the wire have finer steps."""
+"""Minimum rotation of a bone, radians (half a degree). Transmitted rotations have finer steps."""
 
 Key = tuple[str, int]
 """The id and the revision of a character."""
 
 
 _WHOLE = TakeSettings(gap=math.inf)
-"""One take for each performer, also if the tracker lost them for a while."""
+"""Creates one take per performer, even if the tracker lost them for a while."""
 ONLOOKER = " onlooker"
-"""What the name of a take ends in, before its number, if its performer held nothing while others did."""
+"""Suffix of a take's name, before its number, if its performer held nothing while others did."""
 
 
 @dataclass
 class Performed:
-    """What performers and characters did over a while.
+    """The motion of performers and characters over a period.
 
     Attributes:
-        name: of the takes that are made of it.
-        since_ns: the sensor's clock from which on it counts; frames and holds may begin before.
+        name: of the takes that are created from it.
+        since_ns: the sensor's clock at which it starts; frames and holds may begin before.
         frames: of tracked performers, in the order of time.
-        events: who took hold of what, and who let go, in the order of time.
+        events: when performers attached to and released characters, in the order of time.
         characters: by id and revision.
         poses: of each, in the order of time.
     """
@@ -84,7 +85,7 @@ class Performed:
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
     def until(self, time_ns: int) -> Performed:
-        """Returns what was performed until a time of the sensor's clock."""
+        """Returns the part of the performance up to a time of the sensor's clock."""
         poses = {key: [one for one in kept if one.time_ns <= time_ns] for key, kept in self.poses.items()}
         return replace(
             self,
@@ -95,26 +96,26 @@ class Performed:
 
     @property
     def moved(self) -> list[Key]:
-        """The characters that did more than stand there."""
+        """The characters that moved."""
         return [key for key, poses in self.poses.items() if len(poses) >= _FEWEST and _moves(poses)]
 
 
 def with_performed(
     project: Project, performed: Performed, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
-    """Returns a project with takes and layers of what was performed, and the ids of what is new in it.
+    """Returns a project with takes and layers of the performance, and the ids of the new content.
 
     The layers are one of several alternatives (:mod:`enliven.modeling.edits.alternatives`), or the first of
     new ones.
 
     Args:
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        replaces: whether what moved is not heard as it played before, from the recording's begin to its end;
-            else both play.
-        beside: the name of the alternatives of which it is one more; empty: of its own.
+        replaces: whether the recording replaces the earlier motion of the moved characters between its begin
+            and end; otherwise both play.
+        beside: name of the group of alternatives that it joins; empty creates a new group.
 
     Raises:
-        InputError: where the poses of a character do not fit together.
+        InputError: if the poses of a character are inconsistent.
     """
     made, before = list[str](), project
     whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
@@ -143,7 +144,7 @@ def with_performed(
 
 
 def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
-    """Returns one clip for each performer; performers who held nothing while others did are onlookers."""
+    """Returns one clip for each performer; performers that held nothing while others did are onlookers."""
     ids = {who for said in performed.events for who in (said.body, said.former, *said.holders)}
     holding = {merged.people[who] for who in ids if who in merged.people}
     actors = [who for who in merged.everyone if who in holding or not holding]
@@ -158,7 +159,7 @@ def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
 
 
 def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
-    """Returns the span of what a character did, in seconds of the project."""
+    """Returns the time span of a character's motion, in seconds of the project."""
     poses = performed.poses[key]
     first, last = (1e-9 * (one.time_ns - begin) for one in (poses[0], poses[-1]))
     return Punch.of(project, first, last)
@@ -167,11 +168,11 @@ def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punc
 def _keeps(
     project: Project, one: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
 ) -> bool:
-    """Whether a possessed mesh goes on playing something of what it plays."""
+    """Returns whether a possessed mesh continues to play some of its earlier motion."""
     if not plays(project, one):
         return False
     punch = _punch(project, performed, key, begin)
-    kept = any(layer.muted for layer in one.playing)  # alternatives, which may be heard again
+    kept = any(layer.muted for layer in one.playing)  # alternatives, which may be enabled again
     return not replaces or kept or punch.leaves(project, one.playing)
 
 
@@ -186,7 +187,7 @@ def _moves(poses: Sequence[Pose]) -> bool:
 def _layered(
     project: Project, shape: Shape, key: Key, performed: Performed, begin: int, *, replaces: bool
 ) -> Project:
-    """Returns a project in which the bones of a shape that moved have a layer more."""
+    """Returns a project in which the moved bones of a shape have an additional layer."""
     kept, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
     linear = between(np.array([pose.linear for pose in kept], np.float64), seconds, grid)
     root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
@@ -219,7 +220,9 @@ def _layered(
 
 
 def _limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
-    """Returns the chains of the bones that moved: each goes on while one more bone of the limb does."""
+    """Returns the chains of the bones that moved; a chain continues while exactly one child bone moved
+    too.
+    """
     chains, below = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
         ended = [
@@ -241,7 +244,7 @@ def _played_by(
     *,
     replaces: bool,
 ) -> Project:
-    """Returns a project in which a puppet plays the take of the performer who held it last."""
+    """Returns a project in which a puppet plays the take of the performer that held it last."""
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
     who = merged.people.get(holders[-1]) if holders else None
     alone = merged.frames if who is None else merged.alone(who)
@@ -261,12 +264,16 @@ def _played_by(
 
 
 def _is_bare(one: RigBase | None) -> bool:
-    """Whether a character is a mesh that nothing moves yet: a stage has it as a mesh to be possessed."""
+    """Returns whether a character is a mesh without motion, which a stage treats as a mesh to be
+    possessed.
+    """
     return isinstance(one, Puppet) and one.mesh is not None and len(one.poses) < _FEWEST_EXAMPLES
 
 
 def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
-    """Returns a project with a character that was performed; one of its id that was possessed is replaced."""
+    """Returns a project with a performed character added. A possessed character with the same id is
+    replaced.
+    """
     character, poses = performed.characters[key], performed.poses[key]
     one = project.characters.get(key[0])
     if character.kind == "bones":

@@ -1,8 +1,9 @@
-"""What was performed over a possessed mesh that plays already: a layer within its rest, live or recorded.
+"""Overdub: a performance over a possessed mesh that already plays, live or recorded, as a layer in its rest
+space.
 
-The mesh that stood on a stage has nodes and a place of its own. What it did is seen from the mesh itself: the
-rigid motion that most of its nodes share is taken off, so that what a performer did not hold stands still.
-The rest goes onto the nodes of the project's mesh.
+The mesh on the stage has its own nodes and its own placement. Its motion is measured relative to the mesh:
+the rigid motion that most of its nodes share is removed, so that the parts that no performer held stand
+still. The rest is transferred to the nodes of the project's mesh.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ from enliven.takes.punching import Punch
 from enliven.takes.shared_motion import shared_motion
 
 _NEAR = 2e-3
-"""Metres within which two nodes are the same one: the steps of poses on the wire."""
+"""Distance, metres, within which two nodes are the same: the step size of transmitted poses."""
 
 
 def plays(project: Project, shape: GraphShape) -> bool:
-    """Whether a possessed mesh was performed before, so that something can be performed over that."""
+    """Returns whether a possessed mesh has earlier motion that can be overdubbed."""
     return any(project.streams[one.take].duration > 0.0 for one in (*shape.parts, *shape.over))
 
 
 class OverNodes:
-    """Takes poses of a mesh on a stage onto the nodes of a shape of a project, within its rest.
+    """A transfer of poses from a mesh on a stage to the nodes of a shape of a project, in its rest space.
 
     Args:
         shape: the project's.
-        character: the mesh as it stood on the stage.
+        character: the mesh on the stage.
     """
 
     def __init__(self, shape: GraphShape, character: Character) -> None:
@@ -54,18 +55,20 @@ class OverNodes:
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
         apart, node = scipy.spatial.cKDTree(pivots).query(self._at)
-        here = apart < _NEAR  # a node that both have moves as itself, not as the surface around it
+        # a node that both meshes share moves by its own transform, not with the surface around it
+        here = apart < _NEAR
         self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
         self._arms: Float = self._at[:, None] - pivots[self._nodes]
         self._pivots, self._scale = pivots, 0.0
 
     def __call__(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Returns linear maps (F, K, 3, 3) and how far the nodes go (F, K, 3), metres of the shape's rest.
+        """Returns linear maps (F, K, 3, 3) and displacements (F, K, 3) of the nodes, metres of the shape's
+        rest space.
 
         Args:
             linear, positions: (F, N, 3, 3) and (F, N, 3) metres, of the nodes on the stage, in the world.
         """
-        if not self._scale:  # as it was placed: a performer bends a mesh, and swells it nowhere
+        if not self._scale:  # the scale of the placement: a performer bends a mesh, but does not scale it
             self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
         turns, places = shared_motion(positions / self._scale, self._pivots)
         share = self._weights / self._scale
@@ -80,7 +83,7 @@ class OverNodes:
 
 
 class LiveOver:
-    """Plays a possessed mesh of a project with a live pose on top: what a recording of it will look like."""
+    """A player of a project's possessed mesh with a live pose on top: a preview of the overdub."""
 
     def __init__(self, project: Project, shape_id: str, character: Character) -> None:
         self._within = OverNodes(project.graph(shape_id), character)
@@ -90,8 +93,8 @@ class LiveOver:
         """Returns the pose of the project's mesh, metres in the world.
 
         Args:
-            live: of the mesh on the stage; pictures come faster, so the last one's motion is kept.
-            base: how the project's mesh plays at the moment.
+            live: of the mesh on the stage. The display rate is higher, so the last pose is reused.
+            base: the present pose of the project's mesh.
         """
         if self._last is None or self._last[0] is not live:
             each = (np.asarray(one, np.float64)[None] for one in (live.linear, live.positions))
@@ -112,15 +115,15 @@ def with_layer_over(
     holds: RecordedHolds | None,
     punch: Punch | None,
 ) -> Project:
-    """Returns a project in which a possessed mesh has what was performed over it as one layer more.
+    """Returns a project in which a possessed mesh has the performance as an additional layer.
 
     Args:
         key: the id and the revision of the character on the stage.
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        punch: the span in which nothing else of it is heard; None: all of it is.
+        punch: the span in which all other motion of it is silenced; None keeps all of it.
 
     Raises:
-        InputError: where the poses do not fit together.
+        InputError: if the poses are inconsistent.
     """
     kept, seconds, grid = even_times(character, poses, begin)
     values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
@@ -147,7 +150,7 @@ def with_layer_over(
 
 @dataclass(frozen=True)
 class _Similarity:
-    """x becomes size turn x + move."""
+    """A similarity transform: x maps to size turn x + move."""
 
     size: float
     turn: Float
@@ -158,7 +161,9 @@ class _Similarity:
 
 
 def _similarity(first: Float, second: Float) -> _Similarity:
-    """What takes the vertices of one mesh to those of the other (Umeyama 1991); nothing where they differ."""
+    """Returns the similarity from one mesh's vertices to the other's (Umeyama 1991); the identity if they
+    differ.
+    """
     if first.shape != second.shape:
         return _Similarity(1.0, np.eye(3), np.zeros(3))
     middles = first.mean(0), second.mean(0)

@@ -1,8 +1,8 @@
-"""The performers of a recording: tracks that belong to one person are joined under one id.
+"""The performers of a recording (re-identification): tracks of the same person are merged under one id.
 
-merge_performers(frames, events) -> MergedPerformers     # enliven.frames.BodyFrame, in order
+    merge_performers(frames, events) -> MergedPerformers     # enliven.frames.BodyFrame, in order
 
-A tracker that loses a person for some frames finds them again, often under another id.
+A tracker that loses a person for some frames often finds them again under another id.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from enliven.person import Body, Joint
 from enliven.wire import HoldMessage
 
 _MAX_GAP_S = 3.0
-"""Longest time after which a track of another id can be the same person. Longer absences are mostly exits."""
+"""Maximum gap, seconds, between two tracks of the same person. Longer absences are mostly exits."""
 _REACH = 1.0
-"""Metres that a person can be from where they were lost: the tracker's error and one step."""
+"""Maximum distance, metres, from the place where a person was lost: the tracker's error and one step."""
 _SPEED = 1.5
-"""Metres a second that a person walks while they are lost."""
+"""Assumed walking speed of a lost person, metres per second."""
 _BLEND_NS = 300_000_000
-"""Nanoseconds before a person is found again in which the held pose turns into the new one."""
+"""Duration, nanoseconds, of the blend from the held pose to the new one before a person is found again."""
 
 
 @dataclass
@@ -33,14 +33,14 @@ class MergedPerformers:
 
     Attributes:
         frames: in the order of time; a lost person holds still until they are found.
-        people: for each id of the tracker, that of its person: the id that the person had first.
+        people: maps each id of the tracker to the person's first id.
     """
 
     frames: list[BodyFrame]
     people: dict[int, int] = field(default_factory=dict)
 
     def alone(self, person: int) -> list[BodyFrame]:
-        """Returns the frames with one person only."""
+        """Returns the frames with only one person."""
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 
     @property
@@ -52,8 +52,8 @@ class MergedPerformers:
 def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] = ()) -> MergedPerformers:
     """Returns frames in which every person has one id from the first to the last frame.
 
-    A track continues an earlier one if a hold was handed over to it, or if it begins soon after the end of
-    the earlier one, within reach of that place. Of several the nearest counts.
+    A track continues an earlier one if a hold was handed over to it. It also continues one if it begins soon
+    after the end of the earlier one, within reach of that place. If there are several, the nearest is chosen.
     """
     handed = {said.body: said.former for said in events if said.mode == "take over" and said.former >= 0}
     people: dict[int, int] = {}
@@ -93,13 +93,13 @@ def _person_of(
 
 
 def _place(body: Body) -> Float:
-    """Returns (2,) metres on the floor of a body's hips; far away if they are not known."""
+    """Returns (2,) metres, the floor position of a body's hips; far away if it is not known."""
     place = body.joints[Joint.HIP_CENTER, [0, 2]]
     return place if np.isfinite(place).all() else np.full(2, 1e6)
 
 
 def _bridged(frames: list[BodyFrame]) -> list[BodyFrame]:
-    """Lets each person hold still from where they are lost until shortly before they are found again."""
+    """Lets each lost person hold still until shortly before they are found again."""
     added: dict[int, list[Body]] = {}
     seen: dict[int, tuple[int, Body]] = {}
     for frame in frames:

@@ -1,10 +1,10 @@
-"""Computes bone turns from joint places alone: swings of least twist.
+"""Computes bone rotations from joint positions alone: swings with the least twist.
 
     turns_of(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
     rest_of(parents, at_rest, positions) -> (N, 3)           # the bones' own lengths at rest
     filled(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
 
-Every bone points along its joints; its twist is the least against the parent bone.
+Every bone points along its joints; its twist relative to the parent bone is minimal.
 """
 
 from __future__ import annotations
@@ -20,20 +20,19 @@ from enliven.motion.kinematics import about, cross, dot, length, load, minus, mu
 from enliven.rotation import nearest_quaternion
 
 _SHORT = 1e-6
-"""Metres below which a bone points nowhere."""
+"""Length, metres, below which a bone has no direction."""
 
 
 def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
-    """(F, N, 4) world turns since rest that point every bone along its joints.
+    """Returns (F, N, 4) world rotations since rest that point every bone along its joints.
 
-    A bone swings on the shortest way from where the bone before carries it. The root, and a bone after which
-    several others begin, turn about themselves to what fits those best: hips turn the pelvis, shoulders the
-    chest.
+    A bone swings by the shortest arc from the direction to which its parent carries it. The root, and a bone
+    with several child bones, also twist to fit these best: hips turn the pelvis, shoulders the chest.
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) turns that are known in another way (orientations since rest), which are kept but for
-            the swing that points the bone along its joints.
+        known: (F, N, 4) rotations from another source (orientations since rest). They are kept except for the
+            swing that points the bone along its joints.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     given = np.empty((0, len(skeleton), 4)) if known is None else np.ascontiguousarray(known, np.float64)
@@ -43,7 +42,7 @@ def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -
 
 
 def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
-    """(N, 3) the joints at rest with every bone as long as it is in the middle of the frames (F, N, 3)."""
+    """Returns (N, 3) the joints at rest, with each bone's median length over the frames (F, N, 3)."""
     made = np.array(at_rest, np.float64)
     for j, parent in enumerate(parents):
         if parent < 0:
@@ -54,9 +53,9 @@ def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
 
 
 def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
-    """(F, N, 3) with joints that were not seen put where their parent and the frames beside say.
+    """Returns (F, N, 3) positions, with unseen joints interpolated from their parent and the adjacent frames.
 
-    The link to the parent is interpolated in time; one that was never seen stays as it was given.
+    The offset from the parent is interpolated in time; a joint that was never seen stays unchanged.
     """
     made = np.array(positions, np.float64)
     frames = np.arange(len(positions))
@@ -73,16 +72,16 @@ def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
 
 
 def _direction(v: Float) -> Float:
-    """Unit vectors; up for one without length."""
+    """Returns unit vectors; up for a vector of zero length."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(np.where(length > _SHORT, v / np.where(length > _SHORT, length, 1.0), [0.0, 1.0, 0.0]))
 
 
 @njit(cache=True, nogil=True)
 def point_bones(parents, vectors, positions, known, turns):
-    """Kernel: ``turns`` (F, N, 4) takes the world turns that point bones along ``positions`` (F, N, 3).
+    """Computes ``turns`` (F, N, 4), the world rotations that point bones along ``positions`` (F, N, 3).
 
-    ``known`` is (F, N, 4), or (0, N, 4) where nothing is known.
+    ``known`` is (F, N, 4), or (0, N, 4) if nothing is known.
     """
     given = len(known) > 0
     for f in range(len(positions)):
@@ -102,7 +101,7 @@ def point_bones(parents, vectors, positions, known, turns):
 
 @njit(cache=True, nogil=True)
 def root_turn(parents, vectors, positions):
-    """Kernel: the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
+    """Returns the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
     moment = np.zeros((3, 3))
     count, only = 0, 0
     for j in range(1, len(parents)):
@@ -121,8 +120,10 @@ def root_turn(parents, vectors, positions):
 
 @njit(cache=True, nogil=True)
 def swung(q, rest, now):
-    """Kernel: ``q`` and then the shortest way that points ``rest`` along ``now``; a joint on top of its
-    parent says nothing, and the bone stays as it is carried."""
+    """Returns ``q`` followed by the shortest rotation that points ``rest`` along ``now``.
+
+    If a joint coincides with its parent, the direction is undefined, and the bone keeps ``q``.
+    """
     if length(rest) < _SHORT or length(now) < _SHORT:
         return q
     return mul(swing_to(turn(q, rest[0], rest[1], rest[2]), now), q)
@@ -130,9 +131,9 @@ def swung(q, rest, now):
 
 @njit(cache=True, nogil=True)
 def twisted(parents, vectors, positions, joint, q):
-    """Kernel: ``q`` turned about its bone so that the bones after it, if there are several, fit best.
+    """Returns ``q`` twisted about its bone so that its child bones fit best, if there are several.
 
-    With a and b the parts at right angles to the bone of a child as carried and as it is, the angle is
+    Let a and b be the components perpendicular to the bone of a child, as carried and actual. The angle is
     atan2(sum (a x b).n, sum a.b): the least squares fit of one angle.
     """
     bone = row(vectors, joint)

@@ -1,9 +1,9 @@
-"""Possessed meshes out of a take: what the edge recorded of a mesh and its nodes, ready to be edited.
+"""Possessed meshes from a recorded take: the recorded motion of a mesh and its nodes, ready for editing.
 
     project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
 
-The file is one that ``enliven run`` recorded: characters and poses as they went over the wire. Of a puppet
-that was performed live the control points were recorded: its surface is solved again and baked to nodes
+The file was recorded by ``enliven run``: the transmitted characters and poses. For a puppet that was
+performed live, the control points were recorded. Its surface is solved again and baked to nodes
 (:mod:`enliven.examples.baking.bake`), with a note of the error.
 """
 
@@ -50,21 +50,21 @@ from enliven.wire import (
 )
 
 _FEWEST = 2
-"""Poses that a mesh needs at least to count as moved."""
+"""Minimum number of poses of a mesh that counts as moved."""
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     """Returns the possessed meshes and puppets of a take with their motion, as a project.
 
-    Poses come as fast as the sensor did; a stream has them at even steps, their median, mixed between
-    neighbours. A mesh that was taken up again with other nodes is another shape. All begin at the time that
-    they had in the take, with its first pose at 0 seconds.
+    Poses arrive at the sensor's rate. A stream has them at even steps (their median interval), interpolated
+    between neighbours. A mesh that was possessed again with other nodes becomes another shape. All begin at
+    their times in the take, with its first pose at 0 seconds.
 
     Args:
-        notes: takes a sentence about the error of each baked puppet.
+        notes: list to which a sentence about the error of each baked puppet is appended.
 
     Raises:
-        InputError: where the file is no recording, or no possessed mesh moved in it.
+        InputError: if the file is not a recording, or no possessed mesh moved in it.
     """
     recording = Recording(path)
     characters, poses = characters_and_poses(recording)
@@ -83,17 +83,17 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
 
 
 def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
-    """Returns what a recording holds of performers who possess a mesh.
+    """Returns the performers in a recording that possess a mesh.
 
     Args:
         character: id of a possessed mesh; empty for the first.
 
     Returns:
-        The recording as a project, the mesh's id in it, its performers, and how they held it. In a recording
-        that does not say who took hold, the id is empty, and the first performer takes hold at once.
+        The recording as a project, the mesh's id in it, its performers, and their holds. If a recording
+        contains no holds, the id is empty, and the first performer attaches at once.
 
     Raises:
-        InputError: where the file is no recording, there is no such character, or no performer is in it.
+        InputError: if the file is not a recording, the character does not exist, or no performer is in it.
     """
     path = Path(path)
     if HOLDS.name in Recording(path).info.topics:
@@ -114,7 +114,7 @@ _Key = tuple[str, int]
 
 
 def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
-    """Returns characters and poses by id and revision; a message that cannot be read is left out."""
+    """Returns characters and poses by id and revision; unreadable messages are skipped."""
     characters: dict[_Key, Character] = {}
     codecs: dict[_Key, PoseCodec] = {}
     poses: dict[_Key, list[Pose]] = {}
@@ -122,7 +122,7 @@ def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], d
         try:
             message = msgspec.msgpack.decode(data, type=CharacterMessage)
             if (message.id, message.revision) in characters:
-                continue  # a take holds copies
+                continue  # a take contains repeated messages
             character = message_to_character(message)
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
@@ -148,9 +148,9 @@ def with_performance(
     notes: list[str],
     holds: RecordedHolds | None,
 ) -> Project:
-    """Returns the project with what a character did in a recording, at even steps.
+    """Returns the project with the recorded motion of a character, at even steps.
 
-    A mesh that was possessed has its performers with it, and can be solved again: it begins with them.
+    A possessed mesh includes its performers and can be solved again; its motion begins when they appear.
 
     Args:
         key: id and revision of the character.

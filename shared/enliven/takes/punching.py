@@ -1,4 +1,4 @@
-"""Punching in: what is recorded takes the place of what plays, from its begin to its end and no further."""
+"""Punch-in: a recording replaces the present motion from its begin to its end and no further."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from typing import Any, TypeVar
 from enliven.document import Playing, Project, Ref, Segment, unused
 
 FADE = 0.1
-"""Seconds over which a recording and what it replaces go over into one another: no jump is seen, and no beat
-of a performance is lost."""
+"""Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
+visible, and no beat of a performance is lost."""
 _STANDS = 1e-9
-"""Seconds of a take for a second of a lane where one frame stands: a clip has a speed that is not 0."""
+"""Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
+cannot be 0."""
 _SHORTEST = 1e-3
-"""Seconds of a clip at least: below it no frame of a take is seen."""
+"""Minimum length of a clip, seconds. In a shorter one, no frame of a take is visible."""
 _Layer = TypeVar("_Layer", bound=Playing)
 
 
 @dataclass(frozen=True)
 class Punch:
-    """The span of a recording.
+    """The time span of a recording.
 
     Attributes:
         begin, end: seconds of the project.
@@ -34,17 +35,18 @@ class Punch:
 
     @classmethod
     def of(cls, project: Project, begin: float, end: float) -> Punch:
-        """Returns a span of a project, which is played to the end of all that it has."""
+        """Returns a span of a project, which is played to the end of all its content."""
         ends = (project.end_of(one) for one in project.characters.values())
         return cls(begin, end, max([end, *ends]))
 
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
-        """Returns a layer that is not heard within the span and plays elsewhere as before; None: nowhere.
+        """Returns a layer that is silenced within the span and plays elsewhere as before; None if nothing is
+        left.
 
-        One that is muted stays as it is.
+        A muted layer is returned unchanged.
 
-        What held a frame beyond its ends has clips that stand there. Within the span it fades over
-        :data:`FADE`, or its own ease where it does not hold.
+        If the layer held a frame beyond its ends, it gets clips that hold these frames. At the span it fades
+        over :data:`FADE`, or over its own ease if it does not hold.
         """
         if layer.muted:
             return layer
@@ -69,7 +71,7 @@ class Punch:
             start = max(one.begin, high)
             if one.end - start > _SHORTEST:
                 after.append(replace(one, begin=start, first=one.second(start)))
-        # What is heard in a fade alone is heard nowhere.
+        # A part that lies only within a fade is dropped.
         first = min(self.begin, self.until) - _SHORTEST
         heard = any(one.begin < first and one.end > _SHORTEST for one in before) and first > 0.0
         kept = before if heard else []
@@ -83,12 +85,12 @@ class Punch:
         return replace(made, **changes)  # type: ignore[type-var]
 
     def leaves(self, project: Project, layers: Sequence[Playing]) -> bool:
-        """Whether something of what layers play is heard beside the span."""
+        """Returns whether any motion of the layers is left outside of the span."""
         return any(not one.muted and self(project, one) is not None for one in layers)
 
     @property
     def played(self) -> dict[str, Any]:
-        """How a recording plays that is heard in the span alone."""
+        """Playback settings of a recording that plays only within the span."""
         return {"hold": False, "ease": min(FADE, self._half)}
 
     @property
@@ -96,7 +98,7 @@ class Punch:
         return (self.end - self.begin) / 2.0
 
     def _clips(self, layer: Playing, length: float, ease: float) -> list[Segment]:
-        """The clips of a layer with those that repeat and those that stand, in the order of time."""
+        """Returns the clips of a layer, including repetitions and held frames, in the order of time."""
         clips = list(layer.clips(length))
         if layer.loop:
             lasts = layer.lasting(length)
@@ -120,7 +122,9 @@ class Punch:
 
 
 def _in_order(clips: Sequence[Segment]) -> list[Segment]:
-    """Clips that the span cut at one place while they were blended end, and begin, one after the other."""
+    """Returns clips with ascending ends and begins. Blended clips that the span cut at one place are
+    separated.
+    """
     made = list[Segment]()
     for one in clips:
         if made and one.end <= made[-1].end:
@@ -133,12 +137,12 @@ def _in_order(clips: Sequence[Segment]) -> list[Segment]:
 
 
 def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Punch) -> Project:
-    """Returns a project in which the layers on the bones of a chain are not heard in a span.
+    """Returns a project in which the layers on the bones of a chain are silenced in a span.
 
-    Other bones keep them; a layer that is not heard at all any more leaves the bones, and its take stays.
+    Other bones keep them. A layer without any remaining motion is removed from the bones; its take stays.
 
     Args:
-        chain: joints of the shape, each hanging on the one before.
+        chain: joints of the shape, each the child of the one before.
     """
     shape = project.shape(shape_id)
     bones = chain[1:] if len(chain) > 1 else chain

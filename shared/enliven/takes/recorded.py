@@ -3,8 +3,8 @@
     clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
-Bodies are what a sensor tracked itself, what ``enliven track`` found in depth, or what an edge published and
-recorded; depth alone has to be tracked first.
+Bodies come from the tracking of a sensor, from ``enliven track`` on depth, or from the published messages of
+an edge. Depth alone has to be tracked first.
 """
 
 from __future__ import annotations
@@ -47,16 +47,15 @@ class TakeSettings:
 def clips_of_recording(
     path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
 ) -> list[Clip]:
-    """Returns a clip for each visit of a person: a person who leaves and comes back has several.
+    """Returns a clip for each visit of a person; a person that leaves and comes back has several.
+
+    The rest pose is the first observed pose; ``clip_of_bodies`` takes any other.
 
     Args:
-        whole: return one clip for each person instead; it holds still while they are lost.
-
-    The rest pose is the first that was seen of them; ``clip_of_bodies`` takes
-    any other.
+        whole: returns one clip for each person instead; it holds still while they are lost.
 
     Raises:
-        InputError: where the file is no recording, or no person is in it for long enough.
+        InputError: if the file is not a recording, or no person is in it for long enough.
     """
     path = Path(path)
     recording = Recording(path)
@@ -77,7 +76,7 @@ def clips_of_recording(
 def body_frames(recording: Recording) -> Iterator[Frame]:
     """Yields the bodies of a recording: those of its sensors, or those that an edge published.
 
-    A message that cannot be read is left out.
+    Unreadable messages are skipped.
     """
     if BODIES.name not in recording.info.topics:
         yield from recording.frames()
@@ -93,7 +92,8 @@ def body_frames(recording: Recording) -> Iterator[Frame]:
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
     """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`.
 
-    Bodies of one single moment, as of a single depth image, give clips of one pose that is held for a step.
+    Bodies at a single time, for example from a single depth image, give clips of one pose that is held for a
+    step.
     """
     visits = _visits(frames, settings.gap)
     if len({ns for visit in visits for ns, _ in visit}) == 1:
@@ -105,12 +105,13 @@ def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) 
 
 
 _Visit = list[tuple[int, Body]]
-"""Times in nanoseconds, ascending, and what was seen of one person then."""
+"""Times in nanoseconds, ascending, with the body of one person at each."""
 
 
 def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
-    """Returns the visits of the frames' people in the order of coming, each from appearance to
-    disappearance."""
+    """Returns the visits of the frames' people in the order of arrival, each from appearance to
+    disappearance.
+    """
     made: list[_Visit] = []
     now: dict[tuple[str, int], _Visit] = {}
     for frame in frames:

@@ -1,7 +1,7 @@
-"""Rigged models out of a recording: what was performed live on a skeleton, as a shape and its clip.
+"""Rigged models from a recording: a live performance on a skeleton, as a shape and its clip.
 
-The wire has transforms and what to draw between them, and no joints. So the joints are found again: a bone
-begins at its pivot, and bones with one pivot begin at one joint.
+Transmitted characters have transforms and the geometry between them, but no joints. So the joints are
+reconstructed: a bone begins at its pivot, and bones with the same pivot begin at the same joint.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from enliven.takes.possessed import between, even_times
 
 
 def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tuple[Shape, Clip, float]:
-    """Returns a rigged character as a shape, its motion at even steps, and the seconds at which that begins.
+    """Returns a rigged character as a shape, its motion at even steps, and the second at which that begins.
 
     Args:
         poses: at least two, in the order of time.
-        begin: nanoseconds of the moment that is 0 seconds.
+        begin: nanoseconds of the time that is 0 seconds.
 
     Raises:
-        InputError: where the bones hang on nothing, or the poses are too few or too far apart.
+        InputError: if a bone has no parent, or the poses are too few or too far apart.
     """
     kept, seconds, grid = even_times(character, list(poses), begin)
     skeleton = skeleton_of_bones(character)
@@ -38,10 +38,10 @@ def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tu
 
 
 def skeleton_of_bones(character: Character) -> Skeleton:
-    """Returns the skeleton of a character with bones: joint j is the end of bone j, as transform j moves it.
+    """Returns the skeleton of a character with bones: joint j is the end of bone j, moved by transform j.
 
     Raises:
-        InputError: where a bone hangs on nothing.
+        InputError: if a bone has no parent.
     """
     pivots: Float = np.asarray(character.pivots, np.float64)
     count = len(pivots)
@@ -64,7 +64,7 @@ def skeleton_of_bones(character: Character) -> Skeleton:
 
 
 def _end(character: Character, bone: int, begin: Float, before: Float) -> Float:
-    """(3,) where the last bone of a limb ends: twice as far as the middle of its vertices, or straight on."""
+    """Returns (3,) the end of a limb's last bone: twice as far as its vertices' centre, or straight on."""
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     own = character.vertices[strongest == bone]
     return np.asarray(2 * own.mean(0, np.float64) - begin if len(own) else 1.5 * begin - 0.5 * before)

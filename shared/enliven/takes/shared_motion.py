@@ -9,16 +9,17 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 _ROUNDS = 12
-"""Rounds of reweighted least squares: the last ones move a chair by less than a millimetre."""
+"""Iterations of reweighted least squares. The last ones move a chair by less than a millimetre."""
 _NEAR = 2e-3
-"""Metres of distance below which weights no longer grow: the steps of poses on the wire."""
+"""Distance, metres, below which weights no longer grow: the step size of transmitted poses."""
 
 
 def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
-    """Returns the turns (F, 3, 3) and moves (F, 3) that take rest (N, 3) to most of positions (F, N, 3).
+    """Returns the rotations (F, 3, 3) and translations (F, 3) from rest (N, 3) to most of positions (F, N,
+    3).
 
-    It is the rigid motion with the least sum of distances, by least squares with weights anew (Weiszfeld's
-    way): nodes that go elsewhere, fewer than half, hardly count.
+    It is the rigid motion with the smallest sum of distances, computed by iteratively reweighted least
+    squares (Weiszfeld's algorithm). A minority of nodes that move differently has hardly any effect.
     """
     turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
     _shared(np.ascontiguousarray(positions, np.float64), np.asarray(rest, np.float64), turns, moves)
@@ -27,7 +28,7 @@ def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
 
 @njit(cache=True, nogil=True)
 def _shared(positions, rest, turns, moves):
-    """Kernel: fills ``turns`` (F, 3, 3) and ``moves`` (F, 3)."""
+    """Computes ``turns`` (F, 3, 3) and ``moves`` (F, 3)."""
     weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
     middle, centre = np.empty(3), np.empty(3)
     for f in range(positions.shape[0]):
@@ -44,7 +45,7 @@ def _shared(positions, rest, turns, moves):
 
 @njit(cache=True, nogil=True)
 def _weighted(positions, rest, weights, middle, centre, spread):
-    """Kernel: the weighted middles of both, and sum w (p - middle) (r - centre)^T over the sum of weights."""
+    """Computes both weighted centres, and sum w (p - middle) (r - centre)^T over the sum of weights."""
     total = weights.sum()
     middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
     for n in range(rest.shape[0]):
@@ -60,7 +61,7 @@ def _weighted(positions, rest, weights, middle, centre, spread):
 
 @njit(cache=True, nogil=True)
 def _weigh(positions, rest, turn, move, weights):
-    """Kernel: each weight becomes one over how far its node is from where the motion takes it."""
+    """Sets each weight to one over the distance of its node from its position under the motion."""
     for n in range(rest.shape[0]):
         apart = 0.0
         for i in range(3):

@@ -1,5 +1,6 @@
-"""As-rigid-as-possible surfaces with squash and stretch, moved by control points (example-based retargeting,
-2014).
+"""As-rigid-as-possible (ARAP) surface deformation with squash and stretch, driven by control points.
+
+The method follows "Example-based retargeting", 2014.
 """
 
 import lazy_loader

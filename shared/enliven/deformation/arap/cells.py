@@ -1,10 +1,12 @@
 """The cells of a surface: their rotations, scales and volume matrices, and the residual of the positions.
 
 Equations of U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh
-models", 2015, section 4. Vertices are in an order that has neighbours near in memory; only the vector ``z``
-is in the factor's elimination order. The state of a vertex is 16 numbers, two cache lines, in ``frames``
-(16 V,): the three columns of T_i, where T_i = s_i R_i in the shape state and V_i R_i in the pose state, then
-the position. Each has a fourth number: the first the last pose's s - 1 along the main axis, the others 0.
+models", 2015, section 4. Vertices are ordered so that neighbours are near in memory. Only the vector ``z`` is
+in the factor's elimination order.
+
+The state of a vertex is 16 numbers, two cache lines, in ``frames`` (16 V,): the three columns of T_i, then
+the position, each with a fourth number. T_i = s_i R_i in the shape state and V_i R_i in the pose state. The
+fourth number of the first column is the last pose's s - 1 along the main axis; the others are 0.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _STEADY = 0.02
-"""Part of a cell's own size that holds its stretch at 1, where it has no extent along its main axis."""
+"""Regularization of a cell's stretch towards 1, as a fraction of the cell's size, for cells without extent
+along their main axis."""
 _WIDE = 31
 """Rows of the pose state's block: polar's first 18, a cell's spread (6), its rest (6) and its size (1)."""
 
@@ -29,13 +32,13 @@ class Cells(NamedTuple):
     """The constants of a surface's cells; V vertices, D directed edges.
 
     Attributes:
-        start: (V + 1,) where each vertex's edges begin.
+        start: (V + 1,) the index at which each vertex's edges begin.
         neighbour: (D,) the other end.
         spokes: (4 D,) w_ij (v_i - v_j), and w_ij.
         middle: (4 V,) their sums over each cell.
         rest: (6 V,) sum of w e eᵀ: xx, xy, xz, yy, yz, zz.
         size: (V,) its trace.
-        eliminated: (V,) the place of each vertex in elimination order.
+        eliminated: (V,) the position of each vertex in elimination order.
     """
 
     start: Int32
@@ -48,7 +51,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
-    """The cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
+    """Returns the cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
     count = len(positions)
     ends = np.concatenate([edges, edges[:, ::-1]])
     order = np.lexsort((ends[:, 1], ends[:, 0]))
@@ -71,7 +74,7 @@ def _sums(i: Int, values: Float, count: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _gather(cells, frames, block, at, count):
-    """Rows S of a block: the transposed covariances of eq. 5, sum of w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
+    """Fills rows S of a block: the transposed covariances of eq. 5, sum of w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
         if n >= count:
@@ -95,10 +98,10 @@ def _gather(cells, frames, block, at, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_and_scale(cells, frames, hold, low, high, first, last):
-    """T_i <- s_i R_i of the cells ``first`` to ``last``: eq. 6 and 8.
+    """Computes T_i <- s_i R_i of the cells ``first`` to ``last``: eq. 6 and 8.
 
-    For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue that the rotation was found by. Within
-    ``low`` and ``high`` the s_i is still the best one; both 1 make plain ARAP. ``hold`` adds to eq. 4 the
+    For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue, which the rotation was computed from. The
+    s_i clamped to ``low`` and ``high`` is still optimal; both 1 give plain ARAP. ``hold`` adds to eq. 4 the
     energy hold c_i (s_i - 1)², with c_i the cell's size.
     """
     block = np.empty(ROWS * N)
@@ -120,11 +123,11 @@ def turn_and_scale(cells, frames, hold, low, high, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_and_squash(cells, frames, exaggeration, most, first, last):
-    """T_i <- V_i R_i of the cells ``first`` to ``last``: eq. 10 to 12.
+    """Computes T_i <- V_i R_i of the cells ``first`` to ``last``: eq. 10 to 12.
 
-    V_i = s on the main axis of what the rotation leaves, sqrt(1/s) across. The axis' projector is the matrix
-    of eq. 11, squared five times: where two axes are as good (a cell that only grows), they share, and the
-    answer does not flicker between them.
+    V_i scales by s along the main axis of the residual deformation after the rotation, and by sqrt(1/s)
+    across it. The axis' projector is the matrix of eq. 11, squared five times. If two axes are equally good
+    (a cell that only grows), both contribute, and the result does not flicker between them.
     """
     block, spread = np.empty(ROWS * N), np.empty(_WIDE * N)
     for at in range(first, last, N):
@@ -144,7 +147,9 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
 
 @njit(cache=True, nogil=True)
 def _gather_spread(cells, frames, spread, at, count):
-    """Rows 18 to 30 of ``spread``: the sum of w e' e'ᵀ of each cell (xx, xy, xz, yy, yz, zz), rest, size."""
+    """Fills rows 18 to 30 of ``spread``: sum of w e' e'ᵀ of each cell (xx, xy, xz, yy, yz, zz), rest,
+    size.
+    """
     room = np.empty(12)
     for n in range(64):
         if n >= count:
@@ -172,9 +177,10 @@ def _gather_spread(cells, frames, spread, at, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _squash(block, exaggeration, most):
-    """Rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and rests.
+    """Computes rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and
+    rests.
 
-    One array with constant strides and no branch, for the compiler to make vector instructions of.
+    One array with constant strides and no branch lets the compiler vectorize the loop.
     """
     least = 1.0 / most
     for n in range(64):
@@ -206,9 +212,10 @@ def _squash(block, exaggeration, most):
         b00, b11 = block[18 * 64 + n] - 2.0 * x00 + y00, block[21 * 64 + n] - 2.0 * x11 + y11
         b01, b12 = block[19 * 64 + n] - 2.0 * x01 + y01, block[22 * 64 + n] - 2.0 * x12 + y12
         b02, b22 = block[20 * 64 + n] - 2.0 * x02 + y02, block[23 * 64 + n] - 2.0 * x22 + y22
-        # What is only rounding is no axis; B is then 0, and V the identity.
+        # A residual of rounding errors is not an axis; B is then 0, and V the identity.
         t = 1.0 / (abs(b00 + b11 + b22) + 1e-12 * block[30 * 64 + n] + 1e-300)
         b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
+        # Square the matrix five times, so that the main axis dominates.
         for _ in range(5):
             t = 1.0 / (abs(b00 + b11 + b22) + 1e-30)
             b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
@@ -218,7 +225,7 @@ def _squash(block, exaggeration, most):
             b00, b01, b02, b11, b12, b22 = c00, c01, c02, c11, c12, c22
         t = 1.0 / (b00 + b11 + b22 + 1e-60)
         b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
-        # Eq. 8 along the axis.
+        # Eq. 8 along the axis gives the stretch s.
         above = b00 * x00 + b11 * x11 + b22 * x22 + 2.0 * (b01 * x01 + b02 * x02 + b12 * x12)
         below = b00 * y00 + b11 * y11 + b22 * y22 + 2.0 * (b01 * y01 + b02 * y02 + b12 * y12)
         steady = _STEADY * block[30 * 64 + n] + 1e-300
@@ -227,6 +234,7 @@ def _squash(block, exaggeration, most):
         s = (s - 1.0) * exaggeration + 1.0
         s = s if s > least else least
         s = s if s < most else most
+        # V has s along the axis and sqrt(1/s) across it. The result is V R.
         across = math.sqrt(1.0 / s)
         along = s - across
         v00, v11, v22 = across + along * b00, across + along * b11, across + along * b22
@@ -244,7 +252,9 @@ def _squash(block, exaggeration, most):
 
 @njit(cache=True, nogil=True)
 def residual(cells, frames, z, first, last):
-    """z (4 V,), in elimination order, <- right side of eq. 9 minus the left one, of ``first`` to ``last``."""
+    """Computes z (4 V,) <- right side of eq. 9 minus the left one for ``first`` to ``last``, in
+    elimination order.
+    """
     room = np.empty(4)
     for i in range(first, last):
         m = 4 * i

@@ -1,14 +1,15 @@
-"""A coarse surface within a fine one: a Poisson-disk sample of its vertices, and weights of the others.
+"""A coarse surface within a fine one: a Poisson-disk sample of its vertices, and weights for the other
+vertices.
 
-Samples are drawn in a fixed random order, each at least one spacing along the surface from all before it;
-control points that are not among them are added. The Voronoi cell of a sample is the set of vertices nearest
-to it along the surface. Where three cells meet in a face of the fine mesh, their samples make a coarse face;
-where two cells meet otherwise (around a thin limb), their samples are linked. A shell that is smaller than a
-few spacings and holds no control point is not sampled: it rides on the surface nearest to it.
+Samples are drawn in a fixed random order. Each is at least one spacing along the surface from all earlier
+ones. Missing control points are added. The Voronoi cell of a sample is the set of vertices nearest to it
+along the surface. Where three cells meet in a face of the fine mesh, their samples form a coarse face. Where
+two cells meet otherwise (around a thin limb), their samples are linked. A shell that is smaller than a few
+spacings and has no control point is not sampled. It follows the surface nearest to it.
 
 A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
 weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
-w_k ~ ((r - d_k) / (r d_k))², which blends without creases and gives a sample itself exactly.
+w_k ~ ((r - d_k) / (r d_k))². They blend without creases and reproduce a sample itself exactly.
 """
 
 from __future__ import annotations
@@ -27,27 +28,29 @@ from enliven.meshes import Mesh, shells, space_curve, weld
 
 _WHERE = "puppet surface"
 _DENSITY = 0.45
-"""Samples to the square of a spacing, as dart throwing leaves them."""
+"""Samples per squared spacing that dart throwing produces."""
 _REACH = 1.5
-"""Spacings within which a vertex follows a sample; one is always nearer than 1."""
+"""Spacings within which a vertex follows a sample. One sample is always nearer than 1."""
 _DETOUR = 1.25
-"""A way along edges that is this much longer than the straight one is still a straight one."""
+"""Maximum ratio of a path along edges to the straight distance for the path to count as straight."""
 _MOST_ROUNDS = 6
-"""Corrections of the spacing at most; the last count of samples is taken where it is still 15 % off."""
+"""Maximum number of corrections of the spacing. After that, the last sample count is accepted even if it
+is more than 15 % off."""
 _FINEST = 1.5
-"""Least spacing of samples in mean edge lengths of the mesh: below it nearly all vertices are samples."""
+"""Minimum spacing of samples in mean edge lengths of the mesh. Below it, nearly all vertices would be
+samples."""
 
 
 class CoarseSampling(NamedTuple):
-    """The samples of a mesh of V vertices without those of its control points.
+    """The samples of a mesh of V vertices, without those of its control points.
 
     Attributes:
-        whole: the mesh welded, W vertices, in an order that has neighbours near in memory.
-        welded: (V,) the vertex of ``whole`` of each.
-        net: the edges of ``whole`` as :func:`edges_around` gives them.
+        whole: the welded mesh, W vertices, ordered so that neighbours are near in memory.
+        welded: (V,) the vertex of ``whole`` for each vertex.
+        net: the edges of ``whole`` as :func:`edges_around` returns them.
         spacing: metres between samples.
         samples: (B,) vertices of ``whole``.
-        riding: (W,) the vertices of tiny shells.
+        riding: (W,) whether each vertex belongs to a tiny shell.
         start, near, way: CSR over ``whole``: the samples near each vertex, and metres along the surface.
     """
 
@@ -63,18 +66,18 @@ class CoarseSampling(NamedTuple):
 
 
 class Coarse(NamedTuple):
-    """M samples of a mesh of V vertices; the same for the same control points, in whatever order they came.
+    """M samples of a mesh of V vertices, independent of the order of the control points.
 
     Attributes:
         mesh: the coarse surface, (M, 3) positions of samples.
         links: (L, 2) neighbours that share no coarse face.
         held: (P,) the sample of each control point.
-        start: (V + 1,) where each vertex's samples begin.
+        start: (V + 1,) the index at which each vertex's samples begin.
         near: (K,) the samples that it follows.
-        weights: (K,) above 0, of sum 1 for each vertex.
-        notes: sentences for the user about what was done.
+        weights: (K,) above 0, summing to 1 for each vertex.
+        notes: sentences for the user about the sampling.
         base: the samples that do not depend on the control points.
-        added: (A,) the samples that are there for control points, vertices of ``base.whole``.
+        added: (A,) the samples added for control points, vertices of ``base.whole``.
     """
 
     mesh: Mesh
@@ -89,13 +92,13 @@ class Coarse(NamedTuple):
 
 
 def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
-    """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
+    """Returns about ``count`` samples of the mesh, including those of ``held`` (P,).
 
     Args:
-        before: an earlier result for the same mesh; its samples are used again where they serve.
+        before: an earlier result for the same mesh; its samples are reused if possible.
 
     Raises:
-        InputError: for a control point that is not there, or that no face uses.
+        InputError: if a control point does not exist, or belongs to no face.
     """
     base = _search(mesh, count) if before is None else before.base
     _check_held(held, base)
@@ -122,7 +125,9 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
 
 
 def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
-    """Samples of the mesh and their neighbourhoods; shells at the positions ``awake`` (A, 3) do not ride."""
+    """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) are
+    sampled.
+    """
     whole, welded = _in_order(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
@@ -143,7 +148,9 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
 
 
 def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
-    """The mesh and its welding, vertices and faces along a curve through space, for searches in the cache."""
+    """Returns the mesh and its welding, with vertices and faces along a space-filling curve for cache
+    locality.
+    """
     order = space_curve(whole.vertices)
     place = np.empty(len(order), np.int64)
     place[order] = np.arange(len(order))
@@ -153,7 +160,7 @@ def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
 
 
 def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
-    """The base's CSR with the samples ``added`` (A,), numbered after its own."""
+    """Returns the base's CSR with the samples ``added`` (A,), numbered after its own."""
     if not len(added):
         return base.start, base.near, base.way
     limit = _DETOUR * _REACH * base.spacing
@@ -185,7 +192,7 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
 
 
 def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
-    """Sentences for the user about the samples, welds and tiny shells."""
+    """Returns sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
     notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
     if points < vertices:
@@ -197,7 +204,9 @@ def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
 
 @njit(cache=True, nogil=True)
 def edges_around(points, faces):
-    """CSR over vertices: offsets (V + 1,), (E,) neighbours, each once, and (E,) metres to them."""
+    """Returns CSR over vertices: offsets (V + 1,), (E,) neighbours without duplicates, and (E,) metres to
+    them.
+    """
     count = points.shape[0]
     room = np.zeros(count + 1, np.int64)
     for f in range(faces.shape[0]):
@@ -236,7 +245,9 @@ def edges_around(points, faces):
 
 @njit(cache=True, nogil=True)
 def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):
-    """(M,) the vertices of ``order`` that are ``spacing`` or more along the surface from all before."""
+    """Returns (M,) the vertices of ``order`` that are at least ``spacing`` along the surface from all
+    earlier ones.
+    """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
     chosen, size = np.empty(order.shape[0], np.int64), 0
@@ -254,7 +265,7 @@ def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):
 
 @njit(cache=True, nogil=True)
 def _nearest(start, near, way):
-    """(V,) the sample with the shortest way to each vertex; -1 where none reaches."""
+    """Returns (V,) the sample with the shortest path to each vertex; -1 if none reaches it."""
     out = np.full(start.shape[0] - 1, -1, np.int64)
     for v in range(out.shape[0]):
         best = np.inf

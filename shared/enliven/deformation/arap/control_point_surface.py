@@ -1,11 +1,12 @@
-"""The surface of a puppet: a mesh of any size that follows control points, one handle each.
+"""A deformable surface: a mesh of any size that follows control points, with one handle for each.
 
     surface = PuppetSurface(mesh, held=[4711, 12, 980])
     vertices = surface.solve(places)        # (V, 3), the next frame of a drag or a performance
-    vertices = surface.settle(places)       # the same whatever came before, for scrubbing and export
+    vertices = surface.settle(places)       # independent of earlier frames, for scrubbing and export
 
-A mesh of more than ``coarse_above`` vertices is solved coarsely, on some of its own vertices, evenly spread
-(:mod:`enliven.deformation.arap.coarse`); the others are carried by the cells near them, with all detail.
+A mesh of more than ``coarse_above`` vertices is solved coarsely, on an evenly spread subset of its vertices
+(:mod:`enliven.deformation.arap.coarse`). The other vertices are carried by the cells near them, with all
+detail.
 """
 
 from __future__ import annotations
@@ -29,27 +30,28 @@ from enliven.meshes import Mesh
 
 _WHERE = "puppet surface"
 _GUIDED = 3
-"""Least ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
+"""Minimum ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
 _LOCAL = 6
 """Frames after the guide in which local details settle."""
 
 
 class PuppetSurface:
-    """Deforms one mesh by its control points.
+    """A mesh that is deformed by its control points.
 
     Args:
         mesh: any triangle mesh, in its own frame, metres.
         held: (P,) the vertex of each control point.
-        weights: (P,) how hard each pulls as a soft handle, None is hard; without them all are hard.
+        weights: (P,) weight of each control point as a soft handle; None means hard. Without weights, all are
+            hard.
         settings: of the solver.
 
     Attributes:
-        mesh: as it was given.
-        notes: sentences about what had to be mended in the mesh.
-        pose: (V, 3) the last good answer, read-only.
+        mesh: the given mesh.
+        notes: sentences about repairs to the mesh.
+        pose: (V, 3) the last valid result, read-only.
 
     Raises:
-        InputError: for a mesh that cannot be deformed, a vertex that is not there or that no face uses.
+        InputError: if the mesh cannot be deformed, or a vertex does not exist or belongs to no face.
     """
 
     def __init__(
@@ -67,10 +69,10 @@ class PuppetSurface:
         self.hold(held, weights)
 
     def hold(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
-        """Replace the control points, and put the mesh to rest.
+        """Replaces the control points, and resets the mesh to rest.
 
         Raises:
-            InputError: as the constructor; nothing has changed then.
+            InputError: see the constructor; nothing has changed then.
         """
         vertices = np.array(held, np.int64).reshape(-1)
         pulls = [None] * len(vertices) if weights is None else list(weights)
@@ -90,7 +92,9 @@ class PuppetSurface:
         self.pose = _frozen(self.mesh.vertices.copy())
 
     def _solved(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
-        """The solver and its coarse surface (None: it solves the whole mesh), made anew where needed."""
+        """Returns the solver and its coarse surface (None: it solves the whole mesh), created if
+        necessary.
+        """
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
         before = None if self._body is None else self._body[1]
@@ -100,7 +104,7 @@ class PuppetSurface:
         return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
 
     def solve(self, places: Float) -> Float:
-        """The next frame, from the last one's shape.
+        """Solves the next frame, starting from the last one's shape.
 
         Args:
             places: (P, 3) metres in the mesh's frame.
@@ -109,7 +113,8 @@ class PuppetSurface:
             (V, 3) the mesh's vertices, read-only; hard control points are exactly at their places.
 
         Raises:
-            InputError: for places of another shape, not finite or too far away. The last good pose stays.
+            InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
+                pose stays.
         """
         wanted = self._checked(places)
         if len(wanted):
@@ -120,10 +125,11 @@ class PuppetSurface:
         return self.pose
 
     def settle(self, places: Float) -> Float:
-        """(V, 3) the surface at ``places`` (P, 3), moved from rest in small steps; no earlier frame matters.
+        """Returns (V, 3) the surface at ``places`` (P, 3), moved from rest in small steps, independent of
+        earlier frames.
 
         Raises:
-            InputError: for places of another shape, or not finite. The last good pose stays.
+            InputError: if the places have the wrong shape, or are not finite. The last valid pose stays.
         """
         wanted = self._checked(places)
         if not len(wanted):
@@ -139,7 +145,7 @@ class PuppetSurface:
         return self.pose
 
     def aside(self, places: Float) -> Float:
-        """The result of :meth:`settle`, solved by a second solver; the pose of a drag stays.
+        """Returns the result of :meth:`settle` from a second solver; the pose of a drag is not changed.
 
         It may be called from another thread than the other methods, one call at a time.
         """
@@ -148,14 +154,16 @@ class PuppetSurface:
         return self._aside.settle(places)
 
     def _twin(self) -> PuppetSurface:
-        """A second surface at rest with the same control points; it shares the factor and the weights."""
+        """Returns a second surface at rest with the same control points; it shares the factor and the
+        weights.
+        """
         other = copy(self)
         other._solver = self._solver.twin()
         other._guide = None if self._guide is None else self._guide.twin()
         return other
 
     def _carried(self, wanted: Float) -> Float:
-        """(V, 3) the mesh's vertices carried by the solver's pose."""
+        """Returns (V, 3) the mesh's vertices carried by the solver's pose."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose
@@ -180,7 +188,9 @@ class PuppetSurface:
 
 
 def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
-    """(X,) the vertices at the place of a hard control point, and (X,) its number."""
+    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that
+    point.
+    """
     number = np.full(int(welded.max()) + 1, -1)
     number[welded[held[hard]]] = hard
     numbers = number[welded]

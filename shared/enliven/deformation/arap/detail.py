@@ -1,8 +1,8 @@
-"""The detail of a surface, carried by the cells of a coarse one.
+"""Transfers the detail of a surface from the cells of a coarse one.
 
-Each cell is an affine map: it takes the cell's vertex to its solved position, and the surroundings by the map
-that fits the cell's edges best. Where a cell has no extent (along the normal of a flat one) the map is that
-of its rotation and volume, V_i R_i.
+Each cell defines an affine map. It takes the cell's vertex to its solved position, and the surroundings by
+the map that fits the cell's edges best. In directions in which a cell has no extent (the normal of a flat
+one), the map is that of its rotation and volume, V_i R_i.
 """
 
 from __future__ import annotations
@@ -13,18 +13,20 @@ from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _OWN = 0.01
-"""How much of V_i R_i is in a cell's map, beside its edges."""
+"""Weight of V_i R_i in the fit of a cell's map, relative to the cell's edges."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cell_maps(cells, frames, pose, place_of, rest, out):
-    """``out`` (16 M,) <- the three columns of each vertex's map A and the offset x' - A x, each with a 0.
+    """Computes ``out`` (16 M,) <- the three columns of each vertex's map A and the offset x' - A x, each with
+    a 0.
 
-    A minimises sum w |e' - A e|² + own c |A - V R|², with c the cell's size.
+    A minimizes sum w |e' - A e|² + own c |A - V R|², with c the cell's size.
 
     Args:
         cells, frames: of the solver, after a frame.
-        pose: (M, 3) the solved positions; (M,) ``place_of`` each one's place in the solver's order.
+        pose: (M, 3) the solved positions.
+        place_of: (M,) the position of each vertex in the solver's order.
         rest: (M, 3) the positions at rest.
     """
     count = len(place_of)
@@ -52,7 +54,7 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
             cells.rest[6 * i + 4],
             cells.rest[6 * i + 5] + own,
         )
-        # The inverse of the symmetric matrix by its cofactors.
+        # Inverse of the symmetric matrix by its cofactors.
         k00, k01, k02 = d_ * f - e_ * e_, c_ * e_ - b * f, b * e_ - c_ * d_
         k11, k12, k22 = a * f - c_ * c_, b * c_ - a * e_, a * d_ - b * b
         t = 1.0 / (a * k00 + b * k01 + c_ * k02)
@@ -67,16 +69,18 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
 
 @njit(cache=True, nogil=True)
 def carry(maps, start, near, weights, rest, out, first, last):
-    """``out`` (V, 3) <- the blend of the maps that each vertex from ``first`` to ``last`` follows, at rest.
+    """Computes ``out`` (V, 3) <- the blended maps of each vertex from ``first`` to ``last``, applied to rest
+    positions.
 
     Args:
         maps: (16 M,) of :func:`cell_maps`.
-        start, near, weights: which it follows, and how much.
+        start, near, weights: the maps that each vertex follows, and their weights.
     """
     room = np.empty(4)
     for v in range(first, last):
         c0 = c1 = c2 = t = splat4(0.0)
-        # The last weight is what is left: float32 ones do not add up to 1, and a figure far out would shake.
+        # The last weight is one minus the others, because float32 weights do not add up to 1, and a figure
+        # far from the origin would shake.
         left, last_one = 1.0, start[v + 1] - 1
         for k in range(start[v], last_one + 1):
             w, at = left if k == last_one else np.float64(weights[k]), 16 * near[k]

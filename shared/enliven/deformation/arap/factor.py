@@ -1,10 +1,12 @@
-"""A sparse Cholesky factor for many solves with three right-hand sides: supernodes, float32, registers.
+"""A sparse Cholesky factor for many solves with three right-hand sides: supernodes, float32, vector
+registers.
 
-SciPy's SuperLU orders (multiple minimum degree) and factorises once. Columns with one pattern are gathered
-into supernodes; narrow supernodes are merged where few zeros come in. A supernode is a dense panel, cut into
-blocks of four columns, so that its indices are read once and a row is four multiplications into one register
-of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and their latency. Values
-are float32: the solver asks for corrections, and the next iteration corrects their rounding.
+SciPy's SuperLU orders (multiple minimum degree) and factorizes once. Columns with the same pattern are
+gathered into supernodes. Narrow supernodes are merged if that adds few zeros. A supernode is a dense panel,
+cut into blocks of four columns. Its indices are then read once, and a row is four multiplications into one
+register of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and their
+latency. Values are float32: the solver only needs corrections, and the next iteration corrects their
+rounding.
 """
 
 from __future__ import annotations
@@ -19,26 +21,26 @@ from enliven.arrays import Float, Float32, Int, Int32
 from enliven.kernels import njit
 
 _WIDEST = 64
-"""Columns of a supernode at most: the inverted triangle on its diagonal grows with their square."""
+"""Maximum columns of a supernode. The inverted triangle on its diagonal grows with their square."""
 _FEW_ZEROS = 0.25
-"""Share of stored zeros in a panel up to which a supernode is merged with its parent: more cost more to
-multiply than the merged indices save."""
+"""Maximum fraction of stored zeros in a panel for merging a supernode with its parent. More zeros cost
+more multiplications than the merged indices save."""
 
 
 class Factor(NamedTuple):
     """C with C Cᵀ = A, in elimination order; S supernodes.
 
     Attributes:
-        order: (V,) the vertex eliminated at each place.
+        order: (V,) the vertex that is eliminated at each position.
         first: (S + 1,) the first column of each supernode.
-        row_start: (S + 1,) where its rows below the diagonal begin in ``rows``.
+        row_start: (S + 1,) the index in ``rows`` at which its rows below the diagonal begin.
         rows: (R,) ascending.
-        value_start: (S + 1,) where its panel begins in ``values``.
+        value_start: (S + 1,) the index in ``values`` at which its panel begins.
         values: blocks of four columns (the last one padded with zeros): the inverted triangle, then the rows
-            below, four numbers a row. A single column is not padded.
+            below, four numbers per row. A single column is not padded.
         parent: (S,) the supernode of its first row below; -1 at the root.
         node_of: (V,) the supernode of each column.
-        tallest: the most rows of a panel.
+        tallest: the maximum number of rows of a panel.
     """
 
     order: Int
@@ -53,13 +55,13 @@ class Factor(NamedTuple):
 
 
 def factorise(count: int, edges: Int, weights: Float) -> Factor:
-    """The factor of the edges' Laplacian with its vertex 0 held.
+    """Returns the factor of the edges' Laplacian with its vertex 0 fixed.
 
-    Holding one vertex loses nothing: the solver adds a shift of the whole
+    Fixing one vertex loses nothing, because the solver adds a translation of the whole
     (:mod:`enliven.deformation.arap.handles`).
 
     Args:
-        count: V vertices, all of them in one piece.
+        count: V vertices, all in one connected component.
         edges: (E, 2), each once.
         weights: (E,) above 0.
     """
@@ -88,7 +90,9 @@ def factorise(count: int, edges: Int, weights: Float) -> Factor:
 
 @njit(cache=True, nogil=True)
 def _supernodes(start, row):
-    """(S + 1,) the first column of each supernode, merged with its parent where few zeros come in."""
+    """Returns (S + 1,) the first column of each supernode, and S. A supernode is merged with its parent if
+    that adds few zeros.
+    """
     count = len(start) - 1
     first = np.empty(count + 1, np.int32)
     entries = np.empty(count, np.int64)
@@ -97,7 +101,7 @@ def _supernodes(start, row):
         first[size], entries[size] = c, start[c + 1] - start[c]
         size += 1
         first[size] = c + 1
-        # The piece before ends where this one begins: it is this one's child where its next row is here.
+        # The supernode before is this one's child if its next row belongs to this one.
         while size > 1:
             child = first[size - 1] - 1
             if start[child + 1] - start[child] < 2 or row[start[child] + 1] != first[size - 1]:
@@ -115,7 +119,7 @@ def _supernodes(start, row):
 
 
 def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size: int) -> Factor:
-    """The supernodes' rows and dense panels."""
+    """Returns the factor with the supernodes' rows and dense panels."""
     count = len(order)
     width = np.diff(first).astype(np.int64)
     last = first[1:].astype(np.int64) - 1
@@ -139,7 +143,7 @@ def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(start, row, value, first, row_start, value_start, rows, values):
-    """Scatter the columns into panels, and invert the triangles."""
+    """Scatters the columns into panels, and inverts the triangles."""
     count = len(start) - 1
     place = np.zeros(count, np.int64)
     for s in range(len(first) - 1):

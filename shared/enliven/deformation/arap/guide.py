@@ -1,8 +1,8 @@
-"""A coarse proxy of a surface that finds the large bends, for which the fine one takes hundreds of frames.
+"""A coarse proxy of a surface that finds large bends, for which the fine surface needs hundreds of frames.
 
-Alternating between rotations and positions moves a bend by about one edge an iteration: on ten thousand
-vertices an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once and carries the
-fine surface along (:mod:`enliven.deformation.arap.detail`), which then settles only its details.
+Alternating between rotations and positions propagates a bend by about one edge per iteration. On ten thousand
+vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once and carries the
+fine surface along (:mod:`enliven.deformation.arap.detail`). The fine surface then only settles its details.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
 _STEPS = 24
-"""Steps from rest to the handles' targets: some eight degrees a step where a limb turns by 180 degrees."""
+"""Steps from rest to the handles' targets: about eight degrees per step for a limb that turns by 180
+degrees."""
 _SETTLING = 40
-"""Frames at the targets before the last one, in which the proxy comes to rest."""
+"""Frames at the targets before the last one, in which the proxy converges."""
 _ITERATIONS = 6
-"""Iterations of the proxy in a frame: it is small, so that more of them than the fine surface has cost
+"""Iterations of the proxy in a frame. It is small, so using more of them than the fine surface costs
 little."""
 _FOLLOW = 0.01
-"""Least ``ArapSettings.follow`` of the proxy: a motion of the handles that is rigid but for this part moves
-the whole."""
+"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction,
+the whole proxy moves with it."""
 
 
 class Guide:
-    """A coarse proxy that carries a mesh: a solver of a few hundred of its vertices.
+    """A coarse proxy that carries a mesh: a solver on a few hundred of its vertices.
 
     Args:
         fine: the solver of the mesh.
@@ -41,7 +42,7 @@ class Guide:
         weights: (P,) None is hard.
 
     Attributes:
-        carried: (V, 3) metres, the mesh as the proxy carries it.
+        carried: (V, 3) metres, the mesh as carried by the proxy.
     """
 
     def __init__(
@@ -60,12 +61,12 @@ class Guide:
         self.carried = mesh.vertices
 
     def take(self, fine: ArapSolver, places: Float) -> None:
-        """Carry the fine surface with the handles from their last places to ``places`` (P, 3) metres.
+        """Carries the fine surface with the handles from their last places to ``places`` (P, 3) metres.
 
-        Offsets of the fine surface from the proxy turn by the best rotation of all handles.
+        Offsets of the fine surface from the proxy rotate by the best rotation of all handles.
 
         Raises:
-            InputError: for places of another shape, or not finite; nothing has changed.
+            InputError: if the places have the wrong shape, or are not finite; nothing has changed then.
         """
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)
@@ -73,14 +74,16 @@ class Guide:
         fine.go_along(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
-        """(V, 3) metres, the mesh moved from rest to ``places`` in small steps; no earlier frame matters."""
+        """Returns (V, 3) metres, the mesh moved from rest to ``places`` in small steps, independent of
+        earlier frames.
+        """
         settle_from_rest(self._solver, self._home, places)
         self.carried, self._places = self._carry(), places
         return self.carried
 
     @property
     def pressure(self) -> float:
-        """The pressure that holds the proxy's volume; it does not depend on the resolution."""
+        """The pressure that preserves the proxy's volume; it does not depend on the resolution."""
         return self._solver.pressure
 
     def _carry(self) -> Float:
@@ -90,7 +93,7 @@ class Guide:
         return out
 
     def twin(self) -> Guide:
-        """A second guide at rest that shares the factor and the weights."""
+        """Returns a second guide at rest that shares the factor and the weights."""
         other = object.__new__(Guide)
         other.__dict__.update(self.__dict__)
         other._solver, other._places, other.carried = self._solver.twin(), self._home, self._rest
@@ -98,10 +101,10 @@ class Guide:
 
 
 def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
-    """Move a solver from rest to ``places`` (P, 3) in small steps, and let it settle.
+    """Moves a solver from rest to ``places`` (P, 3) in small steps, and lets it converge.
 
-    A limb that turns far in one step is turned inside out. The rigid motion that all handles share comes in
-    the last step; spread over the steps it would press the figure through its own middle.
+    A limb that rotates far in one step would turn inside out. The rigid motion that all handles share is
+    applied in the last step. Spread over the steps, it would press the figure through its own middle.
     """
     solver.reset()
     turn, old, new = rigid_between(home, places)
@@ -114,19 +117,19 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
 
 
 def handles_of(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
-    """One handle a control point, named by its number."""
+    """Returns one handle per control point, named by its number."""
     return [Handle(str(k), (int(v),), w) for k, (v, w) in enumerate(zip(vertices, weights, strict=True))]
 
 
 def rows_of(places: Float) -> dict[str, Float]:
-    """Targets (P, 3) for :func:`handles_of`."""
+    """Returns the targets (P, 3) for :func:`handles_of`."""
     return {str(k): place[None] for k, place in enumerate(places)}
 
 
 def rigid_between(home: Float, places: Float) -> tuple[Float, Float, Float]:
-    """The rotation (3, 3) and the two middles (3,) of the best rigid motion of points (P, 3)."""
+    """Returns the rotation (3, 3) and the two centres (3,) of the best rigid motion of points (P, 3)."""
     old, new = home.mean(0), places.mean(0)
     covariance = (places - new).T @ (home - old)
-    # Points on a line leave a turn open: take the least.
+    # For points on a line, one rotation is undetermined: use the smallest.
     covariance += 1e-12 * max(float(np.abs(covariance).max()), 1e-300) * np.eye(3)
     return to_matrix(np.array(nearest_quaternion(covariance))), old, new

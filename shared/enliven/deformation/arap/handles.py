@@ -1,16 +1,16 @@
-"""Handles added to a factor of the Laplacian alone, exactly and without a new factorisation.
+"""Adds handles to a factor of the Laplacian alone, exactly and without a new factorization.
 
-The factor is of the Laplacian alone (with vertex 0 held, which gives one of its solutions). What pulls at
-the handles, forces f on the handle vertices E, and a shift c of the whole are found from
+The factor is of the Laplacian alone (with vertex 0 fixed, which gives one of its solutions). The forces f on
+the handle vertices E and a translation c of the whole are found from
 
     [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
     [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c
 
-with G the factor's inverse, D = 0 for a hard handle and 2 / weight for a soft one. That is exact, hard or
-soft. With U = C⁻¹ E, which is not zero only on the way from a handle to the root of the elimination tree (a
-few hundred places), EᵀGE is UᵀU, and a frame needs one forward and one backward pass with a few thousand
-multiplications between them. Adding a handle is one column of U and the inverse of a matrix of the handles'
-size: neither a symbolic nor a numeric factorisation.
+with G the factor's inverse, D = 0 for a hard handle and 2 / weight for a soft one. This is exact for hard and
+soft handles. Let U = C⁻¹ E. It is non-zero only on the path from a handle to the root of the elimination tree
+(a few hundred positions), and EᵀGE is UᵀU. A frame then needs one forward and one backward pass with a few
+thousand multiplications between them. Adding a handle needs one column of U and the inverse of a matrix of
+the handles' size, but neither a symbolic nor a numeric factorization.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class HeldVertices(NamedTuple):
     """H handle vertices.
 
     Attributes:
-        places: (H,) each vertex's place in the solver's order.
-        start: (H + 1,) where its column of U begins.
-        rows: (K,) its places in elimination order.
+        places: (H,) each vertex's position in the solver's order.
+        start: (H + 1,) the index at which its column of U begins.
+        rows: (K,) its positions in elimination order.
         values: (K,) its values.
         inverse: (H + 1, H + 1) of the matrix above.
-        soft: (H,) 2 / weight; 0 where hard.
+        soft: (H,) 2 / weight; 0 for a hard handle.
     """
 
     places: Int32
@@ -50,12 +50,12 @@ class HeldVertices(NamedTuple):
 def hold(
     factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
 ) -> HeldVertices:
-    """The handles at ``places`` (H,), no hard one twice.
+    """Returns the handle vertices at ``places`` (H,), in which no hard one occurs twice.
 
     Args:
-        eliminated: (V,) the place of each vertex in elimination order.
-        soft: (H,) 2 / weight; 0 where hard.
-        known: columns of U by place, kept for the next change.
+        eliminated: (V,) the position of each vertex in elimination order.
+        soft: (H,) 2 / weight; 0 for a hard handle.
+        known: cache of columns of U by position, kept for the next change.
     """
     for place in set(places.tolist()) - known.keys():
         known[place] = unit_column(factor, int(eliminated[place]))
@@ -75,7 +75,7 @@ def hold(
 
 @njit(cache=True, nogil=True)
 def _products(start, rows, values, count, matrix):
-    """The upper left of ``matrix`` <- UᵀU."""
+    """Computes the upper left of ``matrix`` <- UᵀU."""
     work = np.zeros(count)
     for i in range(len(start) - 1):
         for k in range(start[i], start[i + 1]):
@@ -91,13 +91,13 @@ def _products(start, rows, values, count, matrix):
 
 @njit(cache=True, nogil=True)
 def pull(held, frames, targets, z):
-    """z = C⁻¹ r <- C⁻¹ (r + E f); the answer is the shift c of the whole.
+    """Computes z = C⁻¹ r <- C⁻¹ (r + E f), and returns the translation c of the whole.
 
     Args:
-        frames: (16 V,) with the positions that r was taken at.
-        targets: (H, 3) where the handles are wanted.
-        z: (4 V,) float32, in elimination order. The sum of r is 0: what an edge gives to one end
-            it takes from the other.
+        frames: (16 V,) with the positions at which r was computed.
+        targets: (H, 3) targets of the handles.
+        z: (4 V,) float32, in elimination order. The sum of r is 0, because each edge adds to one end what it
+            subtracts from the other.
     """
     count = len(held.places)
     right, answer = np.empty((count, 3)), np.zeros((count + 1, 3))
@@ -109,6 +109,7 @@ def pull(held, frames, targets, z):
             y += u * z[p + 1]
             w += u * z[p + 2]
         at = 16 * held.places[h] + 12
+        # The right-hand side: handle targets minus the positions without handle forces.
         right[h, 0] = targets[h, 0] - frames[at] - x
         right[h, 1] = targets[h, 1] - frames[at + 1] - y
         right[h, 2] = targets[h, 2] - frames[at + 2] - w
@@ -126,12 +127,13 @@ def pull(held, frames, targets, z):
 
 @njit(cache=True, nogil=True)
 def follow(held, frames, shown, targets, share):
-    """Move the whole as the handles moved, where one rigid motion explains all but ``share`` of it (squared).
+    """Moves the whole with the handles, if one rigid motion explains all but the fraction ``share`` of it
+    (squared).
 
-    Without it, a turn of all handles would reach the inner cells only over many frames.
+    Without this, a rotation of all handles would reach the inner cells only over many frames.
 
     Args:
-        shown: (V, 3) the positions as they were shown last, which move too.
+        shown: (V, 3) the positions shown last, which move too.
     """
     count = len(held.places)
     old, new = np.zeros(3), np.zeros(3)
@@ -145,7 +147,7 @@ def follow(held, frames, shown, targets, share):
             before += (targets[h, r] - frames[16 * held.places[h] + 12 + r]) ** 2
             for c in range(3):
                 m[r, c] += (targets[h, r] - new[r]) * (frames[16 * held.places[h] + 12 + c] - old[c])
-    # Handles on a line leave a turn open: take the least.
+    # For handles on a line, one rotation is undetermined: use the smallest.
     push = 1e-12 * np.abs(m).max()
     for r in range(3):
         m[r, r] += push
@@ -159,7 +161,7 @@ def follow(held, frames, shown, targets, share):
             for c in range(3):
                 gap -= m[r, c] * (frames[at + c] - old[c])
             after += gap * gap
-    # Between share and twice that a part of the motion, for small changes to stay small.
+    # Between ``share`` and twice that, apply a part of the motion, so that small changes stay small.
     part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
     if part <= 0.0:
         return

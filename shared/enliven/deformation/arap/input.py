@@ -1,4 +1,4 @@
-"""Handles, and what is asked of them before they may pull."""
+"""Handles, and validation of handles and their targets."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from enliven.errors import InputError
 
 WHERE = "deformation"
 _FAR = 1e3
-"""Times the mesh's own size; no handle goes farther from it."""
+"""Maximum distance of a handle from the mesh, as a multiple of the mesh's size."""
 
 
 @dataclass(frozen=True)
 class Handle:
-    """Vertices that are put somewhere.
+    """Vertices that are moved to targets.
 
     Attributes:
         name: unique among the solver's handles.
         vertices: of the mesh.
-        weight: how hard a soft handle pulls, beside the surface's cotangent weights of about 1; None is hard.
+        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1; None is hard.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Handle:
 
 
 def check_handle(handle: Handle, surface: PreparedSurface) -> None:
-    """That the handle's vertices can be held."""
+    """Raises InputError if the handle's vertices cannot be held."""
     who, count = f"handle {handle.name!r}", len(surface.place_of)
     if not handle.vertices:
         raise InputError("it holds no vertex", where=who, mend="Choose a vertex of the mesh.")
@@ -50,7 +50,7 @@ def check_handle(handle: Handle, surface: PreparedSurface) -> None:
 
 
 def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
-    """(K, 3) the checked target of a handle."""
+    """Returns (K, 3) the checked target of a handle."""
     if name not in handles:
         known = ", ".join(handles) or "none"
         raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")

@@ -1,12 +1,12 @@
-"""Nearest rotations of many 3x3 matrices, several at a time in the processor's registers.
+"""Nearest rotations of many 3x3 matrices (polar decomposition), several at a time in vector registers.
 
-trace(RᵀS) is largest for the rotation with the top eigenvector of Horn's traceless symmetric 4x4 matrix K of
-S as its quaternion ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S| =
-1 its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|²; Laguerre's steps from the square
-root of 3, which is above every eigenvalue, fall to the top one (Newton's took three times as many where the
-next is near). The eigenvector is a column of the adjugate of K - x. No branch, no loop of unknown length: the
-compiler makes vector instructions of it. Where the top eigenvalue is nearly double (cells on a line, inverted
-cells) the slow sure way is taken.
+trace(RᵀS) is largest for the rotation that has the top eigenvector of Horn's traceless symmetric 4x4 matrix K
+of S as its quaternion ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S|
+= 1, its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|². Laguerre's method starts at the
+square root of 3, which is above every eigenvalue, and descends to the top one. (Newton's method took three
+times as many steps if the next eigenvalue is near.) The eigenvector is a column of the adjugate of K - x. The
+code has no branch and no loop of unknown length, so the compiler vectorizes it. If the top eigenvalue is
+nearly double (cells on a line, inverted cells), a slow but robust method is used.
 """
 
 from __future__ import annotations
@@ -19,28 +19,29 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 N = 64
-"""Cells of a block; a block is one array, row k of it is ``block[k * N : (k + 1) * N]``."""
+"""Cells of a block. A block is one array; row k of it is ``block[k * N : (k + 1) * N]``."""
 S = 0
-"""First row of a block's matrix, by columns."""
+"""First row of a block's matrix, column by column."""
 R = 9
-"""First row of a block's rotation, by columns; it follows the nine of the matrix."""
+"""First row of a block's rotation, column by column; it follows the nine of the matrix."""
 TRACE = 18
 """Row of trace(RᵀS) in a block."""
 CLEAR = 19
-"""Row of the slope of the characteristic polynomial at its top root: 0 where the eigenvalue is double."""
+"""Row of the derivative of the characteristic polynomial at its top root: 0 if the eigenvalue is double."""
 ROWS = 20
 """Rows of a block."""
 _UNCLEAR = 0.05
-"""Slope at or below which the adjugate is too small for a sure eigenvector in float64."""
+"""Maximum derivative at which the adjugate is too small for a reliable eigenvector in float64."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _polar_fast(block):
-    """Rows R, TRACE and CLEAR from rows S."""
+    """Computes rows R, TRACE and CLEAR from rows S."""
     for n in range(64):
         a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]
         d, e, f = block[n + 64], block[n + 4 * 64], block[n + 7 * 64]
         g, h, i = block[n + 2 * 64], block[n + 5 * 64], block[n + 8 * 64]
+        # Normalize the matrix, and compute its cofactors and the coefficients of the polynomial.
         norm = math.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
         inverse = 1.0 / (norm + 1e-300)
         a, b, c = a * inverse, b * inverse, c * inverse
@@ -52,6 +53,7 @@ def _polar_fast(block):
         p1 = -8.0 * (a * c00 + b * c01 + c * c02)
         p0 = c00 * c00 + c01 * c01 + c02 * c02 + c10 * c10 + c11 * c11 + c12 * c12
         p0 = 1.0 - 4.0 * (p0 + c20 * c20 + c21 * c21 + c22 * c22)
+        # Laguerre's method for the largest root.
         x = 1.7320508075688774
         for _ in range(6):
             square = x * x
@@ -60,10 +62,11 @@ def _polar_fast(block):
             root = 9.0 * slope * slope - value * (144.0 * square - 48.0)
             x = x - 4.0 * value / (slope + math.sqrt(root if root > 0.0 else 0.0) + 1e-30)
         slope = (4.0 * x * x - 4.0) * x + p1
+        # The matrix K - x, and its adjugate.
         k00, k11, k22, k33 = a + e + i - x, a - e - i - x, e - a - i - x, i - a - e - x
         k01, k02, k03 = h - f, c - g, d - b
         k12, k13, k23 = b + d, c + g, f + h
-        # The adjugate's upper half, from 2x2 minors of the lower two rows and of the upper two.
+        # Upper half of the adjugate, from 2x2 minors of the lower two rows and of the upper two.
         m01, m02, m03 = k02 * k13 - k03 * k12, k02 * k23 - k03 * k22, k02 * k33 - k03 * k23
         m12, m13, m23 = k12 * k23 - k13 * k22, k12 * k33 - k13 * k23, k22 * k33 - k23 * k23
         u01, u02, u03 = k00 * k11 - k01 * k01, k00 * k12 - k02 * k01, k00 * k13 - k03 * k01
@@ -78,6 +81,7 @@ def _polar_fast(block):
         a22 = k33 * u01 - k13 * u03 + k03 * u13
         a23 = -k23 * u01 + k13 * u02 - k03 * u12
         a33 = k22 * u01 - k12 * u02 + k02 * u12
+        # Choose the adjugate's column with the largest diagonal entry as the quaternion.
         best, q0, q1, q2, q3 = abs(a00), a00, a01, a02, a03
         other = abs(a11)
         q0 = a01 if other > best else q0
@@ -96,6 +100,7 @@ def _polar_fast(block):
         q1 = a13 if other > best else q1
         q2 = a23 if other > best else q2
         q3 = a33 if other > best else q3
+        # The rotation matrix of the quaternion.
         length = 2.0 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3 + 1e-300)
         block[n + 9 * 64] = 1.0 - length * (q2 * q2 + q3 * q3)
         block[n + 10 * 64] = length * (q1 * q2 + q0 * q3)
@@ -112,10 +117,10 @@ def _polar_fast(block):
 
 @njit(cache=True, nogil=True)
 def polar(block, count, frames, at):
-    """Rows R and TRACE of the first ``count`` cells of a block from its rows S.
+    """Computes rows R and TRACE of the first ``count`` cells of a block from its rows S.
 
-    Where several rotations are as good, the one nearest to the last is taken: a push towards it that is too
-    weak to matter elsewhere, so that trace(RᵀS) never gets smaller.
+    If several rotations are equally good, the one nearest to the last is used. A weak bias towards the last
+    rotation, which has no effect elsewhere, ensures that trace(RᵀS) never gets smaller.
 
     Args:
         frames: (16 V,) the solver's; its first three columns of a cell are the last (scaled) rotation.

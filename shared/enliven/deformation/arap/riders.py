@@ -1,4 +1,4 @@
-"""Vertices that follow those of a coarse surface: which, how much, and the faces that they span."""
+"""Vertices that follow those of a coarse surface, their weights, and the coarse faces."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, shells
 
 _DUST = 2.0
-"""Spacings; a shell that is smaller rides."""
+"""Maximum size, in spacings, of a shell that follows the nearest surface as a whole."""
 
 
 @njit(cache=True, nogil=True)
 def followed(points, samples, start, near, way, reach, detour):
-    """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
+    """Returns the CSR of samples that each vertex follows, with weights, from those near along the
+    surface.
+    """
     count = points.shape[0]
     offsets, kept, weights = (
         np.zeros(count + 1, np.int64),
@@ -48,7 +50,7 @@ def followed(points, samples, start, near, way, reach, detour):
 
 
 def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """(W,) the vertices of shells, numbered by ``label``, that are small and not ``awake``."""
+    """Returns (W,) whether each vertex is on a small shell (numbered by ``label``) that is not ``awake``."""
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for c in range(3):
@@ -62,7 +64,7 @@ def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
 
 
 def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
-    """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
+    """Returns (G, 3) the coarse faces, and (L, 2) neighbours that share no face."""
     corners = nearest[faces]
     corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
     count = int(nearest.max()) + 1
@@ -75,7 +77,7 @@ def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
 
 
 def sides_of(corners: Int, count: int) -> Int:
-    """(S,) the sides of faces, each once, as lower * count + higher."""
+    """Returns (S,) the sides of faces without duplicates, as lower * count + higher."""
     turned = corners[:, [1, 2, 0]]
     return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
 
@@ -83,7 +85,9 @@ def sides_of(corners: Int, count: int) -> Int:
 def with_riders(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """The same CSR; each tiny shell follows, as a whole, the samples of the surface vertex nearest to it."""
+    """Returns the same CSR, in which each tiny shell follows, as a whole, the samples of its nearest
+    surface vertex.
+    """
     rest = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
@@ -95,7 +99,7 @@ def with_riders(
 
 
 def spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """A CSR with row ``of[v]`` of the given one as row v."""
+    """Returns a CSR with row ``of[v]`` of the given one as row v."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

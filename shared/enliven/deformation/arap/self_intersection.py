@@ -1,8 +1,9 @@
-"""Where a deformed surface passes through itself.
+"""Detects where a deformed surface intersects itself.
 
-A tree of boxes over the faces, in the order of a space-filling curve at rest. It is built once for a mesh;
-each pose only grows the boxes again from the leaves up. Faces that share a vertex, or a position, are
-neighbours and never cross; faces that only touch, or lie in one plane, do not cross either.
+The search uses a bounding volume hierarchy: a tree of boxes over the faces, in the order of a space-filling
+curve at rest. The tree is built once for a mesh. Each pose only updates the boxes from the leaves up. Faces
+that share a vertex, or a position, are neighbours and never cross. Faces that only touch, or are coplanar, do
+not cross either.
 
     crossing = SelfIntersection(mesh)
     faces = crossing.newly_crossing(surface)       # (K,) that cross and did not at rest
@@ -18,10 +19,10 @@ from enliven.meshes import Mesh, first_of_position, space_curve
 
 
 class SelfIntersection:
-    """Asks one mesh, pose by pose, which of its faces cross.
+    """A test of one mesh, pose by pose, for faces that cross.
 
     Args:
-        mesh: at rest, where its own crossings are known from the first question on.
+        mesh: at rest; its own crossings are computed at the first query.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -32,25 +33,28 @@ class SelfIntersection:
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
-        """(K,) the faces that pass through others in a pose (V, 3), ascending."""
+        """Returns (K,) the faces that intersect others in a pose (V, 3), ascending."""
         moved = np.array(vertices, np.float64, order="C")
         return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
 
     def newly_crossing(self, vertices: Float) -> Int:
-        """(K,) those of :meth:`crossing` that do not cross at rest."""
+        """Returns (K,) those of :meth:`crossing` that do not cross at rest."""
         if self._rest is None:
             self._rest = self.crossing(self._mesh.vertices)
         return newly_crossing(self._rest, self.crossing(vertices))
 
 
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
-    """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
+    """Returns (K,) the faces that cross now and did not at rest. A mesh of interpenetrating parts crosses
+    at rest.
+    """
     return np.setdiff1d(crossings, rest_crossings)
 
 
 @njit(cache=True, nogil=True)
 def _boxes(vertices, corners):
-    """Low and high corners: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over them.
+    """Computes bounding boxes: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over
+    them.
 
     Node 1 is the root, the L leaves come last; a leaf has four faces.
     """
@@ -76,7 +80,7 @@ def _boxes(vertices, corners):
 
 @njit(cache=True, nogil=True)
 def _apart(boxes, a, b):
-    """Whether two boxes have nothing in common."""
+    """Returns whether two boxes are disjoint."""
     return (
         boxes[a, 0] > boxes[b, 3]
         or boxes[b, 0] > boxes[a, 3]
@@ -89,13 +93,13 @@ def _apart(boxes, a, b):
 
 @njit(cache=True, nogil=True)
 def _crossing(vertices, corners, of_face, boxes):
-    """(K,) the rows of ``corners`` (F, 3) with faces that cross others."""
+    """Returns (K,) the rows of ``corners`` (F, 3) with faces that cross others."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 1, 1
     size = 1
-    # The tree against itself: a pair of nodes is parted until it is two leaves.
+    # Traverse the tree against itself: a pair of nodes is split until both are leaves.
     while size > 0:
         size -= 1
         a, b = stack[size]
@@ -118,7 +122,7 @@ def _crossing(vertices, corners, of_face, boxes):
 
 @njit(cache=True, nogil=True)
 def _leaves_cross(vertices, corners, of_face, a, b, hit):
-    """Mark the crossing ones among the faces of two leaves, which begin at ``a`` and ``b``."""
+    """Marks the crossing faces of two leaves, which begin at ``a`` and ``b``."""
     count = corners.shape[0]
     for f in range(a, min(a + 4, count)):
         for g in range(f + 1 if a == b else b, min(b + 4, count)):
@@ -132,7 +136,7 @@ def _leaves_cross(vertices, corners, of_face, a, b, hit):
 
 @njit(cache=True, nogil=True)
 def _neighbours(corners, f, g):
-    """Whether two faces share a position of the mesh."""
+    """Returns whether two faces share a position of the mesh."""
     for i in range(3):
         for j in range(3):
             if corners[f, i] == corners[g, j]:
@@ -142,7 +146,9 @@ def _neighbours(corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _side(vertices, a, b, c, d):
-    """Six times the volume of a tetrahedron: on which side of the plane a, b, c the point d is."""
+    """Returns six times the signed volume of a tetrahedron: the side of the plane a, b, c that the point d
+    is on.
+    """
     x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
     ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
     bx, by, bz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
@@ -152,7 +158,7 @@ def _side(vertices, a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _pierces(vertices, corners, f, g):
-    """Whether an edge of face ``f`` goes through the inside of face ``g``."""
+    """Returns whether an edge of face ``f`` passes through the inside of face ``g``."""
     a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
     p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
     sp, sq, sr = _side(vertices, a, b, c, p), _side(vertices, a, b, c, q), _side(vertices, a, b, c, r)
@@ -165,6 +171,6 @@ def _pierces(vertices, corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _through(vertices, a, b, c, p, q):
-    """Whether the line through p and q meets the inside of the face a, b, c."""
+    """Returns whether the line through p and q meets the inside of the face a, b, c."""
     u, v, w = _side(vertices, p, q, a, b), _side(vertices, p, q, b, c), _side(vertices, p, q, c, a)
     return (u > 0.0 and v > 0.0 and w > 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)

@@ -1,19 +1,19 @@
-"""Squash-and-stretch deformation of a surface by handles: factor once, drag in real time.
+"""Squash-and-stretch ARAP deformation of a surface by handles: factorizes once, drags in real time.
 
 U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models",
-2015, section 4, upon O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
+2015, section 4, based on O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
 
     solver = ArapSolver(mesh)
     solver.set_handles([Handle("hand", (4711,)), Handle("feet", (12, 980))])
     vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet stay
 
-A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
-rotation and uniform scale (eq. 4 to 9), which never raises the energy; the last iteration is the pose
-state's (eq. 10 to 13): its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
+A frame takes a few iterations from the last frame's shape. In the shape state, each cell takes its best
+rotation and uniform scale (eq. 4 to 9), which never raises the energy. The last iteration is the pose state's
+(eq. 10 to 13). Its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
 
 Each solve gives a correction: the residual of eq. 9 is computed in float64 and solved by a float32 factor.
-Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`); one more costs less than a
-frame.
+Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one costs less than
+a frame.
 """
 
 from __future__ import annotations
@@ -40,24 +40,25 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 
 _SAME = 1e-6
-"""Part of the mesh's size within which two hard handles on one vertex agree."""
+"""Maximum distance, as a fraction of the mesh's size, at which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
-"""Vertices of all handles at most: a frame multiplies by a dense square matrix of so many rows."""
+"""Maximum number of vertices of all handles. A frame multiplies by a dense square matrix of this size."""
 _MOST_KEPT = 4000
-"""Columns of the factor kept for removed handles; one takes some 10 kB."""
+"""Maximum number of cached factor columns of removed handles. Each takes about 10 kB."""
 
 
 class ArapSolver:
-    """Deforms one mesh by its handles, warm from frame to frame.
+    """An ARAP solver of one mesh with handles, warm-started from frame to frame.
 
     Args:
-        mesh: any triangle mesh, in metres; soups, several shells, open borders, needles.
+        mesh: any triangle mesh, in metres; triangle soups, several shells, open borders and needles are
+            allowed.
         settings: may be replaced between frames (all but ``most_vertices``).
-        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
+        links: (L, 2) vertices that are connected without a face; no vertex is loose then.
 
     Attributes:
-        notes: sentences about what had to be mended in the mesh.
-        pose: (V, 3) the last good answer, read-only.
+        notes: sentences about repairs to the mesh.
+        pose: (V, 3) the last valid result, read-only.
         handles: by name.
         pressure: of the last frame (:mod:`enliven.deformation.arap.volume`).
     """
@@ -79,7 +80,7 @@ class ArapSolver:
         self.reset()
 
     def reset(self) -> None:
-        """Back to rest, every handle to where it was in the mesh."""
+        """Resets the mesh to rest, and every handle to its position in the mesh."""
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self._frames[:, 12:15] = self._surface.rest
@@ -89,7 +90,7 @@ class ArapSolver:
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
-        """Replace all handles; a handle that stays keeps its targets."""
+        """Replaces all handles; a handle that stays keeps its targets."""
         for handle in handles:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
@@ -97,7 +98,7 @@ class ArapSolver:
             raise InputError(f"two handles have one name: {', '.join(names)}", where=WHERE)
         places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
         soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
-        # A vertex that several hard handles hold is held once; solve() checks that they agree.
+        # A vertex of several hard handles is added once; solve() checks that they agree.
         chosen = np.ones(len(places), bool)
         hard = np.flatnonzero(soft == 0.0)
         chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False
@@ -120,16 +121,18 @@ class ArapSolver:
         self._wanted = {h.name: kept.get(h.name, self.pose[list(h.vertices)]) for h in handles}
 
     def solve(self, targets: Mapping[str, Float] | None = None) -> Float:
-        """The next frame.
+        """Solves the next frame.
 
         Args:
-            targets: for the handles that move, (K, 3) metres, a row a vertex of the handle; the others stay.
+            targets: for the handles that move, (K, 3) metres, one row per vertex of the handle; the others
+                stay.
 
         Returns:
             (V, 3) the mesh's vertices; hard handles are exactly at their targets.
 
         Raises:
-            InputError: for targets of another shape, not finite or contradicting. The last good pose stays.
+            InputError: if targets have the wrong shape, are not finite or contradict each other. The last
+                valid pose stays.
         """
         wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
@@ -163,7 +166,9 @@ class ArapSolver:
     def check(
         self, targets: Mapping[str, Float] | None = None
     ) -> tuple[dict[str, Float], HeldVertices, Float]:
-        """The targets, handle vertices and rows of :meth:`solve`, with its errors; nothing changes."""
+        """Returns the targets, handle vertices and rows of :meth:`solve`, with its errors, without
+        changing anything.
+        """
         wanted = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
@@ -172,17 +177,19 @@ class ArapSolver:
         return wanted, held, rows
 
     def _fit(self) -> None:
-        """Each cell's best turn and scale at the positions as they are."""
+        """Computes each cell's best rotation and scale at the current positions."""
         most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
         frames, hold = self._frames.reshape(-1), float(self.settings.hold)
         self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
 
     def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
-        """The kernel over all vertices."""
+        """Runs the kernel over all vertices."""
         shared(kernel, len(self._surface.rest), self._threads, *arguments)
 
     def _global(self, held: HeldVertices, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
-        """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""
+        """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation
+        of the whole.
+        """
         surface, frames = self._surface, self._frames.reshape(-1)
         self._share(residual, surface.cells, frames, self._z)
         if volume > 0.0 and surface.volume is not None:
@@ -194,7 +201,7 @@ class ArapSolver:
         return shift
 
     def shape(self) -> Float:
-        """(V, 3) the surface of the shape state, which the next frame starts from."""
+        """Returns (V, 3) the surface of the shape state, which the next frame starts from."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
     @property
@@ -203,7 +210,7 @@ class ArapSolver:
         return self._surface.joints
 
     def start_from(self, shown: Float, pressure: float) -> None:
-        """Start the next frame from a pose (V, 3) in metres and the pressure that holds its volume."""
+        """Starts the next frame from a pose (V, 3) in metres and the pressure that preserves its volume."""
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self.pressure = pressure
@@ -211,7 +218,7 @@ class ArapSolver:
         self._shown[:] = self._frames[:, 12:15]
 
     def go_along(self, before: Float, after: Float, turn: Float) -> None:
-        """Carry the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
+        """Carries the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
 
         Args:
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
@@ -220,7 +227,7 @@ class ArapSolver:
         carry_positions(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
 
     def twin(self) -> ArapSolver:
-        """Another solver of the same mesh and handles, at rest; it shares the factor."""
+        """Returns another solver of the same mesh and handles, at rest; it shares the factor."""
         other = copy(self)
         other._frames, other._z, other._room = self._frames.copy(), self._z.copy(), self._room.copy()
         other._shown, other._forces = self._shown.copy(), self._forces.copy()
@@ -229,14 +236,16 @@ class ArapSolver:
         return other
 
     def maps(self) -> Float:
-        """(16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
+        """Returns (16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
         cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
         return out
 
     def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
-        """(X,) the mesh's vertices that hard handles hold, welded ones too, and (X,) the rows of each."""
+        """Returns (X,) the mesh's vertices of hard handles, including welded ones, and (X,) the row of
+        each.
+        """
         row_at = np.full(len(self._surface.rest), -1)
         row_at[places[hard]] = hard
         rows = row_at[self._surface.place_of]
@@ -244,7 +253,11 @@ class ArapSolver:
         return vertices, rows[vertices]
 
     def _together(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
-        """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
+        """Returns the handle vertices and (H, 3) targets about the centre.
+
+        Raises:
+            InputError: without any handle, or if hard handles contradict each other.
+        """
         if self._held is None:
             raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")
         everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
@@ -253,7 +266,7 @@ class ArapSolver:
         return self._held, np.ascontiguousarray(everything[self._chosen])
 
     def _check_agreement(self, everything: Float) -> None:
-        """That hard handles on one (welded) vertex want the same."""
+        """Raises InputError if hard handles on one (welded) vertex have different targets."""
         names = [name for name, handle in self.handles.items() for _ in handle.vertices]
         hard = [handle.weight is None for handle in self.handles.values() for _ in handle.vertices]
         first: dict[int, int] = {}

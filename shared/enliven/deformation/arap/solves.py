@@ -10,10 +10,10 @@ from enliven.lanes import fmaq, loadq, splatq, storeq
 
 @njit(cache=True, nogil=True)
 def forward(factor, z, room):
-    """z <- C⁻¹ z, in place.
+    """Computes z <- C⁻¹ z, in place.
 
     Args:
-        z: (4 (V + 4),) float32, x, y, z, 0 of each place; the last four places are room.
+        z: (4 (V + 4),) float32, x, y, z, 0 of each position; the last four positions are scratch space.
         room: (4 (tallest + 4),) float32.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
@@ -22,7 +22,7 @@ def forward(factor, z, room):
         r0, below = row_start[s], row_start[s + 1] - row_start[s]
         height = width + below
         if width == 1:
-            # Most supernodes, the leaves of the tree, are one column.
+            # Most supernodes (the leaves of the tree) have a single column.
             at = factor.value_start[s]
             t = fmaq(-values[at], loadq(z, 4 * a), splatq(np.float32(0.0)))
             storeq(z, 4 * a, splatq(np.float32(0.0)) - t)
@@ -32,10 +32,11 @@ def forward(factor, z, room):
             continue
         for r in range(height):
             storeq(room, 4 * r, splatq(np.float32(0.0)))
+        # Multiply by the inverted triangle on the diagonal.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
-            # The padding's columns are zeros; what they are multiplied with is finite.
+            # The padding's columns are zeros, and they are multiplied only with finite numbers.
             t0, t1, t2, t3 = loadq(z, c), loadq(z, c + 4), loadq(z, c + 8), loadq(z, c + 12)
             for r in range(4 * block, width):
                 v = loadq(room, 4 * r)
@@ -46,6 +47,7 @@ def forward(factor, z, room):
                 storeq(room, 4 * r, fmaq(values[p + 3], t3, v))
         for k in range(width):
             storeq(z, 4 * (a + k), loadq(room, 4 * k))
+        # Multiply by the rows below, and subtract the result from the later entries of z.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
@@ -64,7 +66,7 @@ def forward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def backward(factor, z, room):
-    """z <- C⁻ᵀ z, in place; arguments as of :func:`forward`."""
+    """Computes z <- C⁻ᵀ z, in place; the arguments are those of :func:`forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):
         a, width = first[s], first[s + 1] - first[s]
@@ -82,6 +84,7 @@ def backward(factor, z, room):
             continue
         for k in range(below):
             storeq(room, 4 * (width + k), loadq(z, 4 * rows[r0 + k]))
+        # Subtract the transposed rows below.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * block
@@ -100,6 +103,7 @@ def backward(factor, z, room):
                 storeq(room, 4 * (c + 2), loadq(z, 4 * (a + c + 2)) - t2)
             if c + 3 < width:
                 storeq(room, 4 * (c + 3), loadq(z, 4 * (a + c + 3)) - t3)
+        # Multiply by the transpose of the inverted triangle on the diagonal.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * block
@@ -122,15 +126,16 @@ def backward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def _at(factor, s, width, height, r, c):
-    """Where the value of row r and column c of a panel is."""
+    """Returns the index of the value in row r and column c of a panel."""
     return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
 
 
 @njit(cache=True, nogil=True)
 def unit_column(factor, place):
-    """C⁻¹ e of the unit vector at ``place``: (K,) its non-zero places, ascending, and (K,) values.
+    """Computes C⁻¹ e of the unit vector at ``place``: (K,) its non-zero positions, ascending, and (K,)
+    values.
 
-    Only the supernodes on the way from the place to the root take part.
+    Only the supernodes on the path from the position to the root take part.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     length, s = 0, factor.node_of[place]

@@ -1,4 +1,4 @@
-"""Small kernels of a frame: corrections onto positions, positions out."""
+"""Small kernels of a frame: add corrections to positions, and write positions out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def moved(frames, z, shift, eliminated):
-    """Positions in ``frames`` (16 V,) += the correction ``z`` (4 V,), in elimination order, + ``shift``."""
+    """Computes positions in ``frames`` (16 V,) += the correction ``z`` (4 V,), in elimination order, +
+    ``shift``.
+    """
     for i in range(len(frames) // 16):
         at = 4 * eliminated[i]
         for c in range(3):
@@ -18,14 +20,14 @@ def moved(frames, z, shift, eliminated):
 
 @njit(cache=True, nogil=True)
 def set_zero(z):
-    """No correction."""
+    """Sets the correction to zero."""
     for i in range(len(z)):
         z[i] = 0.0
 
 
 @njit(cache=True, nogil=True)
 def write_pose(frames, z, shift, eliminated, place_of, centre, out):
-    """``out`` (V, 3) <- the corrected positions, in the mesh's order."""
+    """Computes ``out`` (V, 3) <- the corrected positions, in the mesh's order."""
     for v in range(len(place_of)):
         i = place_of[v]
         at = 4 * eliminated[i]
@@ -35,11 +37,12 @@ def write_pose(frames, z, shift, eliminated, place_of, centre, out):
 
 @njit(cache=True, nogil=True)
 def carry_positions(frames, shown, place_of, centre, before, after, turn):
-    """Positions in ``frames`` and in ``shown`` (P, 3) <- after + turn (position - before), of each vertex.
+    """Computes positions in ``frames`` and ``shown`` (P, 3) <- after + turn (position - before), for each
+    vertex.
 
     Args:
-        before, after: (V, 3) metres, the mesh as a proxy carried it in the last frame, and in this one.
-        turn: (3, 3), how what is beside it turns.
+        before, after: (V, 3) metres, the mesh as carried by a proxy in the last frame, and in this one.
+        turn: (3, 3) the rotation of the offset from the proxy.
     """
     done = np.zeros(len(shown), np.bool_)
     for v in range(len(place_of)):

@@ -1,4 +1,4 @@
-"""A mesh made ready for deformation: welded, joined to one piece, well ordered, factorised."""
+"""Prepares a mesh for deformation: welds it, joins it to one component, reorders and factorizes it."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from enliven.meshes import Mesh, weld
 
 
 class PreparedSurface(NamedTuple):
-    """A welded, connected, reordered and factorised mesh; V vertices, P places, E edges.
+    """A welded, connected, reordered and factorized mesh; V vertices, P places, E edges.
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
         rest: (P, 3) metres about ``centre``, in the solver's order.
-        centre: (3,) the middle of the mesh's box, so that a mesh far from the origin loses no digits.
+        centre: (3,) the centre of the mesh's box, so that a mesh far from the origin loses no precision.
         extent: metres, the box's diagonal.
-        loose: (V,) vertices that no face uses.
+        loose: (V,) whether each vertex belongs to no face.
         edges: (E, 2) places; virtual ones last.
         weights: (E,) above 0.
-        joints: (J, 2) vertices of the mesh that hang together though no face says so.
-        volume: what it encloses, or None.
-        notes: sentences for the user about what was mended.
+        joints: (J, 2) vertices of the mesh that are connected without a face.
+        volume: the enclosed volume, or None.
+        notes: sentences for the user about repairs.
     """
 
     place_of: Int
@@ -49,13 +49,13 @@ class PreparedSurface(NamedTuple):
 
 
 def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
-    """The surface of any mesh that has a face.
+    """Returns the prepared surface of any mesh that has a face.
 
     Args:
-        links: (L, 2) vertices that hang together though no face says so; then no vertex is loose.
+        links: (L, 2) vertices that are connected without a face; no vertex is loose then.
 
     Raises:
-        InputError: without faces, with positions that are not finite, or with too many vertices.
+        InputError: if there are no faces, positions are not finite, or there are too many vertices.
     """
     check_mesh(mesh, most_vertices)
     welded, of = weld(mesh)
@@ -109,17 +109,17 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Prep
 
 
 def _neighbours_near(count: int, edges: Int) -> Int:
-    """(P,) an order in which the neighbours of a vertex are near in memory."""
+    """Returns (P,) an order in which the neighbours of a vertex are near in memory."""
     ones = np.ones(len(edges), bool)
     graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)).tocsr()
     return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
 
 
 def check_mesh(mesh: Mesh, most_vertices: int) -> None:
-    """Refuse a mesh that cannot be deformed.
+    """Rejects a mesh that cannot be deformed.
 
     Raises:
-        InputError: without faces, with positions that are not finite, or with too many vertices.
+        InputError: if there are no faces, positions are not finite, or there are too many vertices.
     """
     if not len(mesh.faces):
         raise InputError("it has no faces", where=mesh.name, mend="Give a triangle mesh.")

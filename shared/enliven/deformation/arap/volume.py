@@ -1,11 +1,12 @@
-"""The volume that a surface encloses, kept where it is stretched: a pressure in the pose state.
+"""Volume preservation of a closed surface where it is stretched: a pressure in the pose state.
 
-V_i of eq. 12 keeps the volume of a cell, but a surface has none: a ball that is drawn out between two hands
-gets its length by straightening its curves, which no cell notices, and grows. So the pose state has a
-pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third of its faces' area vectors.
-It acts only where cells are stretched, so that a squashed head does not blow up the tail, as one constraint
-for all would (J. Huang et al., "Subspace gradient domain mesh deformation", 2006). From frame to frame p goes
-to where the volume is that of rest. It is on the right side of the pose's solve: no further one is needed.
+V_i of eq. 12 preserves the volume of a cell, but a surface has none. A ball that is stretched between two
+hands gains length by straightening its curves, which no cell notices, and its volume grows. So the pose state
+has a pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third of its faces' area
+vectors. The pressure acts only where cells are stretched, so that a squashed head does not inflate the tail.
+A single global constraint would do that (J. Huang et al., "Subspace gradient domain mesh deformation", 2006).
+From frame to frame, p approaches the value that restores the rest volume. It is on the right-hand side of the
+pose's solve, so no further solve is needed.
 """
 
 from __future__ import annotations
@@ -21,25 +22,25 @@ from enliven.deformation.arap.solves import backward, forward
 from enliven.kernels import njit
 
 _OPEN = 0.02
-"""Part of the edges that may be open where a surface still counts as closed."""
+"""Maximum fraction of open edges at which a surface still counts as closed."""
 _FLAT = 1e-3
-"""Part of a ball's volume, for its area, that a closed surface encloses at least."""
+"""Minimum volume of a closed surface, as a fraction of that of a ball with the same area."""
 _STEP = 0.7
-"""How much of what is missing is taken back in a frame."""
+"""Fraction of the missing volume that is corrected per frame."""
 _STRETCHED = 0.05**2
-"""The squared stretch at which a cell is pressed half."""
+"""The squared stretch at which a cell gets half of the pressure."""
 _MOST = 0.35
-"""The most part of the volume that the pressure is meant to move."""
+"""Maximum fraction of the volume that the pressure may move."""
 
 
 class Volume(NamedTuple):
-    """What a closed surface encloses.
+    """The volume that a closed surface encloses.
 
     Attributes:
         faces: (F, 3) of the solver's places.
-        border: (B,) places at open edges; about their middle the volume is taken. Empty where closed.
+        border: (B,) places at open edges; the volume is computed about their centre. Empty if closed.
         rest: cubic metres at rest, above 0.
-        ease: by how much volume a pressure of 1 on the whole surface grows it, at rest.
+        ease: growth of the volume under a pressure of 1 on the whole surface, at rest.
     """
 
     faces: Int32
@@ -49,7 +50,7 @@ class Volume(NamedTuple):
 
 
 def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
-    """The volume of a surface of places (P, 3), or None where it encloses nothing."""
+    """Returns the volume of a surface of places (P, 3), or None if it encloses nothing."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)
     bare = keys[uses == 1]
@@ -76,7 +77,7 @@ def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume |
 
 @njit(cache=True, nogil=True)
 def gradient(x, faces, border, out):
-    """The volume, and ``out`` (P, 3) <- its gradient, of places x (P, 3)."""
+    """Returns the volume, and computes ``out`` (P, 3) <- its gradient, for places x (P, 3)."""
     ox = oy = oz = 0.0
     for k in border:
         ox, oy, oz = ox + x[k, 0] / len(border), oy + x[k, 1] / len(border), oz + x[k, 2] / len(border)
@@ -99,13 +100,14 @@ def gradient(x, faces, border, out):
 
 @njit(cache=True, nogil=True)
 def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
-    """z (4 V,) += the pressure on the cells that are stretched; the answer is the pressure.
+    """Computes z (4 V,) += the pressure on the stretched cells, and returns the pressure.
 
     Args:
-        frames: (16 V,) the solver's; the fourth number of a cell is its stretch less 1.
-        pose: (V, 3) positions as they were shown last, in the solver's order; ``forces`` (V, 3) room.
+        frames: (16 V,) the solver's; the fourth number of a cell is its stretch minus 1.
+        pose: (V, 3) positions shown last, in the solver's order.
+        forces: (V, 3) scratch space.
         pressure: the last frame's.
-        kept: 0 to 1, how much of the change of volume is taken back.
+        kept: 0 to 1, the fraction of the change of volume that is corrected.
     """
     missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)
     whole = pressed = 0.0
@@ -117,7 +119,7 @@ def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
     if pressed < 1e-3 * whole:
         return 0.0
     most = _MOST * volume.rest / volume.ease
-    # Without pressure the volume would be what it is less what the pressure does.
+    # Without pressure, the volume would be its present value minus the effect of the pressure.
     ease = volume.ease * pressed / whole
     pressure += _STEP * (kept * missing - (1.0 - kept) * pressure * ease) / ease
     pressure = min(max(pressure, -most), most)

@@ -1,10 +1,10 @@
-"""The edges that hold a surface together, and how strongly: cotangent weights that are never negative.
+"""The edges of a surface and their stiffness: cotangent weights that are never negative.
 
-Sorkine and Alexa 2007, section 2.1: w_ij is half the sum of the cotangents of the two angles that face the
-edge. Taken as they are they make trouble on real meshes: two obtuse angles give a negative weight (the energy
-then falls without end as the cell folds over), a needle gives one without bound. Here no angle counts as
-smaller than one degree, and no edge as weaker than a hundredth. An open border has one angle an edge, which
-is right for it. Non-manifold edges add up all their angles.
+Sorkine and Alexa 2007, section 2.1: w_ij is half the sum of the cotangents of the two angles opposite the
+edge. Used directly, they cause problems on real meshes. Two obtuse angles give a negative weight (the energy
+then falls without bound as the cell folds over), and a needle gives an unbounded weight. Here no angle counts
+as smaller than one degree, and no edge as weaker than a hundredth. An open border has one angle per edge,
+which is correct for it. Non-manifold edges add up all their angles.
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph import components
 
 _SINE = np.sin(np.radians(1.0))
-"""Sine of the least angle of a face that its cotangents are taken of: thinner ones would give weights without
-bound."""
+"""Sine of the smallest angle that is used for cotangents. Thinner triangles would give unbounded weights."""
 LEAST = 0.01
-"""The least weight of an edge; an edge of the equilateral triangle has 0.58."""
+"""Minimum weight of an edge; an edge of the equilateral triangle has 0.58."""
 VIRTUAL = 0.5
 """The weight of an edge that is not in the mesh."""
 _LINKS = 4
-"""Vertices on each side by which a shell holds on to the next: three are enough to stop it from turning."""
+"""Number of vertices on each side that link a shell to the next. Three are enough to prevent rotation."""
 _EXACT = 64
-"""At most so many shells are joined by their truly nearest vertices."""
+"""Maximum number of shells that are joined at their exactly nearest vertices."""
 
 
 def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
-    """(E, 2) the mesh's edges, lower vertex first, each once, and (E,) their weights, at least ``LEAST``."""
+    """Returns (E, 2) the mesh's edges, lower vertex first, without duplicates, and (E,) weights of at
+    least ``LEAST``.
+    """
     count = len(vertices)
     ends, halves = [], []
     for k in range(3):
@@ -50,10 +51,11 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
 
 
 def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
-    """(J, 2) edges that join all shells to one, where they are nearest, and (J,) their weights.
+    """Returns (J, 2) edges that join all shells at their nearest places, and (J,) their weights.
 
-    Each joint is several edges between the vertices around the nearest pair, so that it holds the shell's
-    turn as well as its place. Soups (more shells than 64) are joined to near neighbours first.
+    Each joint consists of several edges between the vertices around the nearest pair, so that it fixes the
+    shell's rotation as well as its position. Triangle soups (more than 64 shells) are joined to near
+    neighbours first.
     """
     count = len(vertices)
     made: list[Int] = []
@@ -76,7 +78,7 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
 
 
 def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
-    """(L, 2) edges between the shell ``inside`` and the one nearest to it; the nearest pair first."""
+    """Returns (L, 2) edges between the shell ``inside`` and the one nearest to it; the nearest pair first."""
     distance, nearest = scipy.spatial.cKDTree(vertices[outside]).query(vertices[inside])
     first = int(np.argmin(distance))
     here, there = int(inside[first]), int(outside[nearest[first]])
@@ -91,13 +93,13 @@ def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
 
 
 def _around(vertices: Float, group: Int, middle: Float) -> Int:
-    """The few vertices of ``group`` nearest to ``middle``."""
+    """Returns the few vertices of ``group`` nearest to ``middle``."""
     distance = np.linalg.norm(vertices[group] - middle, axis=1)
     return group[np.argsort(distance, kind="stable")[:_LINKS]]
 
 
 def _near_neighbours(vertices: Float, label: Int) -> Int:
-    """(L, 2) the shortest edges that join shells, among each vertex's sixteen nearest."""
+    """Returns (L, 2) the shortest edges that join shells, among each vertex's sixteen nearest."""
     count = len(vertices)
     distance, nearest = scipy.spatial.cKDTree(vertices).query(vertices, k=min(16, count))
     rows = np.repeat(np.arange(count), nearest.shape[1])
@@ -109,14 +111,14 @@ def _near_neighbours(vertices: Float, label: Int) -> Int:
     a, b = np.minimum(label[rows], label[columns]), np.maximum(label[rows], label[columns])
     # The first of each pair of shells is the shortest.
     keys, first = np.unique(a[order] * shells + b[order], return_index=True)
-    # A length of exactly 0 would be no edge to scipy.
+    # SciPy ignores an edge with a length of exactly 0.
     tree = minimum_spanning_tree(
         coo_matrix((lengths[order][first] + 1e-12, (keys // shells, keys % shells)), (shells, shells)).tocsr()
     ).tocoo()
     chosen = set(
         (np.minimum(tree.row, tree.col).astype(np.int64) * shells + np.maximum(tree.row, tree.col)).tolist()
     )
-    # Of every joined pair of shells, up to four edges.
+    # Keep several short edges for each joined pair of shells.
     pair = a[order] * shells + b[order]
     kept, seen = [], dict.fromkeys(chosen, 0)
     for k, key in zip(order.tolist(), pair.tolist(), strict=True):

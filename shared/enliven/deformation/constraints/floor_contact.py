@@ -1,8 +1,8 @@
-"""The mesh's own feet on the floor: nothing sinks into it, and a foot that stands does not slide.
+"""Floor contact and foot lock: no part of the mesh sinks into the floor, and a standing foot does not slide.
 
-A mesh can be raised as a whole by what would sink, which keeps its shape and never jumps, or bent by planes.
-A straight leg that is pushed up from below can bend to either side, and does so from one frame to the next:
-bend what is soft or hangs from somewhere, raise what stands on stiff legs.
+A mesh can be raised as a whole, by the depth of its lowest point, which keeps its shape and never jumps. Or
+it can be bent by planes. A straight leg that is pushed up from below can bend to either side, and may switch
+from one frame to the next. So bend soft or hanging meshes, and raise meshes that stand on stiff legs.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from enliven.document import Character
 from enliven.settings import setting
 
 _SOLES = 96
-"""Points that stand for all feet."""
+"""Number of sample points for all feet."""
 _ELSEWHERE = 160
-"""Points that stand for the rest of the mesh."""
+"""Number of sample points for the rest of the mesh."""
 _LOW = 0.04
-"""Share of the height up to which a vertex belongs to a foot."""
+"""Fraction of the height up to which a vertex belongs to a foot."""
 
 
 @dataclass(frozen=True)
 class FloorSettings:
-    """What the mesh does on the floor; lengths are shares of the mesh's height."""
+    """Settings of floor contact and foot lock; lengths are fractions of the mesh's height."""
 
     use: Literal["off", "raised", "above", "stand"] = setting(
         "off",
@@ -50,13 +50,14 @@ class Foot:
     """One foot, and whether it stands.
 
     Attributes:
-        points: which of the soles' points.
-        stood: (P, 2) metres, x and z where it stands; None while it does not.
-        whole: (N, 2) metres, x and z of all nodes when it came to stand.
-        firm: 0..1 how firmly it is held; while it lets go, how far it still is from where it is drawn to.
-        drawn: (P, 2) metres, x and z where the mesh as a whole would take it.
+        points: indices of its points among those of the soles.
+        stood: (P, 2) metres, x and z where it stands; None while it does not stand.
+        whole: (N, 2) metres, x and z of all nodes when the foot started to stand.
+        firm: 0..1 how firmly it is locked; while it is released, the remaining fraction of the way to
+            ``drawn``.
+        drawn: (P, 2) metres, x and z where the motion of the whole mesh would take it.
         since: seconds for which it has been still.
-        last: (P, 3) metres, where its points were a frame ago.
+        last: (P, 3) metres, its points in the last frame.
     """
 
     points: Int
@@ -89,18 +90,20 @@ class FloorContact:
         self._upper = upper if len(upper) > 2 else np.arange(len(nodes))
 
     def reset(self) -> None:
-        """No foot stands any more: the mesh was put elsewhere."""
+        """Releases all feet, because the mesh was placed elsewhere."""
         self.feet = [Foot(foot.points) for foot in self.feet]
 
     def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
-        """(N, 3) metres, the positions, lifted together until no point is below the floor; see ``planes``."""
+        """Returns (N, 3) metres, the positions, raised together until no point is below the floor; see
+        ``planes``.
+        """
         lowest = float(self._all.moved(linear, positions)[:, 1].min())
         return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
 
     def planes(
         self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
     ) -> PlaneConstraints | None:
-        """The floor's planes for the mesh as it is.
+        """Returns the floor's planes for the current mesh.
 
         Args:
             linear: (N, 3, 3) of the nodes now.
@@ -112,7 +115,8 @@ class FloorContact:
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
         low = now[:, 1] < floor + 0.1 * self.height
-        # A foot that the floor has pushed high up would fall through it in the frame that forgets it.
+        # Keep planes for all feet. A foot that the floor has pushed high up would fall through it in a frame
+        # without its plane.
         low[: len(self.soles)] |= low.any()
         near = np.flatnonzero(low)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
@@ -124,7 +128,7 @@ class FloorContact:
         return joined_planes(sets)
 
     def _judge(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
-        """Whether a foot stands, from where its points (P, 3), and x and z of the nodes above (M, 2), are."""
+        """Updates whether a foot stands, from its points (P, 3), and x and z of the nodes above (M, 2)."""
         own, tall = self.settings, self.height
         speed = np.inf
         if foot.last is not None and seconds > 0:
@@ -147,7 +151,9 @@ class FloorContact:
                 foot.stood, foot.whole, foot.since = None, None, 0.0
 
     def _pins(self, foot: Foot) -> list[PlaneConstraints]:
-        """Planes across x and z that hold a foot where it stands, or take it to where it is drawn."""
+        """Returns planes across x and z that lock a foot in place, or move it towards ``drawn`` during
+        release.
+        """
         assert foot.stood is not None
         weight, places = self.settings.weight * foot.firm**4, foot.stood
         if foot.letting_go and foot.drawn is not None:
@@ -163,7 +169,7 @@ class FloorContact:
 
 
 def _carried(start: Float, end: Float, points: Float) -> Float:
-    """(P, 2) the points moved as (M, 2) others were: turned and shifted over the floor (Procrustes)."""
+    """Returns (P, 2) the points moved like (M, 2) others: rotated and shifted over the floor (Procrustes)."""
     a, b = start - start.mean(0), end - end.mean(0)
     cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     length = np.hypot(cosine, sine)
@@ -172,7 +178,7 @@ def _carried(start: Float, end: Float, points: Float) -> Float:
 
 
 def _groups(points: Float, gap: float) -> list[Int]:
-    """The points in groups that are no farther than ``gap`` from one another over the floor."""
+    """Returns the points in clusters with gaps of at most ``gap`` over the floor."""
     apart = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
     count, label = connected_components(csr_matrix(apart < gap), directed=False)
     return [np.flatnonzero(label == k) for k in range(count)]

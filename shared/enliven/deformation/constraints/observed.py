@@ -1,9 +1,9 @@
-"""Constraints straight from depth: the surface follows the points that are seen, without any skeleton.
+"""Constraints directly from depth: the surface follows the observed points, without any skeleton.
 
-KinÊtre's own idea for the future ("data could be derived directly from the depth map"): non-rigid ICP with
-the deformation graph as its prior. Each frame every seen point looks for the nearest compatible point of the
-mesh as it is, which then is drawn onto the plane through the seen point (Y. Chen and G. Medioni 1992), with
-a Geman-McClure weight.
+KinÊtre proposes this as future work ("data could be derived directly from the depth map"): non-rigid ICP with
+the deformation graph as its prior. In each frame, every observed point is matched to the nearest compatible
+point of the current mesh. That point is then pulled onto the plane through the observed point
+(point-to-plane, Y. Chen and G. Medioni 1992), with a Geman-McClure weight.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class ObservedSettings:
-    """How the surface follows what is seen of the performer."""
+    """Settings for following the observed surface of the performer."""
 
     farthest: float = setting(
         0.25, "How far from the mesh a seen point may be to draw it.", unit="m", low=0.0, high=5.0
@@ -42,10 +42,10 @@ class ObservedSettings:
 
 @dataclass(frozen=True)
 class ObservedPoints:
-    """What a sensor sees of one performer.
+    """The observed surface of one performer.
 
     Attributes:
-        points: (M, 3) metres, world frame, on their surface.
+        points: (M, 3) metres, world frame, on the performer's surface.
         normals: (M, 3) outward unit normals.
     """
 
@@ -54,7 +54,7 @@ class ObservedPoints:
 
 
 class ObservedSurface:
-    """The points of a mesh that can follow what is seen."""
+    """The points of a mesh that can follow the observed surface."""
 
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()
@@ -71,14 +71,14 @@ class ObservedSurface:
     def planes(
         self, linear: Float, positions: Float, points: Float, normals: Float, metre: float = 1.0
     ) -> PlaneConstraints:
-        """The planes that draw the surface, as it is, onto what is seen.
+        """Returns the planes that pull the current surface onto the observed points.
 
         Args:
             linear: (N, 3, 3) of the nodes now.
             positions: (N, 3) of the nodes now.
-            points: (M, 3) metres, rest space, on the surface that is seen.
+            points: (M, 3) metres, rest space, on the observed surface.
             normals: (M, 3) their outward unit normals.
-            metre: of the rest space for one of the performer.
+            metre: metres of the rest space per metre of the performer.
         """
         own = self.settings
         fine = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
@@ -92,7 +92,7 @@ class ObservedSurface:
         met = nearest >= 0
         nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
         gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (own.doubt * metre)
-        # Nothing comes or goes at once: at the farthest reach a point draws no more.
+        # The weight fades to zero at the maximum distance, so that matches appear and disappear smoothly.
         fade = 1.0 - (lengths / max(farthest, 1e-12)) ** 2
         weights = own.weight * fade / (1.0 + gap * gap) ** 2
         offsets = np.einsum("ma,ma->m", normals, points)
@@ -100,12 +100,14 @@ class ObservedSurface:
 
 
 _STEP = 1e-3
-"""Metres along a normal, to see where it turns."""
+"""Distance along a normal, metres, for measuring its rotation by finite differences."""
 
 
 @njit(cache=True, nogil=True)
 def _compatible(points, normals, surface, facing, farthest, cosine):
-    """(M,) the nearest point of the surface that faces as each point does, -1 for none; (M,) metres to it."""
+    """Returns (M,) the nearest surface point with a compatible normal for each point, -1 for none; (M,)
+    metres to it.
+    """
     nearest = np.full(points.shape[0], -1, np.int64)
     lengths = np.zeros(points.shape[0])
     for i in range(points.shape[0]):

@@ -1,4 +1,4 @@
-"""Points of a mesh that are drawn to targets, and to soft planes: what is seen, the floor, other limbs."""
+"""Constraints on points of a mesh: to targets, and to soft planes (observed surface, floor, other limbs)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.errors import InputError
 
 
 class PointConstraints(Protocol):
-    """Points of the rest space and the nodes that move them; an Attachment is one, or several together."""
+    """Points of the rest space and the nodes that move them; an Attachment is one, or several combined."""
 
     @property
     def points(self) -> Float:
@@ -29,16 +29,16 @@ class PointConstraints(Protocol):
 
 @dataclass(frozen=True)
 class PlaneConstraints:
-    """Points of a mesh and the planes that draw them, each w (n·φ(p) − b)²; they may be others every frame.
+    """Points of a mesh and the planes that pull them, each w (n·φ(p) − b)²; they may change every frame.
 
     Attributes:
         points: (M, 3) metres, p, in the mesh's rest space.
         node_indices: (M, 4) int32 the nodes that move each point.
-        node_weights: (M, 4) how much; they sum to one.
+        node_weights: (M, 4) weights of these nodes; they sum to one.
         normals: (M, 3) unit normals n of the planes, in the frame of the targets.
         offsets: (M,) metres, b.
-        weights: (M,) not negative, w, beside the solver's own weight of the planes; 0 leaves one out.
-        one_sided: (M,) true where the plane only pushes: it counts while n·φ(p) < b.
+        weights: (M,) not negative, w, multiplied by the solver's own weight of planes; 0 disables a plane.
+        one_sided: (M,) true if the plane only pushes: it is active while n·φ(p) < b.
     """
 
     points: Float

@@ -1,4 +1,6 @@
-"""Limbs that keep out of each other: balls inside the mesh, and one-sided planes where two would overlap."""
+"""Self-contact: keeps limbs apart, with balls inside the mesh and one-sided planes between overlapping
+balls.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class SelfContactSettings:
-    """How limbs keep out of each other."""
+    """Settings for keeping limbs apart."""
 
     use: bool = setting(False, "Whether parts of the mesh that touch push each other away.")
     detour: float = setting(
@@ -29,7 +31,9 @@ class SelfContactSettings:
 
 
 class SelfContact:
-    """One ball a node, inside the mesh; pairs that lie far apart along the graph and apart at rest."""
+    """One ball per node, inside the mesh. Pairs of balls are tested that are far apart along the graph and
+    apart at rest.
+    """
 
     def __init__(
         self, character: Character, graph: DeformationGraph, settings: SelfContactSettings | None = None
@@ -49,7 +53,7 @@ class SelfContact:
         self._sides = np.zeros((len(self.pairs), 3))
 
     def _may_touch(self, graph: DeformationGraph, centres: Float, spacing: float) -> Bool:
-        """(N, N) the pairs of balls that are apart at rest, and far apart along the graph."""
+        """Returns (N, N) the pairs of balls that are apart at rest, and far apart along the graph."""
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
         count = len(graph.positions)
@@ -59,7 +63,7 @@ class SelfContact:
         return np.asarray((apart > reach) & (ways > self.settings.detour * np.maximum(reach, spacing)))
 
     def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
-        """Two planes for each pair that overlaps, or nearly does: each ball stays on its side."""
+        """Returns two planes for each pair that overlaps, or nearly does; each keeps one ball on its side."""
         centres = self._balls.moved(linear, positions)
         near = _near_pairs(centres, self.radii, self.pairs, self._sides)
         first, second = self.pairs[near, 0], self.pairs[near, 1]
@@ -77,11 +81,11 @@ class SelfContact:
 
 @njit(cache=True, nogil=True)
 def _inner_radii(points, normals, surface, largest):
-    """(N,) the radius of the largest ball inside that touches the surface at each point.
+    """Returns (N,) the radius of the largest inner ball that touches the surface at each point.
 
-    J. Ma et al., "3D medial axis point approximation using nearest neighbors and the normal field", 2012:
-    the ball through p and q, tangent at p, has the radius |p - q|^2 / (2 n·(p - q)); the least of them is
-    empty. No larger than ``largest``.
+    J. Ma et al., "3D medial axis point approximation using nearest neighbors and the normal field", 2012: the
+    ball through p and q, tangent at p, has the radius |p - q|^2 / (2 n·(p - q)). The smallest of these balls
+    is empty. The radius is at most ``largest``.
     """
     out = np.full(points.shape[0], largest)
     for i in range(points.shape[0]):
@@ -91,7 +95,7 @@ def _inner_radii(points, normals, surface, largest):
                 d = points[i, a] - surface[j, a]
                 square += d * d
                 deep += normals[i, a] * d
-            # What lies beside the point says little of the thickness, and much of the roughness.
+            # Skip points to the side: they depend little on the thickness and much on the roughness.
             if deep > 0.3 * np.sqrt(square) and square < 2.0 * deep * out[i]:
                 out[i] = square / (2.0 * deep)
     return out
@@ -99,10 +103,11 @@ def _inner_radii(points, normals, surface, largest):
 
 @njit(cache=True, nogil=True)
 def _near_pairs(centres, radii, pairs, sides):
-    """(P,) whether each pair nearly overlaps; ``sides`` (P, 3) takes the way from the second to the first.
+    """Returns (P,) whether each pair nearly overlaps, and updates ``sides`` (P, 3): directions from second to
+    first.
 
-    While a pair is near, its side turns but never flips, and deep in each other it does not even turn: balls
-    that went through each other are pushed back the way they came.
+    While a pair is near, its direction rotates but never flips. If the balls overlap deeply, it does not even
+    rotate. Balls that passed through each other are then pushed back the way they came.
     """
     near = np.zeros(pairs.shape[0], np.bool_)
     for p in range(pairs.shape[0]):

@@ -1,4 +1,6 @@
-"""What soft terms have in common: points of a mesh, where they are now, and sets of planes joined."""
+"""Shared parts of the soft constraints: points of a mesh, their current positions, and joined sets of
+planes.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ class Points:
 
     @staticmethod
     def of(character: Character, which: Int) -> Points:
-        """Vertices of a character, by index."""
+        """Returns vertices of a character, by index."""
         return Points(
             character.vertices[which].astype(np.float64),
             character.skin.indices[which].astype(np.int32),
@@ -43,7 +45,7 @@ class Points:
         return len(self.at)
 
     def moved(self, linear: Float, positions: Float) -> Float:
-        """(P, 3) metres, where they are while the nodes are at ``linear`` and ``positions``."""
+        """Returns (P, 3) metres, the points' positions for nodes at ``linear`` and ``positions``."""
         linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
         return np.asarray(_moved(self.at, self.nodes, self.weights, self.pivots, linear, positions))
 
@@ -55,7 +57,7 @@ class Points:
         weights: Float | float,
         one_sided: bool,
     ) -> PlaneConstraints:
-        """A plane for each of some of the points."""
+        """Returns one plane for each of the chosen points."""
         count = len(normals)
         return PlaneConstraints(
             self.at[which],
@@ -69,7 +71,7 @@ class Points:
 
 
 def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
-    """Several sets as one; None where there is nothing."""
+    """Returns several sets as one; None if they are empty."""
     sets = [planes for planes in sets if len(planes)]
     if len(sets) < 2:
         return sets[0] if sets else None
@@ -78,7 +80,9 @@ def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
 
 
 def grid_subsample(points: Float | Float32, most: int) -> Int:
-    """At most so many of (P, 3) points, evenly spread: one in each cell of a grid that is made to fit."""
+    """Returns at most ``most`` of (P, 3) points, evenly spread: one in each cell of a grid of suitable
+    size.
+    """
     if len(points) <= most:
         return np.arange(len(points))
     low = points.min(0)
@@ -96,14 +100,14 @@ def grid_subsample(points: Float | Float32, most: int) -> Int:
 
 
 def _one_a_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
-    """The first point in each cell of a grid."""
+    """Returns the first point in each cell of a grid."""
     cells = np.floor((points - low) / cell).astype(np.int64)
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 
 
 @njit(cache=True, nogil=True)
 def _moved(at, nodes, weights, pivots, linear, positions):
-    """Kernel of :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
+    """Computes :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):
         for k in range(4):

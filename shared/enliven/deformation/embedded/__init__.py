@@ -1,5 +1,6 @@
-"""The embedded deformation solver: L-BFGS over node transforms with a factorised preconditioner (KinÊtre,
-2012).
+"""The embedded deformation solver: L-BFGS over node transforms with a factorized preconditioner.
+
+The method follows KinÊtre, 2012.
 """
 
 import lazy_loader

@@ -18,7 +18,7 @@ from enliven.lanes import fma8, load8, store8
 
 @njit(cache=True, nogil=True)
 def turned(frames, node, v, out):
-    """``out`` (3,) takes v (3,) turned as the node is."""
+    """Computes v (3,) rotated like the node into ``out`` (3,)."""
     at = 9 * node
     for a in range(3):
         out[a] = frames[at + a] * v[0] + frames[at + 3 + a] * v[1] + frames[at + 6 + a] * v[2]
@@ -26,7 +26,7 @@ def turned(frames, node, v, out):
 
 @njit(cache=True, nogil=True)
 def _add_cross(lower, at, v, w):
-    """Add w [v]x to the 3x3 matrix at ``at``."""
+    """Adds w [v]x to the 3x3 matrix at ``at``."""
     lower[at + 1] -= w * v[2]
     lower[at + 2] += w * v[1]
     lower[at + 8] += w * v[2]
@@ -37,7 +37,9 @@ def _add_cross(lower, at, v, w):
 
 @njit(cache=True, nogil=True)
 def _add_end(lower, at, v, w, sign):
-    """The diagonal block's share of one end of an edge: arm ``v``, and the shift for both ways."""
+    """Adds the diagonal block of one end of an edge: lever arm ``v``, and the translation for both
+    directions.
+    """
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for r in range(3):
         for c in range(r + 1):
@@ -49,7 +51,7 @@ def _add_end(lower, at, v, w, sign):
 
 @njit(cache=True, nogil=True)
 def assemble(x, t, planes, raw, s, ridge):
-    """The matrix at x into ``s.lower``, and what holds the stretches, inverted, into ``s.compliance``."""
+    """Computes the matrix at x into ``s.lower``, and the inverse stretch blocks into ``s.compliance``."""
     lower, start, frames = s.lower, s.start, s.linear
     lower[:] = np.float32(0.0)
     s.held[:] = 0.0
@@ -70,10 +72,11 @@ def assemble(x, t, planes, raw, s, ridge):
 
 @njit(cache=True, nogil=True)
 def _hold_stretches(s, w):
-    """What holds the nodes' stretches, and how their turns and shifts give way; as much of both as stays
-    definite.
+    """Computes each node's inverse stretch block, and its coupling to rotation and translation.
+
+    Parts that would make either block indefinite are left out.
     """
-    # A look into the structure takes as long as a block, and so does handing it on.
+    # Local variables, because reading a field of the structure, or passing it on, takes as long as a block.
     start, linear, held, lower = s.start, s.linear, s.held, s.lower
     coupling, coupled, compliance = s.coupling, s.coupled, s.compliance
     room, block, inverse = np.empty((3, 3, 3)), np.zeros(SIZE, np.float32), np.zeros(SIZE, np.float32)
@@ -89,7 +92,7 @@ def _hold_stretches(s, w):
 
 @njit(cache=True, nogil=True)
 def _add_edges(t, s):
-    """E_reg: the shifts and turns of an edge's two ends."""
+    """Adds E_reg: the translations and rotations of an edge's two ends."""
     lower, start, frames, stiff, first = s.lower, s.start, s.linear, s.held, s.first
     a, b = np.empty(3), np.empty(3)
     for e in range(t.edges.shape[0]):
@@ -99,7 +102,7 @@ def _add_edges(t, s):
         _add_end(lower, SIZE * start[i], a, w, -1.0)
         _add_end(lower, SIZE * start[j], b, w, 1.0)
         at = SIZE * s.edge_block[e]
-        # Rows of the node that is eliminated later: of i, [[0, -a x], [-b x, -2]]; of j, its transpose.
+        # Rows of the node that is eliminated later: for i, [[0, -a x], [-b x, -2]]; for j, its transpose.
         up, down = (a, b) if i > j else (b, a)
         sign = -w if i > j else w
         _add_cross(lower, at + 3, up, sign)
@@ -115,7 +118,7 @@ def _add_edges(t, s):
 
 @njit(cache=True, nogil=True)
 def _add_rigid(lower, start, frames, t, edge_block, m):
-    """E_rig: the turns of both ends, 2 |w_j - w_k|^2, and their shifts."""
+    """Adds E_rig: the rotations of both ends, 2 |w_j - w_k|^2, and their translations."""
     e, w = t.rigid[m], t.hanging[m]
     j, k = t.edges[e, 0], t.edges[e, 1]
     at = SIZE * edge_block[e]
@@ -130,7 +133,9 @@ def _add_rigid(lower, start, frames, t, edge_block, m):
 
 @njit(cache=True, nogil=True)
 def _jacobian(frames, nodes, rows, m, arms, out):
-    """(4, 3, 8) how point ``m`` moves with the turn and shift of each of its nodes: [-u]x and its weight."""
+    """Computes (4, 3, 8) the Jacobian of point ``m`` by each node's rotation and translation: [-u]x and
+    its weight.
+    """
     for k in range(4):
         share = rows[m, k, 3]
         if share == 0.0:
@@ -145,7 +150,7 @@ def _jacobian(frames, nodes, rows, m, arms, out):
 
 @njit(cache=True, nogil=True)
 def _add_points(nodes, rows, pulls, s):
-    """E_con: the nodes of each point, among each other."""
+    """Adds E_con: the couplings between the nodes of each point."""
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     flat = jacobian.reshape(-1)
     for m in range(nodes.shape[0]):
@@ -175,7 +180,9 @@ def _add_stretch(stiff, nodes, rows, m, w):
 
 @njit(cache=True, nogil=True)
 def _add_outer(lower, block, j, first, second, w):
-    """Add w Jaᵀ Jb to a block; J (3, 8) = [[0, z, -y, c, 0, 0], [-z, 0, x, 0, c, 0], [y, -x, 0, 0, 0, c]]."""
+    """Adds w Jaᵀ Jb to a block; J (3, 8) = [[0, z, -y, c, 0, 0], [-z, 0, x, 0, c, 0], [y, -x, 0, 0, 0,
+    c]].
+    """
     a, b, c = load8(j, second), load8(j, second + 8), load8(j, second + 16)
     x, y, z, share = w * j[first + 10], w * j[first + 16], w * j[first + 1], w * j[first + 3]
     store8(lower, block, fma8(-z, b, fma8(y, c, load8(lower, block))))
@@ -188,10 +195,10 @@ def _add_outer(lower, block, j, first, second, w):
 
 @njit(cache=True, nogil=True)
 def _add_planes(planes, s):
-    """Planes: a row of six numbers a node.
+    """Adds the planes: a row of six numbers per node.
 
-    The pattern does not contain the couplings of planes. The product of two nodes that it does not couple is
-    bounded, 2 ab <= a^2 + b^2, so the matrix stays above the true one.
+    The pattern does not contain the couplings of planes. If it does not couple two nodes, their product is
+    bounded by 2 ab <= a^2 + b^2, so the matrix stays above the true one.
     """
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     line = np.zeros((4, 6))
@@ -215,7 +222,7 @@ def _add_planes(planes, s):
 
 @njit(cache=True, nogil=True)
 def _add_lines(s, i, j, u, v, w):
-    """Add w u vᵀ at the nodes i >= j, or what bounds it where the pattern does not couple them."""
+    """Adds w u vᵀ at the nodes i >= j, or its bound if the pattern does not couple them."""
     low, high = s.start[j], s.start[j + 1] - 1
     while low < high:
         middle = (low + high) // 2

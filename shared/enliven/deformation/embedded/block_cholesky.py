@@ -1,15 +1,16 @@
-"""Sparse factorisation A = L D Lᵀ in 6x6 blocks: the pattern analysed once, the numbers when they are needed.
+"""Sparse factorization A = L D Lᵀ in 6x6 blocks: one symbolic analysis, numeric factorization on demand.
 
-One node of a deformation graph is one block (its turn and its shift), so the index work is a 36th of a scalar
-factorisation's, and everything that depends on the pattern alone (order, fill, where each product goes) is
-done beforehand. L has the identity on its diagonal and D is of blocks, so that no node waits for a division
-by another's block. Blocks are float32, six rows of eight lanes while they are made, so that a row is one
-vector register (:mod:`enliven.lane_blocks`); a product of two takes 10 to 15 ns where plain Numba loops took
-60 to 95.
+One node of a deformation graph is one block (its rotation and its translation), so the index work is a 36th
+of that of a scalar factorization. Everything that depends on the pattern alone (order, fill, target of each
+product) is computed beforehand. L has the identity on its diagonal and D consists of blocks, so that no node
+waits for a division by another's block. During factorization, blocks are float32, six rows of eight lanes, so
+that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two takes 10 to 15 ns, compared
+with 60 to 95 ns in plain Numba loops.
 
-Solving waits for the memory: a matrix of 1,024 nodes is larger than a core's cache. So L stands row by row of
-the matrix, in int16 with a scale a block (1.5e-5 of the block's greatest number, and any L keeps the whole
-positive definite); either pass reads all of it once, the second one backward from where the first one ended.
+Solving is limited by memory bandwidth: a matrix of 1,024 nodes is larger than a core's cache. So L is stored
+row by row, in int16 with one scale per block (resolution 1.5e-5 of the block's largest number; any L keeps
+the matrix positive definite). Each pass reads all of it once, the second one backward from the end of the
+first one.
 """
 
 from __future__ import annotations
@@ -26,23 +27,25 @@ from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6,
 from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers of a block to calculate with: six rows of eight, the last two of each row 0."""
+"""Numbers per block for calculations: six rows of eight, the last two of each row 0."""
 CLOSE = 36
-"""Numbers of a block to solve with: six rows of six int16 and a scale, since solving waits for the memory."""
+"""Numbers per block for solving: six rows of six int16 with a scale, because solving is memory-bound."""
 
 
 @dataclass(frozen=True)
 class BlockPattern:
-    """Where the blocks of the factor L are, column by column (rows ascending, the diagonal block first).
+    """The positions of the blocks of the factor L, column by column (rows ascending, the diagonal block
+    first).
 
     Attributes:
-        start: (N + 1,) int32 where each column starts.
+        start: (N + 1,) int32 the index at which each column starts.
         row: (B,) int32 the row of each block.
-        product: (P,) int32 for each column in turn, for each of its lower blocks j, for each i >= j: the
-            block (i, j) that takes their product.
-        row_start: (N + 1,) int32 where each row starts among the blocks below the diagonal, row by row.
+        product: (P,) int32 the block (i, j) that receives each product: for each column in turn, for each of
+            its lower blocks j, for each i >= j.
+        row_start: (N + 1,) int32 the index at which each row starts among the blocks below the diagonal, row
+            by row.
         column: (B - N,) int32 the column of each of these, ascending in a row.
-        by_row: (B,) int32 the place of each block among these; -1 for one on the diagonal.
+        by_row: (B,) int32 the position of each block among these; -1 for one on the diagonal.
     """
 
     start: Int32
@@ -54,16 +57,16 @@ class BlockPattern:
 
     @property
     def blocks(self) -> int:
-        """How many 6x6 blocks the factor has."""
+        """Number of 6x6 blocks of the factor."""
         return len(self.row)
 
     @property
     def longest(self) -> int:
-        """The most blocks that a column has."""
+        """Maximum number of blocks in a column."""
         return int(np.diff(self.start).max())
 
     def block_of(self, pairs: Int) -> Int32:
-        """(M,) the block at (row, column) of each of ``pairs`` (M, 2), row >= column."""
+        """Returns (M,) the block at (row, column) of each of ``pairs`` (M, 2), row >= column."""
         column = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
         keys = column.astype(np.int64) * len(self.start) + self.row
         wanted = pairs[:, 1].astype(np.int64) * len(self.start) + pairs[:, 0]
@@ -71,7 +74,7 @@ class BlockPattern:
 
 
 def elimination_order(count: int, pairs: Int) -> Int:
-    """(N,) the nodes in an order that keeps the fill low (multiple minimum degree).
+    """Returns (N,) the nodes in an order that keeps the fill low (multiple minimum degree).
 
     Args:
         count: the number of nodes.
@@ -87,11 +90,11 @@ def elimination_order(count: int, pairs: Int) -> Int:
 
 
 def analyse(count: int, pairs: Int) -> BlockPattern:
-    """The block pattern of the Cholesky factor, with the nodes eliminated in the order 0, 1, 2, ...
+    """Returns the block pattern of the Cholesky factor, with the nodes eliminated in the order 0, 1, 2, ...
 
     Args:
         count: N, the number of nodes.
-        pairs: (M, 2) the nodes that are coupled, in any order, also repeatedly.
+        pairs: (M, 2) the nodes that are coupled, in any order, duplicates allowed.
     """
     below: list[set[int]] = [set() for _ in range(count)]
     for a, b in np.unique(np.sort(pairs, 1), axis=0).tolist():
@@ -99,14 +102,14 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
             below[a].add(b)
     for node in range(count):
         if below[node]:
-            # Eliminating a node couples all that it was coupled with; its next one passes that on.
+            # Eliminating a node couples all its neighbours; the next one of them passes the rest on.
             heir = min(below[node])
             below[heir] |= below[node] - {heir}
     rows = [np.array([node, *sorted(below[node])]) for node in range(count)]
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
     row = np.concatenate(rows).astype(np.int32)
     column = np.repeat(np.arange(count, dtype=np.int32), np.diff(start))
-    # Stable: the columns of a row ascend as they do in the whole.
+    # A stable sort keeps the columns of a row ascending.
     beside = np.flatnonzero(row != column)
     beside = beside[np.argsort(row[beside], kind="stable")]
     by_row = np.full(len(row), -1, np.int32)
@@ -123,15 +126,16 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
 @njit(cache=True, nogil=True)
 def factorise(pattern, lower, column, rows, scales, inverse):
-    """Kernel: A = L D Lᵀ; returns whether A was positive definite.
+    """Computes A = L D Lᵀ; returns whether A was positive definite.
 
     Args:
         pattern: start, product and by_row of a :class:`BlockPattern`.
-        lower: (48 B,) A's lower blocks, column by column; of one on the diagonal only the lower half is read.
-            They are used up.
-        column: (48 C,) room for the blocks of the longest column.
-        rows, scales: (36 (B - N) + 8,) int16, (B - N,) take the blocks of L below the diagonal, row by row.
-        inverse: (48 N,) takes the inverses of the blocks of D.
+        lower: (48 B,) A's lower blocks, column by column; only the lower half of a diagonal block is read.
+            They are overwritten.
+        column: (48 C,) scratch space for the blocks of the longest column.
+        rows, scales: (36 (B - N) + 8,) int16, (B - N,) output: the blocks of L below the diagonal, row by
+            row.
+        inverse: (48 N,) output: the inverses of the blocks of D.
     """
     start, product, by_row = pattern
     p, made = np.int64(0), np.zeros(SIZE, np.float32)
@@ -144,7 +148,7 @@ def factorise(pattern, lower, column, rows, scales, inverse):
             times(lower, SIZE * b, inverse, own, made, 0)
             transpose6(made, 0, column, SIZE * (b - first))
             place = CLOSE * by_row[b]
-            # Two numbers too many are written: those of the next block, which may be made already.
+            # The write covers two numbers of the next block, which may be complete already, so restore them.
             one, two = rows[place + CLOSE], rows[place + CLOSE + 1]
             scales[by_row[b]] = shorten6(made, 0, rows, place)
             rows[place + CLOSE], rows[place + CLOSE + 1] = one, two
@@ -154,8 +158,10 @@ def factorise(pattern, lower, column, rows, scales, inverse):
 
 @njit(cache=True, nogil=True)
 def _take_products(lower, column, product, p, first, last):
-    """Take b Lᵀ off the block of each pair of a column's blocks, b of A and L of the factor, which stands
-    transposed in ``column``; the rows of Lᵀ stay in registers. Returns the next of ``product``.
+    """Subtracts b Lᵀ from the block of each pair of a column's blocks, with b of A and L of the factor.
+
+    L is stored transposed in ``column``; the rows of Lᵀ stay in registers. Returns the next index into
+    ``product``.
     """
     for at in range(SIZE, SIZE * (last - first), SIZE):
         a, b, c = load8(column, at), load8(column, at + 8), load8(column, at + 16)
@@ -177,7 +183,9 @@ def _take_products(lower, column, product, p, first, last):
 
 @njit(cache=True, nogil=True)
 def times(left, at, right, there, out, to):
-    """``out`` takes at ``to`` the product of the blocks at ``at`` of ``left`` and ``there`` of ``right``."""
+    """Computes into ``out`` at ``to`` the product of the blocks at ``at`` of ``left`` and ``there`` of
+    ``right``.
+    """
     a, b, c = load8(right, there), load8(right, there + 8), load8(right, there + 16)
     d, e, f = load8(right, there + 24), load8(right, there + 32), load8(right, there + 40)
     for r in range(0, SIZE, 8):
@@ -189,10 +197,11 @@ def times(left, at, right, there, out, to):
 
 @njit(cache=True, nogil=True)
 def substitute(row_start, column, rows, scales, inverse, y):
-    """Kernel: solve L D Lᵀ y = b in place, ``y`` (8 N,): six numbers a node, and two 0.
+    """Solves L D Lᵀ y = b in place, ``y`` (8 N,): six numbers per node, and two 0.
 
-    A row of six that is read as eight has the next two numbers in its last lanes: they meet the two 0 of a
-    node on the way down, and on the way up they end in lanes that are set to 0 before a node is read.
+    A row of six that is read as eight contains the next two numbers in its last lanes. In the forward pass,
+    they are multiplied by the two 0 of a node. In the backward pass, they end in lanes that are set to 0
+    before a node is read.
     """
     count = row_start.shape[0] - 1
     zero = splat8(np.float32(0.0))
@@ -220,8 +229,9 @@ def substitute(row_start, column, rows, scales, inverse, y):
 
 @njit(cache=True, nogil=True)
 def weighted(blocks, block, y, at):
-    """The sum of a block's rows, weighted with y[at : at + 6]; two sums at once keep the processor from
-    waiting for either.
+    """Returns the sum of a block's rows, weighted with y[at : at + 6].
+
+    Two sums in parallel hide the latency of the additions.
     """
     even = splat8(y[at]) * load8(blocks, block)
     odd = splat8(y[at + 1]) * load8(blocks, block + 8)

@@ -1,7 +1,8 @@
-"""A budget in milliseconds, as a count of steps: what one costs is timed beforehand, on this machine.
+"""Converts a budget in milliseconds into a number of steps, with costs that are timed in advance on this
+machine.
 
-No clock is read while a frame is solved: where others load the machine, a clock would end a frame early that
-has done nothing, and the mesh would lag behind when the picture is late already.
+No clock is read while a frame is solved. If other programs load the machine, a clock could end a frame before
+any step, and the mesh would lag when the image is late already.
 """
 
 from __future__ import annotations
@@ -15,16 +16,18 @@ from enliven.deformation.embedded.lbfgs import Allowance, SolverBuffers, full_st
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 
 _COSTS: dict[tuple[int, int], tuple[float, float, float]] = {}
-"""Milliseconds of a step, a matrix and a gradient, by a graph's nodes and edges: a hold that begins again
-does not time them again, which takes a frame."""
+"""Milliseconds of a step, a matrix and a gradient, by a graph's number of nodes and edges. A new hold then
+does not measure them again, which takes a frame."""
 _REPEATS = 4
-"""Times that each kind of work is timed: the least is what it costs on an idle machine."""
+"""Number of times that each kind of work is timed. The minimum is its cost on an idle machine."""
 _BEFORE = 2.0
-"""Steps that take as long as what a frame begins and ends with: its start, and its state handed out."""
+"""Cost of a frame's fixed parts, in steps: choosing its start and writing its state out."""
 
 
 def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Allowance:
-    """What a frame of ``budget_ms`` has room for; ``x`` (16 N,) is the state at which the work is timed."""
+    """Returns the allowance of a frame of ``budget_ms``; ``x`` (16 N,) is the state at which the work is
+    timed.
+    """
     size = len(terms.stretch), len(terms.edges)
     if size not in _COSTS:
         work = SolverBuffers.empty(len(terms.stretch))
@@ -37,7 +40,7 @@ def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, syste
 
 
 def _least_ms(do: Callable[[], object]) -> float:
-    """Milliseconds of the fastest of several runs, after one that compiles."""
+    """Returns the milliseconds of the fastest of several runs, after a first one that compiles."""
     do()
     least = float("inf")
     for _ in range(_REPEATS):

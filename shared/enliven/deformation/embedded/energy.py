@@ -1,9 +1,9 @@
 """The energy of KinÊtre's embedded deformation (eq. 3-8), and its gradient.
 
-The unknowns are x (N, 4, 4), flattened: x[j, c, :3] is column c of R_j for c < 3, and x[j, 3, :3] is where
-node j has moved to, g_j + t_j; the fourth lane of each is 0, so that a column fills one vector register
-(:mod:`enliven.lanes`). In these unknowns the residuals of E_reg and E_con are linear, and the same for each
-coordinate; those of E_rot and E_rig are quadratic.
+The unknowns are x (N, 4, 4), flattened. x[j, c, :3] is column c of R_j for c < 3, and x[j, 3, :3] is the new
+position of node j, g_j + t_j. The fourth lane of each is 0, so that a column fills one vector register
+(:mod:`enliven.lanes`). In these unknowns, the residuals of E_reg and E_con are linear, and the same for each
+coordinate. Those of E_rot and E_rig are quadratic.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from enliven.lanes import fma4, load4, splat4, store4, total4
 
 
 class Planes(NamedTuple):
-    """Soft planes, as the solver takes them; see ``PlaneConstraints``.
+    """Soft planes, in the form that the solver takes; see ``PlaneConstraints``.
 
     Attributes:
         nodes: (M, 4) int32 in elimination order, ascending.
-        rows: (M, 4, 4) the coefficients, as of the constraints.
+        rows: (M, 4, 4) the coefficients, like those of the constraints.
         normals: (M, 4) unit normals and a 0.
         offsets: (M,) metres.
-        weights: (M,) with the solver's own weight.
+        weights: (M,) including the solver's own weight.
         one_sided: (M,).
     """
 
@@ -36,22 +36,23 @@ class Planes(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What the energy is made of, beside the unknowns.
+    """The constants of the energy.
 
     Attributes:
         edges: (E, 2) int32 nodes i, j.
         offsets: (E, 3) g_j - g_i.
         rigid: (K,) int32 the edges of E_rig.
-        turning: 1.0 where the translations of E_rig are compared in the middle of the edge, which any rigid
-            motion leaves at zero; 0.0 for eq. 7 as printed, |t_k - t_j|^2.
+        turning: 1.0 compares the translations of E_rig in the middle of the edge, which is zero for any rigid
+            motion; 0.0 is eq. 7 as printed, |t_k - t_j|^2.
         nodes: (L, 4) int32 the nodes of each constraint, ascending; those without weight are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
-        held_start: (N + 1,) int32 where the holds of each node start: constraints with a weight on it.
+        held_start: (N + 1,) int32 the index at which the holds of each node start (constraints with a weight
+            on it).
         held_by: (H,) int32 the constraint of each hold.
         arms: (4 H,) its coefficients, those of ``rows``.
-        forces: (4 L,) room for the derivative by each phi(p).
+        forces: (4 L,) scratch space for the derivative by each phi(p).
         targets: (L, 4) q_l and a 0.
-        pulls: (L,) w_con times the weight of each constraint, 0 where it is lost.
+        pulls: (L,) w_con times the weight of each constraint, 0 if it is lost.
         stretch: (N,) w_rot of each node.
         smooth: (E,) w_reg of each edge.
         hanging: (K,) w_rig of each rigid edge.
@@ -76,7 +77,7 @@ class Terms(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def gradient(x, t, planes, out):
-    """Kernel: ``out`` (16 N,) takes dE/dx; returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
+    """Computes dE/dx into ``out`` (16 N,); returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
     rot = _rotation(x, t.stretch, out)
     reg = _smoothness(x, t.edges, t.offsets, t.smooth, out)
     con = _constraints(x, t, out)
@@ -87,7 +88,7 @@ def gradient(x, t, planes, out):
 
 @njit(cache=True, nogil=True)
 def _rotation(x, w, out):
-    """E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Sets ``out``."""
+    """Computes E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Overwrites ``out``."""
     energy = 0.0
     zero = splat4(0.0)
     for j in range(w.shape[0]):
@@ -106,14 +107,14 @@ def _rotation(x, w, out):
 
 @njit(cache=True, nogil=True)
 def _smoothness(x, edges, offsets, w, out):
-    """E_reg, eq. 4, both ways of every edge: |R_i (g_j - g_i) + p_i - p_j|^2."""
+    """Adds E_reg, eq. 4, in both directions of every edge: |R_i (g_j - g_i) + p_i - p_j|^2."""
     energy = splat4(0.0)
     for e in range(edges.shape[0]):
         i, j = 16 * edges[e, 0], 16 * edges[e, 1]
         a, b, c = offsets[e, 0], offsets[e, 1], offsets[e, 2]
         apart = load4(x, i + 12) - load4(x, j + 12)
         forth = fma4(a, load4(x, i), fma4(b, load4(x, i + 4), fma4(c, load4(x, i + 8), apart)))
-        # The way back with its sign turned: |-v| = |v|.
+        # The opposite direction with its sign flipped: |-v| = |v|.
         back = fma4(a, load4(x, j), fma4(b, load4(x, j + 4), fma4(c, load4(x, j + 8), apart)))
         energy = fma4(w[e], forth * forth + back * back, energy)
         k = splat4(2 * w[e])
@@ -132,7 +133,7 @@ def _smoothness(x, edges, offsets, w, out):
 
 @njit(cache=True, nogil=True)
 def _moved(x, nodes, rows, m):
-    """phi(p), eq. 2, of point ``m``."""
+    """Returns phi(p), eq. 2, of point ``m``."""
     even = odd = splat4(0.0)
     for k in range(4):
         at = 16 * nodes[m, k]
@@ -146,7 +147,7 @@ def _moved(x, nodes, rows, m):
 
 @njit(cache=True, nogil=True)
 def _pull(nodes, rows, m, force, out):
-    """Hand the derivative by phi(p) on to the nodes of point ``m``."""
+    """Adds the derivative by phi(p) to the nodes of point ``m``."""
     for k in range(4):
         at = 16 * nodes[m, k]
         if rows[m, k, 3] != 0.0:
@@ -156,10 +157,10 @@ def _pull(nodes, rows, m, force, out):
 
 @njit(cache=True, nogil=True)
 def _constraints(x, t, out):
-    """E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
+    """Adds E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
-    Each node gathers from the constraints that hold it: the numbers of its gradient are read and written
-    once, and not as often as it is held.
+    Each node gathers from the constraints that hold it. Its gradient is then read and written once, not once
+    per constraint.
     """
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
@@ -188,7 +189,7 @@ def _constraints(x, t, out):
 
 @njit(cache=True, nogil=True)
 def constraint_energy(x, t):
-    """Kernel: E_con alone, weighted; all that new targets change where the nodes stay."""
+    """Returns E_con alone, weighted. It is the only term that new targets change while the nodes stay."""
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
     for m in range(t.nodes.shape[0]):
@@ -200,7 +201,7 @@ def constraint_energy(x, t):
 
 @njit(cache=True, nogil=True)
 def _planes(x, planes, out):
-    """w (n.phi(p) - b)^2, of a one-sided plane only where n.phi(p) < b."""
+    """Adds w (n.phi(p) - b)^2; for a one-sided plane only if n.phi(p) < b."""
     energy = 0.0
     flat = planes.normals.reshape(-1)
     for m in range(planes.nodes.shape[0]):
@@ -215,7 +216,7 @@ def _planes(x, planes, out):
 
 @njit(cache=True, nogil=True)
 def _rigidity(x, t, out):
-    """E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
+    """Adds E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
     energy = 0.0
     for m in range(t.rigid.shape[0]):
         e, w = t.rigid[m], t.hanging[m]
@@ -233,7 +234,9 @@ def _rigidity(x, t, out):
 
 @njit(cache=True, nogil=True)
 def _slip(x, offset, turning, w, j, k, out):
-    """How far apart the nodes at ``j`` and ``k`` move their edge's middle (turning 1), or their positions."""
+    """Adds the squared distance between the images of the edge's middle (turning 1), or between
+    translations (0).
+    """
     energy = 0.0
     for a in range(3):
         r = x[j + 12 + a] - x[k + 12 + a] + (1 - turning) * offset[a]

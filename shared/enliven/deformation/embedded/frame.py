@@ -1,4 +1,4 @@
-"""A frame of the deformation as one call: what is given, the descent, and what is shown."""
+"""Solves a frame of the deformation in one call: takes the inputs, descends, and writes the result."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import njit
 
 _WAKING = 1
-"""Steps that take as long as waking the second thread and fetching the matrix that it made."""
+"""Cost, in steps, of waking the second thread and fetching its matrix."""
 
 
 class SolverState(NamedTuple):
-    """What stays from frame to frame, beside the matrix and the planes.
+    """The persistent state between frames, apart from the matrix and the planes.
 
     Attributes:
         x, rest: (16 N,) the unknowns, and those of the rest pose.
         order: (N,) the graph's own number of each node.
-        terms, work: of the energy, and room for the descent.
+        terms, work: of the energy, and buffers for the descent.
         pull: the weight of all constraints.
         most, tolerance: the settings ``iterations`` and ``tolerance``.
-        allowance: what a frame may cost.
+        allowance: the maximum cost of a frame.
     """
 
     x: Float
@@ -49,15 +49,15 @@ class SolverState(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def next_frame(state, planes, system, targets, weights, linear, positions):
-    """Kernel: minimise the energy for new targets; returns the number of iterations, and whether the matrix
-    has aged.
+    """Minimizes the energy for new targets; returns the number of iterations, and whether the matrix has
+    aged.
 
-    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
-    pressed flat at the end is given some volume again.
+    No step turns a node inside out. A node that is inside out in a bad start is set upright first. A node
+    that is pressed flat at the end is given some volume again.
 
     Args:
         state, planes, system: a :class:`SolverState`, ``Planes`` and a ``RigidSystem``, held.
-        targets, weights: (L, 3) metres and (L,), as they are given.
+        targets, weights: (L, 3) metres and (L,), unchecked.
         linear, positions: (N, 3, 3) and (N, 3) metres, filled.
     """
     f, p, s = state.values, planes.values, system.values

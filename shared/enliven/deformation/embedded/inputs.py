@@ -1,4 +1,4 @@
-"""What the solver is given, in the kernels' form: nodes in elimination order, and measurements alone."""
+"""Converts the solver's inputs to the kernels' form: nodes in elimination order, only valid measurements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 
 _FARTHEST = 1e4
-"""Metres; a target farther away than this is no measurement."""
+"""Distance, metres, beyond which a target is not a measurement."""
 _NONE = np.empty(0)
 NO_PLANES = Planes(
     np.empty((0, 4), np.int32), np.empty((0, 4, 4)), np.empty((0, 4)), _NONE, _NONE, np.empty(0, np.bool_)
@@ -22,11 +22,12 @@ NO_PLANES = Planes(
 def rows_of(
     points: PointConstraints | PlaneConstraints, positions: Float, places: Int
 ) -> tuple[Int32, Float]:
-    """(L, 4) nodes in elimination order, ascending, each once, and (L, 4, 4) their coefficients.
+    """Returns (L, 4) nodes in elimination order, ascending, without duplicates, and (L, 4, 4) their
+    coefficients.
 
     Args:
         positions: (N, 3) metres, the nodes at rest.
-        places: (N,) of each node in the elimination order.
+        places: (N,) the position of each node in the elimination order.
     """
     nodes = np.ascontiguousarray(points.node_indices, np.int64).reshape(-1, 4)
     weights = np.asarray(points.node_weights, np.float64).reshape(-1, 4)
@@ -37,7 +38,7 @@ def rows_of(
     place = np.take_along_axis(place, order, 1)
     rows = np.take_along_axis(rows, order[..., None], 1)
     for k in (3, 2, 1):
-        # A node given twice counts once, with both weights.
+        # A duplicate node is merged, with the sum of both weights.
         twice = place[:, k] == place[:, k - 1]
         rows[twice, k - 1] += rows[twice, k]
         rows[twice, k] = 0.0
@@ -45,14 +46,15 @@ def rows_of(
 
 
 def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
-    """Sort the constraints by the nodes that they hold, as the terms of the energy have them.
+    """Sorts the constraints by the nodes that they hold, in the form of :class:`Terms`.
 
     Args:
         nodes, rows: (L, 4) and (L, 4, 4), of :func:`rows_of`; a node without weight is not held.
         count: N, the number of nodes.
 
     Returns:
-        (N + 1,) where each node's holds start, (H,) the constraint of each hold, (4 H,) its coefficients.
+        (N + 1,) the index at which each node's holds start, (H,) the constraint of each hold, (4 H,) its
+        coefficients.
     """
     constraint, place = np.nonzero(rows[:, :, 3])
     node = nodes[constraint, place]
@@ -62,10 +64,11 @@ def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float
 
 
 def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
-    """The frame's planes in the kernels' form, without those that are not finite.
+    """Returns the frame's planes in the kernels' form; planes that are not finite get no weight.
 
     Args:
-        weight: of all planes; positions, places: as of :func:`rows_of`.
+        weight: of all planes.
+        positions, places: see :func:`rows_of`.
     """
     if planes is None or not len(planes):
         return NO_PLANES
@@ -86,7 +89,9 @@ def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, 
 
 @njit(cache=True, nogil=True)
 def take_usable(targets, weights, scale, out, pulls):
-    """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
+    """Copies the usable targets into ``out`` (L, 4), and the weights into ``pulls`` (L,), 0 for unusable
+    ones.
+    """
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])
         for a in range(3):
@@ -97,7 +102,7 @@ def take_usable(targets, weights, scale, out, pulls):
 
 
 def checked_stiffness(stiffness: Float | None, count: int) -> Float:
-    """(N,) the factors, 1 where None; or an InputError."""
+    """Returns (N,) the factors, 1 if None; or raises InputError."""
     if stiffness is None:
         return np.ones(count)
     factors = np.asarray(stiffness, np.float64)

@@ -1,6 +1,6 @@
-"""A frame's descent: L-BFGS around the frame's own matrix, in compiled loops.
+"""The descent of a frame: L-BFGS preconditioned with the solver's matrix, in compiled loops.
 
-See :mod:`enliven.deformation.embedded.solver` for why it is made like this.
+See :mod:`enliven.deformation.embedded.solver` for the reasons.
 """
 
 from __future__ import annotations
@@ -17,36 +17,41 @@ from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
 _PAIRS = 5
-"""Steps that L-BFGS remembers: each costs a thirtieth of a step in every later one."""
+"""Number of steps that L-BFGS remembers. Each costs a thirtieth of a step in every later one."""
 _ANEW = 12
-"""Steps after which the matrix is made anew in the middle of a frame: the nodes have moved far in it."""
+"""Number of steps after which the matrix is computed again within a frame, because the nodes have moved
+far."""
 _ASSEMBLY = 2
-"""Steps that take as long as the terms of a new matrix."""
+"""Cost, in steps, of assembling the terms of a new matrix."""
 _NEGLIGIBLE = 1e-9
-"""An energy that is invisible: with the default weights, every point 3 micrometres off."""
+"""An invisible energy. With the default weights, it means that every point is 3 micrometres off."""
 _REPULLED = 0.1
-"""How far weights may change, as a part of the strongest, before the matrix is made anew."""
+"""Maximum change of weights, relative to the strongest, before the matrix is computed again."""
 _ARMIJO = 1e-4
-"""Share of the linear decrease that a step must reach: the usual constant of Armijo's condition."""
+"""Minimum fraction of the linear decrease that a step must reach: the usual constant of Armijo's
+condition."""
 _HALVINGS = 30
-"""Halvings of a step before the frame ends without it: 2^-30 of a step is below what float32 shows."""
+"""Maximum number of halvings of a step before the frame ends without it: 2^-30 of a step is below float32
+resolution."""
 _SOFT = 1.3
-"""Times its promise that a step lowers the energy where that is softer than the matrix: 2 - d.Hd / d.Md."""
+"""Ratio of actual to promised decrease above which the energy counts as softer than the matrix: 2 - d.Hd /
+d.Md."""
 _SURE = 0.1
-"""The part of the tolerance below which a step in a soft direction ends the frame."""
+"""Fraction of the tolerance below which a step in a soft direction ends the frame."""
 
 
 _LEAST = 4
-"""Steps that a frame with a budget has to have left beside a new matrix that its age alone asks for."""
+"""Minimum number of steps that a frame with a budget must have left after a new matrix that is due to age
+alone."""
 
 
 class Allowance(NamedTuple):
-    """What a frame may cost, in steps.
+    """The maximum cost of a frame, in steps.
 
     Attributes:
         room: steps that a frame may cost; infinite without a budget.
-        matrix: a new matrix, in steps.
-        retry: another length of a step, in steps.
+        matrix: cost of a new matrix, in steps.
+        retry: cost of another step length, in steps.
     """
 
     room: float
@@ -55,7 +60,7 @@ class Allowance(NamedTuple):
 
 
 UNLIMITED = Allowance(np.inf, 0.0, 0.0)
-"""No budget: only the count of steps ends a frame."""
+"""No budget: only the number of steps ends a frame."""
 
 
 class SolverBuffers(NamedTuple):
@@ -70,8 +75,8 @@ class SolverBuffers(NamedTuple):
         raw, from_here, trial: (16 N,) in the plain unknowns.
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
-        age: (4,) of the matrix: the frames that it served, and the steps that they took; 1 where the last
-            frame ended by its rule, 0 where it ran out of steps; and the steps of the last frame.
+        age: (4,) of the matrix: the number of frames that used it; their steps; 1 if the last frame ended by
+            its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
     """
 
     steps: Float32
@@ -89,7 +94,7 @@ class SolverBuffers(NamedTuple):
 
     @staticmethod
     def empty(count: int) -> SolverBuffers:
-        """For ``count`` nodes."""
+        """Returns buffers for ``count`` nodes."""
         pairs = np.zeros((2, _PAIRS, 16 * count), np.float32)
         now, before, own = np.zeros((3, 16 * count), np.float32)
         raw, here, trial, last = np.zeros((4, 16 * count))
@@ -110,7 +115,7 @@ def _dot(u, v):
 
 @njit(cache=True, nogil=True)
 def _add_then_dot(u, scale, v, w):
-    """Add ``scale`` v to u; returns u.w, in one pass over u."""
+    """Adds ``scale`` v to u, and returns u.w, in one pass over u."""
     even = odd = splat8(np.float32(0.0))
     times = splat8(np.float32(scale))
     for i in range(0, u.shape[0], 16):
@@ -123,26 +128,26 @@ def _add_then_dot(u, scale, v, w):
 
 @njit(cache=True, nogil=True)
 def record_energies(work, energies):
-    """Copy the six energies of the state into the workspace."""
+    """Copies the six energies of the state into the workspace."""
     for i in range(6):
         work.energies[i] = energies[i]
 
 
 @njit(cache=True, nogil=True)
 def worth_of(system):
-    """How many steps take as long as a new matrix: its products of blocks over the blocks of a solve."""
+    """Returns the cost of a new matrix in steps: its products of blocks over the blocks of a solve."""
     return _ASSEMBLY + system.product.shape[0] // system.row.shape[0]
 
 
 @njit(cache=True, nogil=True)
 def start_anew(age):
-    """Set ``age`` to that of a matrix just made."""
+    """Resets ``age`` for a new matrix."""
     age[0] = age[1] = age[3] = 0
 
 
 @njit(cache=True, nogil=True)
 def note_age(age, done):
-    """Count a frame of so many steps into ``age``."""
+    """Adds a frame of ``done`` steps to ``age``."""
     age[0] += 1
     age[1] += done
     age[3] = done
@@ -150,31 +155,36 @@ def note_age(age, done):
 
 @njit(cache=True, nogil=True)
 def is_aged(age, worth):
-    """Whether the last frame took more steps than the mean of all of the matrix, what another one costs, of
-    ``worth`` steps, among them.
+    """Returns whether the last frame took more steps than the mean per frame, including the ``worth`` of a
+    new matrix.
 
-    From there on the mean would rise: it is least where the next one is as much. That needs no guess of what
-    a frame takes with a new matrix.
+    From there on, the mean would rise: it is minimal when the next frame takes as many steps as the mean.
+    This needs no estimate of the steps with a new matrix.
     """
     return age[0] * age[3] > worth + age[1]
 
 
 @njit(cache=True, nogil=True)
 def descend(x, t, planes, system, work, most, tolerance, allowance):
-    """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
-    ``x``, ``work.energies`` are its energies.
+    """Runs L-BFGS from ``x``, in place; returns the number of iterations.
 
-    It ends with the first step that promised to lower the energy by less than ``tolerance`` of it; a step
-    leaves only a small part of what it promised. Where this step or the one before gained more than promised,
-    the energy is softer there than the matrix has it, and the promise is no bound: it has to be smaller.
-    ``work.age[2]`` tells whether it ended so, or after the ``most`` iterations or what the ``allowance`` has
-    room for. One step is always made, and before it the matrix, where there is none for these constraints.
+    ``work.raw`` is the gradient at ``x``, and ``work.energies`` are its energies.
+
+    The descent ends with the first step that promised to lower the energy by less than the fraction
+    ``tolerance``. A step leaves only a small part of its promise. If this step or the one before gained more
+    than promised, the energy is softer there than the matrix, and the promise is not a bound. A smaller
+    promise is then required.
+
+    ``work.age[2]`` is 1 if it ended like this, and 0 if it ended after ``most`` iterations or at the limit of
+    the ``allowance``. One step is always made. Before it, the matrix is computed if there is none for these
+    constraints.
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
     age = work.age
     age[2] = 1
     spent = 0.0
+    # Compute a new matrix if the old one has aged or the constraints changed.
     aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _LEAST
     if aged or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
@@ -182,7 +192,8 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         spent += allowance.matrix
     else:
         align(x, system)
-    kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
+    # np.int64, because a literal 0 has its own type, and numba would compile the callees again
+    kept = np.int64(0)
     soft = False
     for iteration in range(most):
         if iteration > 0 and spent >= allowance.room:
@@ -193,6 +204,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
             refactor(x, t, planes, work.raw, system)
             start_anew(age)
             kept = np.int64(0)
+        # Take a step in the L-BFGS direction.
         slope = _direction(now, work, kept, system)
         if not -slope > _NEGLIGIBLE:
             return iteration
@@ -205,6 +217,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
                 return iteration
             kept, soft = np.int64(0), False
             continue
+        # Stop if the step promised little enough.
         was_soft, soft = soft, energy - work.energies[5] > -_SOFT * 0.5 * slope
         enough = tolerance * (_SURE if soft or was_soft else 1.0) * energy
         if -slope <= 2.0 * enough + _NEGLIGIBLE:
@@ -216,11 +229,11 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
 
 @njit(cache=True, nogil=True)
 def _step(x, slope, t, planes, work):
-    """Go along ``work.own`` as far as it lowers the energy; returns how many lengths were tried, below 0
-    where none lowers it.
+    """Moves along ``work.own`` as far as it lowers the energy; returns the number of lengths tried, negative
+    on failure.
 
-    ``work.now`` takes the derivative there, and ``work.own`` the part that was gone. The full step is nearly
-    always the right one.
+    ``work.now`` receives the derivative there, and ``work.own`` the step that was taken. The full step is
+    nearly always accepted.
     """
     here = work.from_here
     copy_row(here, x)
@@ -235,7 +248,7 @@ def _step(x, slope, t, planes, work):
                 for i in range(work.own.shape[0]):
                     work.own[i] *= np.float32(length)
             return tried + 1
-        # The parabola through the two energies and the slope.
+        # Minimum of the parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
@@ -245,7 +258,9 @@ def _step(x, slope, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _remember(work, kept):
-    """Keep the last step and its change of the gradient; returns the count of kept pairs, 0 to restart."""
+    """Stores the last step and its change of the gradient; returns the number of stored pairs, 0 to
+    restart.
+    """
     place = kept % _PAIRS
     step, change = work.steps[place], work.changes[place]
     copy_row(step, work.own)
@@ -257,7 +272,10 @@ def _remember(work, kept):
 
 @njit(cache=True, nogil=True)
 def _direction(now, work, kept, system):
-    """``work.own`` takes where to go; returns the slope there. The two loops of L-BFGS (J. Nocedal 1980)."""
+    """Computes the search direction into ``work.own``; returns the slope there.
+
+    This is the two-loop recursion of L-BFGS (J. Nocedal 1980).
+    """
     way, steps, changes = work.own, work.steps, work.changes
     for i in range(way.shape[0]):
         way[i] = -now[i]
@@ -279,7 +297,9 @@ def _direction(now, work, kept, system):
 
 @njit(cache=True, nogil=True)
 def full_step(x, t, planes, system, work):
-    """Kernel: a step with all pairs kept, and back: what a step costs; ``work`` is empty room."""
+    """Takes a step with all pairs stored, and undoes it, to measure the cost of a step; ``work`` is
+    scratch space.
+    """
     for m in range(_PAIRS):
         work.curvatures[m] = 1.0
     record_energies(work, gradient(x, t, planes, work.raw))

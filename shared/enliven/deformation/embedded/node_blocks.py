@@ -1,4 +1,6 @@
-"""The part of the matrix that is each node's own: how it stretches, and forces on its arms."""
+"""The per-node blocks of the matrix: the stretch of each node, and the geometric stiffness of its lever
+arms.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +12,20 @@ from enliven.lane_blocks import invert6, mirror6, transpose6
 from enliven.lanes import fma4, fma8, load4, load8, splat4, splat8, store4, store8, total4
 
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-"""Rows and columns of a symmetric stretch's six numbers, as in node frames; arrays, since Numba makes a
-switch of each look into a tuple."""
+"""Rows and columns of a symmetric stretch's six numbers, as in node frames. They are arrays, because Numba
+compiles an index into a tuple to a switch."""
 _DIAGONAL = 1e-10
-"""Share of the diagonal's square below which an entry beside it counts as 0: the positive part stays
-positive, and is 1e-5 of it off."""
+"""Fraction of the squared diagonal below which an off-diagonal entry counts as 0. The positive part stays
+positive, with an error of 1e-5."""
 
 
 @njit(cache=True, nogil=True)
 def couple(linear, held, first, out):
-    """``out`` (6 rows of 8 a node) takes how each number of its stretch S pulls at its turn and its shift.
+    """Computes the coupling of each number of a node's stretch S to its rotation and translation, into
+    ``out``.
 
-    The sum over its arms u of w (R S u).(turn x R u + shift), with the sum of w u uᵀ in ``held`` and that of
-    w u in ``first``.
+    ``out`` has 6 rows of 8 per node. The coupling is the sum over the node's arms u of w (R S u).(turn x R u
+    + shift). ``held`` contains the sum of w u uᵀ, and ``first`` that of w u.
     """
     out[:] = np.float32(0.0)
     for j in range(first.shape[0] // 3):
@@ -49,13 +52,15 @@ def couple(linear, held, first, out):
 
 @njit(cache=True, nogil=True)
 def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
-    """Replace the node's ``coupling`` B by L = -A⁻¹ B, how its turn and shift give way to its own stretch.
+    """Replaces the node's ``coupling`` B by L = -A⁻¹ B, the response of its rotation and translation to its
+    stretch.
 
-    A is its own block of the matrix, C is in ``block``; ``coupled`` takes Lᵀ, and ``compliance`` the inverse
-    of what then holds the stretch, C - Bᵀ A⁻¹ B. Returns whether that is positive definite; where not,
-    ``coupling`` stays. ``inverse`` (48,) is room.
-    A stretch alone pulls at all points that the node holds; with the turn and shift that give way it hardly
-    does, and the two parts of the matrix become nearly independent.
+    A is the node's own block of the matrix, and C is in ``block``. ``coupled`` receives Lᵀ. ``compliance``
+    receives the inverse of the Schur complement C - Bᵀ A⁻¹ B. Returns whether that is positive definite; if
+    not, ``coupling`` stays unchanged. ``inverse`` (48,) is scratch space.
+
+    A stretch alone moves all points that the node holds. Combined with the rotation and translation that
+    respond to it, it hardly does. The two parts of the matrix then become nearly independent.
     """
     mirror6(lower, own, inverse, 0, -1.0)
     if not invert6(inverse, 0, -1.0):
@@ -79,7 +84,9 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
 
 @njit(cache=True, nogil=True)
 def leave_coupled(coupling, coupled, compliance, at, block):
-    """Give the node's stretch the inverse of ``block`` alone: nothing gives way to it."""
+    """Sets the node's stretch to the inverse of ``block`` alone, without any response of rotation and
+    translation.
+    """
     for i in range(SIZE):
         coupling[at + i] = coupled[at + i] = 0.0
         compliance[at + i] = block[i]
@@ -88,28 +95,29 @@ def leave_coupled(coupling, coupled, compliance, at, block):
 
 @njit(cache=True, nogil=True)
 def add_geometric(x, raw, stretch, start, lower):
-    """The geometric stiffness of every node's turn: a force on a lever arm holds it where it draws outward.
+    """Adds the geometric stiffness of every node's rotation: an outward force on a lever arm resists
+    rotation.
 
-    The second derivative along R(1) = exp(w x) R is sym(sum of r gᵀ) - (sum of r.g) I over the columns r of
-    R and g of the gradient, that of E_rot left out, since no turn changes it. Of it the positive part is
-    taken: a force inward makes a turn easier, but the matrix has to stay definite.
+    The second derivative along R(1) = exp(w x) R is sym(sum of r gᵀ) - (sum of r.g) I over the columns r of R
+    and g of the gradient. The gradient of E_rot is left out, because no rotation changes E_rot. Only the
+    positive part is added: an inward force makes a rotation easier, but the matrix has to stay definite.
 
     Args:
         x, raw: (16 N,) the state and dE/dx.
         stretch: (N,) w_rot of each node.
-        start, lower: of the matrix, where the blocks on the diagonal take it.
+        start, lower: of the matrix; its diagonal blocks are changed.
     """
     a, v = np.empty((3, 3)), np.empty((3, 3))
     rows = np.empty(12)
     for j in range(start.shape[0] - 1):
         _sum_of_levers(x, raw, 4.0 * stretch[j], 16 * j, rows)
         trace, at = rows[0] + rows[5] + rows[10], SIZE * start[j]
-        # Half of it, as of everything in the matrix.
+        # Half of it, like everything in the matrix.
         xx, yy, zz = 0.5 * (rows[0] - trace), 0.5 * (rows[5] - trace), 0.5 * (rows[10] - trace)
         xy, xz, yz = 0.25 * (rows[1] + rows[4]), 0.25 * (rows[2] + rows[8]), 0.25 * (rows[6] + rows[9])
         square = xx * yy - xy * xy
         cube = xz * (xy * yz - xz * yy) + yz * (xy * xz - xx * yz) + zz * square
-        # Sylvester's criterion: most are definite, and all of it is kept, or nothing.
+        # Sylvester's criterion: most are definite, so either all of it or nothing is added.
         if square > 0.0 and xx < 0.0 and cube < 0.0:
             continue
         if not (square > 0.0 and xx > 0.0 and cube > 0.0):
@@ -128,7 +136,9 @@ def add_geometric(x, raw, stretch, start, lower):
 
 @njit(cache=True, nogil=True)
 def _sum_of_levers(x, raw, w, at, out):
-    """``out`` (3 rows of 4) takes the sum of r gᵀ over the columns r of R and g of dE/dR - w R (RᵀR - I)."""
+    """Computes the sum of r gᵀ over the columns r of R and g of dE/dR - w R (RᵀR - I) into ``out`` (3 rows
+    of 4).
+    """
     a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
     aa, bb, cc = w * (1.0 - total4(a * a)), w * (1.0 - total4(b * b)), w * (1.0 - total4(c * c))
     ab, bc, ca = -w * total4(a * b), -w * total4(b * c), -w * total4(c * a)
@@ -141,7 +151,9 @@ def _sum_of_levers(x, raw, w, at, out):
 
 @njit(cache=True, nogil=True)
 def _keep_positive(a, v):
-    """Replace the symmetric ``a`` (3, 3) by its positive part (Jacobi's rotations, in ``v`` (3, 3))."""
+    """Replaces the symmetric ``a`` (3, 3) by its positive part, by Jacobi rotations collected in ``v`` (3,
+    3).
+    """
     v[:] = 0.0
     v[0, 0] = v[1, 1] = v[2, 2] = 1.0
     tiny = _DIAGONAL * (a[0, 0] * a[0, 0] + a[1, 1] * a[1, 1] + a[2, 2] * a[2, 2])
@@ -171,11 +183,11 @@ def _keep_positive(a, v):
 
 @njit(cache=True, nogil=True)
 def stretch_block(linear, held, at, w, whole, room, out):
-    """``out`` (6 rows of 8) takes half the second derivative by a node's stretch S.
+    """Computes half the second derivative by a node's stretch S into ``out`` (6 rows of 8).
 
-    With G = RᵀR and U the sum of w u uᵀ over the arms u that E_reg and E_con hold, R(1) = R (I + S) adds
-    w |S G + G S|^2 + 2 w (G - I).(S G S) to E_rot, and tr(S G S U) to the others. Where a node is pressed
-    this need not be positive: ``whole`` 0.0 leaves the second of them out (Gauss and Newton).
+    Let G = RᵀR, and U the sum of w u uᵀ over the arms u of E_reg and E_con. R(1) = R (I + S) adds w |S G + G
+    S|^2 + 2 w (G - I).(S G S) to E_rot, and tr(S G S U) to the others. For a compressed node, this need not
+    be positive. ``whole`` 0.0 leaves the second term out (Gauss-Newton).
     """
     gram, square, z = room[0], room[1], room[2]
     for c in range(3):

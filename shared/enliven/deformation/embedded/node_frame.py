@@ -1,12 +1,12 @@
-"""Steps and forces in node frames: how each node turns, stretches and shifts.
+"""Steps and forces in node frames: the rotation, stretch and translation of each node.
 
-A node's R and position have twelve numbers; so has a step: a turn w, a shift, and a symmetric stretch S, with
-dR = (w x R) + R S. These numbers are relative to the node: where it has turned, its columns are others and
-the numbers the same. L-BFGS' step pairs therefore hold after a step too. In the plain unknowns they do not,
-since a turn there is bound to a direction that turns away: steps after the first one were nearly without
-effect.
+A node's R and position have twelve numbers, and so has a step: a rotation w, a translation, and a symmetric
+stretch S, with dR = (w x R) + R S. These numbers are relative to the node. When the node rotates, its columns
+change and these numbers stay the same. L-BFGS' step pairs therefore stay valid after a step. In the plain
+unknowns they do not, because a rotation there is bound to a direction that rotates away. Steps after the
+first one then had nearly no effect.
 
-Sixteen numbers a node: w and a 0, the shift and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
+Sixteen numbers per node: w and a 0, the translation and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from enliven.lanes import cross4, fma4, load4, narrowed4, splat4, store4, storeq
 
 @njit(cache=True, nogil=True)
 def force_in_node_frame(x, gradient, out):
-    """Kernel: ``out`` (16 N,) takes dE/dx (16 N,) as the derivative in the node frames at ``x``."""
+    """Converts dE/dx (16 N,) to the derivative in the node frames at ``x``, into ``out`` (16 N,)."""
     for at in range(0, x.shape[0], 16):
         a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
         u, v, w = load4(gradient, at), load4(gradient, at + 4), load4(gradient, at + 8)
@@ -29,11 +29,12 @@ def force_in_node_frame(x, gradient, out):
 
 @njit(cache=True, nogil=True)
 def step_in_node_frame(here, own, length, x):
-    """Kernel: ``x`` takes ``here`` gone along ``length`` of the step: R(1) = Q R (I + S + S S / 2).
+    """Sets ``x`` to ``here`` moved along ``length`` of the step: R(1) = Q R (I + S + S S / 2).
 
-    Q is the rotation of Cayley's formula by the turn w: exp(w x) to second order, and without any stretch.
-    A turn by ten degrees along a straight line would stretch a node by 1.5 %, and E_rot would stop the step.
-    The stretch is exp(S) to second order, with eigenvalues from a half: no step turns a node inside out.
+    Q is the rotation by w in Cayley's formula: exp(w x) to second order, without any stretch. A rotation by
+    ten degrees along a straight line would stretch a node by 1.5 %, and E_rot would stop the step. The
+    stretch is exp(S) to second order, with eigenvalues of at least a half, so no step turns a node inside
+    out.
     """
     half, twice = splat4(0.5 * length), splat4(2.0)
     for at in range(0, x.shape[0], 16):
@@ -58,14 +59,14 @@ def step_in_node_frame(here, own, length, x):
 
 @njit(cache=True, nogil=True)
 def _turned(h, scale, v):
-    """The vector turned by (I - K)^-1 (I + K) = I + s (K + K K), K = h x and s = 2 / (1 + |h|^2)."""
+    """Returns the vector rotated by (I - K)^-1 (I + K) = I + s (K + K K), K = h x and s = 2 / (1 + |h|^2)."""
     across = cross4(h, v)
     return fma4(scale, across + cross4(h, across), v)
 
 
 @njit(cache=True, nogil=True)
 def plain_state(x, order, linear, positions):
-    """Kernel: the unknowns (N, 4, 4) as linear parts and positions, in the graph's own order."""
+    """Converts the unknowns (N, 4, 4) to linear parts and positions, in the graph's own order."""
     for n in range(len(order)):
         node = order[n]
         for a in range(3):

@@ -1,15 +1,16 @@
-"""The matrix that preconditions the descent: six unknowns a node, its turn and its shift.
+"""The matrix that preconditions the descent: six unknowns per node, its rotation and its translation.
 
-A step is written in node frames (``node_frame``): a turn w and a symmetric stretch S of R, and a shift of the
-position. In these the second derivative of the energy falls into two parts: E_rot holds the stretches, and
-E_reg, E_con and E_rig hold turns and shifts. So a turn and a shift a node make a sparse system of 6x6
-blocks, an eighth of the work of one with all twelve unknowns, and the stretch of each node is a 6x6 matrix
-of its own. Points that pull at a node's side couple the two; most of that goes where each stretch is taken
-together with the turn and shift of its node that give way to it (``node_blocks``). Against this matrix the
-true one has its eigenvalues between 0.46 and 1.7 on the worn chair; without that, between 0.2 and 2.4.
+A step is written in node frames (``node_frame``): a rotation w and a symmetric stretch S of R, and a
+translation of the position. In these, the second derivative of the energy has two parts: E_rot constrains the
+stretches, and E_reg, E_con and E_rig constrain rotations and translations. So one rotation and one
+translation per node form a sparse system of 6x6 blocks, with an eighth of the work of one with all twelve
+unknowns. The stretch of each node is a separate 6x6 matrix. Points that pull at a node's side couple the two
+parts. Most of this coupling disappears if each stretch is combined with the response of its node's rotation
+and translation (``node_blocks``). Relative to this matrix, the true one has eigenvalues between 0.46 and 1.7
+on the worn chair; without that, between 0.2 and 2.4.
 
-Where all nodes turn alike the matrix turns with them (``align``), as in corotational finite elements; what
-ages it is how neighbours turn against each other.
+If all nodes rotate alike, the matrix rotates with them (``align``), as in corotational finite elements. It
+ages only when neighbours rotate relative to each other.
 """
 
 from __future__ import annotations
@@ -48,32 +49,33 @@ from enliven.lanes import (
 )
 
 _NO_LENGTH = 1e-30
-"""Square metres that keep a column of no length from dividing by 0."""
+"""Added squared metres that prevent a division by 0 for a column of zero length."""
 _TIKHONOV = 1e-4
-"""Keeps the matrix definite where nothing holds a node; the energy itself has no such term."""
+"""Tikhonov regularization that keeps the matrix definite if nothing constrains a node; the energy itself
+has no such term."""
 
 
 class RigidSystem(NamedTuple):
-    """The factor, its pattern, and the state and weights that it was made at.
+    """The factor, its pattern, and the state and weights for which it was computed.
 
     Attributes:
         start, row, product, row_start, column, by_row: of
             :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
-        unit: metres in which shifts are measured, a power of two, about an edge's length: the numbers of a
-            block are then alike, however large the mesh, and none is lost beside the greatest in int16.
+        unit: metres, the unit of translations, a power of two near an edge's length. The numbers of a block
+            are then of similar size, however large the mesh, and none is lost next to the largest in int16.
         edge_block: (E,) int32 the block that couples the ends of an edge.
         pair_block: (L, 10) int32 the blocks that couple a constraint's nodes: (0, 0), (1, 0), (1, 1), ...
-        lower: (48 B,) float32 the matrix, which factorising uses up.
-        room: (48 C,) float32 room for the longest column.
+        lower: (48 B,) float32 the matrix, which the factorization overwrites.
+        room: (48 C,) float32 scratch space for the longest column.
         rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
-        linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those made orthonormal and a 0.
+        linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those orthonormalized with a 0.
         turns: (24 N,) float32 each node's rotation since then, in rows of four, and its transpose.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
-        coupling, coupled: (48 N,) float32 the turn and shift that give way to each number of a node's
-            stretch, and transposed.
-        compliance: (48 N,) float32 the inverse of what holds each node's stretch.
-        pulls: (L,) the constraints' weights that are in it.
-        side: (8 N,) float32 room for the right-hand side.
+        coupling, coupled: (48 N,) float32 the rotation and translation that respond to each number of a
+            node's stretch, and their transpose.
+        compliance: (48 N,) float32 the inverse of each node's stretch block.
+        pulls: (L,) the constraints' weights that are included.
+        side: (8 N,) float32 scratch space for the right-hand side.
     """
 
     start: Int32
@@ -103,7 +105,7 @@ class RigidSystem(NamedTuple):
 
     @staticmethod
     def empty(pattern: BlockPattern, terms: Terms) -> RigidSystem:
-        """Room for the matrix, and where the blocks of each edge and constraint are."""
+        """Returns buffers for the matrix, with the blocks of each edge and constraint."""
         count = len(terms.stretch)
         ends = np.sort(terms.edges.astype(np.int64), 1)[:, ::-1]
         places = [(a, b) for a in range(4) for b in range(a + 1)]
@@ -137,21 +139,23 @@ class RigidSystem(NamedTuple):
         )
 
     def twin(self) -> RigidSystem:
-        """Room for another matrix of the same pattern."""
+        """Returns buffers for another matrix of the same pattern."""
         pattern = ("start", "row", "product", "row_start", "column", "by_row", "unit")
         pattern += ("edge_block", "pair_block")
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
 
 
 def _unit_of(offsets: Float) -> float:
-    """The power of two nearest to the root mean square length of (E, 3) offsets; 1 where there are none."""
+    """Returns the power of two nearest to the root mean square length of (E, 3) offsets; 1 if there are
+    none.
+    """
     square = float(np.sum(offsets**2)) / max(1, len(offsets))
     return 2.0 ** round(0.5 * np.log2(square)) if square > 0.0 else 1.0
 
 
 @njit(cache=True, nogil=True)
 def _units(unit):
-    """(8,) float32 the units of a node's turn and of its shift, and two 0."""
+    """Returns (8,) float32 the units of a node's rotation and of its translation, and two 0."""
     out = np.zeros(8, np.float32)
     out[:3], out[3:6] = np.float32(1.0), np.float32(unit)
     return out
@@ -159,7 +163,7 @@ def _units(unit):
 
 @njit(cache=True, nogil=True)
 def _measure(lower, unit):
-    """Measure the shifts of the matrix's blocks (48 B,) in units of so many metres."""
+    """Scales the translations of the matrix's blocks (48 B,) to units of ``unit`` metres."""
     turns = _units(unit)
     row = load8(turns, 0)
     for block in range(0, lower.shape[0], SIZE):
@@ -170,20 +174,22 @@ def _measure(lower, unit):
 
 @njit(cache=True, nogil=True)
 def outdated(t, planes, s, repulled):
-    """Kernel: whether the matrix was made for other constraints: a weight has changed by the part
-    ``repulled`` of the strongest, or there are planes, which are others in every frame.
+    """Returns whether the matrix was made for other constraints.
+
+    That is so if a weight has changed by more than the fraction ``repulled`` of the strongest, or if there
+    are planes, which change in every frame.
     """
     strongest, change = 0.0, 0.0
     for m in range(t.pulls.shape[0]):
         strongest = max(strongest, t.pulls[m])
         change = max(change, abs(t.pulls[m] - s.pulls[m]))
-    # The first number of a factor is that of an inverse; 0 where there is no factor yet.
+    # The first number of the inverse is 0 only before the first factorization.
     return s.inverse[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
 
 
 @njit(cache=True, nogil=True)
 def refactor(x, t, planes, raw, s):
-    """Kernel: make and factorise the matrix at ``x``, where ``raw`` (16 N,) is dE/dx."""
+    """Computes and factorizes the matrix at ``x``, with ``raw`` (16 N,) = dE/dx."""
     for j in range(s.start.shape[0] - 1):
         for c in range(3):
             for a in range(3):
@@ -207,7 +213,7 @@ def refactor(x, t, planes, raw, s):
 
 @njit(cache=True, nogil=True)
 def _orthonormal(x, at):
-    """Three orthonormal columns, made of the first two of the R at ``at`` in turn (Gram and Schmidt)."""
+    """Returns three orthonormal columns, from the first two of the R at ``at`` (Gram-Schmidt)."""
     a, b = load4(x, at), load4(x, at + 4)
     a = splat4(1.0 / np.sqrt(total4(a * a) + _NO_LENGTH)) * a
     b = fma4(-total4(a * b), a, b)
@@ -217,7 +223,8 @@ def _orthonormal(x, at):
 
 @njit(cache=True, nogil=True)
 def align(x, s):
-    """Kernel: turn the matrix with the nodes: each node's rotation since it was made, into ``s.turns``.
+    """Rotates the matrix with the nodes: computes each node's rotation since the matrix was made, into
+    ``s.turns``.
 
     The rotation is N Uᵀ, where N and U are the orthonormal frames now and then; its transpose follows.
     """
@@ -239,7 +246,7 @@ def align(x, s):
 
 @njit(cache=True, nogil=True)
 def precondition(s, way):
-    """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes of it.
+    """Replaces ``way`` (16 N,), a force in node frames, by the preconditioned step.
 
     The second derivative is twice the matrix, so everything is halved.
     """

@@ -1,8 +1,9 @@
-"""A matrix made anew on a second thread, between two frames, for the next.
+"""Computes the next matrix on a second thread, between two frames.
 
-Making it is what made single frames slow: of a frame with 1,024 nodes half. The next frame always takes the
-matrix that was made at the end of the last one, and waits for it where it comes early: the same input gives
-the same frames, however fast the machine is. It turns with the nodes like any (``preconditioner.align``).
+Computing it took half of a frame with 1,024 nodes and made single frames slow. The next frame always uses the
+matrix that was started at the end of the last one, and waits for it if necessary. So the same input gives the
+same frames, however fast the machine is. The matrix rotates with the nodes like any other
+(``preconditioner.align``).
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 from enliven.kernels import Held, hold
 
 _DEAR = 200
-"""Nodes from which on a matrix is made after every frame: with fewer, waking the thread and moving the matrix
-from one core's cache to the other's take as long as the steps that it saves."""
+"""Number of nodes above which a matrix is computed after every frame. With fewer nodes, waking the thread
+and moving the matrix between the cores' caches takes as long as the steps that it saves."""
 
 
 @cache
@@ -26,15 +27,15 @@ def _second() -> ThreadPoolExecutor:
 
 
 class MatrixRenewal:
-    """The matrix in use, and room for its successor.
+    """The matrix in use, and buffers for its successor.
 
     Args:
         system: empty.
-        always: whether a matrix is made after every frame, of small graphs too.
+        always: whether a matrix is computed after every frame, even for small graphs.
 
     Attributes:
         system, held: the matrix in use, and the same held.
-        always: whether one is made after every frame; else where it has aged.
+        always: whether one is computed after every frame; else only when it has aged.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
@@ -53,14 +54,14 @@ class MatrixRenewal:
         return self._two[0][1]
 
     def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
-        """Begin to make the matrix at ``x`` (16 N,), where ``raw`` (16 N,) is dE/dx.
+        """Starts to compute the matrix at ``x`` (16 N,), with ``raw`` (16 N,) = dE/dx.
 
-        Nothing of these may change until :meth:`latest`.
+        None of these may change until :meth:`latest`.
         """
         self._under_way = _second().submit(refactor, x, terms, planes, raw, self._two[1][0])
 
     def latest(self) -> bool:
-        """Take the matrix that was begun into use, once it is done; False where none was."""
+        """Switches to the matrix that was started, once it is complete; returns False if none was started."""
         if self._under_way is None:
             return False
         self._under_way.result()

@@ -1,4 +1,4 @@
-"""Safeguards for targets that jump or are wrong: no node stays inside out."""
+"""Safeguards against targets that jump or are wrong: no node stays inside out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_rotations
 
 _SOUND = 0.02
-"""The determinant of a node's linear part below which it counts as collapsed or inside out."""
+"""Determinant of a node's linear part below which it counts as collapsed or inside out."""
 _LEAST_VOLUME = 0.05
-"""The determinant that a node keeps when it is pressed flat: a surface of a twentieth of its thickness."""
+"""Minimum determinant of a node that is pressed flat: a twentieth of its thickness."""
 _NEWTON = 8
-"""Newton steps to that determinant: each squares the error, and three are enough from 0.02."""
+"""Newton steps to that determinant. Each squares the error, and three are enough from 0.02."""
 
 
 @njit(cache=True, nogil=True)
 def set_upright(flat, edges):
-    """Kernel: give each node of ``flat`` (16 N,) that is collapsed or inside out the mean rotation of its
-    sound neighbours.
+    """Replaces each collapsed or inverted node of ``flat`` (16 N,) by the mean rotation of its sound
+    neighbours.
 
-    A mirrored node has no E_rot, and where the surface is flat no E_reg either: descending does not always
-    mend it. Returns whether any was found.
+    A mirrored node has zero E_rot, and on a flat surface also zero E_reg, so the descent does not always
+    repair it. Returns whether any was found.
     """
     x = flat.reshape(-1, 4, 4)
     count = x.shape[0]
@@ -49,7 +49,7 @@ def set_upright(flat, edges):
                 nearest_rotations(mean, turn)
                 _copy_turn(x[n], turn[0])
         if (found == sound).all():
-            # Nobody is sound: each takes the rotation nearest to what it has.
+            # No node is sound: each takes the nearest rotation to its own matrix.
             for n in range(count):
                 if not sound[n]:
                     _copy_turn(mean[0], x[n])
@@ -62,10 +62,10 @@ def set_upright(flat, edges):
 
 @njit(cache=True, nogil=True)
 def thicken(flat):
-    """Kernel: give each node of ``flat`` (16 N,) that is pressed flatter than the least volume that volume.
+    """Gives each node of ``flat`` (16 N,) at least the minimum volume, if it is pressed flatter.
 
-    The cofactors of R have its singular vectors, and most in the direction in which R is flattest: along them
-    the energy hardly changes. Returns whether any was found.
+    The cofactors of R have its singular vectors, and are largest in the direction in which R is flattest.
+    Along them the energy hardly changes. Returns whether any was found.
     """
     x = flat.reshape(-1, 4, 4)
     found = False
@@ -91,7 +91,7 @@ def thicken(flat):
 
 @njit(cache=True, nogil=True)
 def _copy_turn(target, source):
-    """Write the first three rows and columns of ``source`` into those of ``target``."""
+    """Copies the first three rows and columns of ``source`` into those of ``target``."""
     for a in range(3):
         for b in range(3):
             target[a, b] = source[a, b]
@@ -99,7 +99,7 @@ def _copy_turn(target, source):
 
 @njit(cache=True, nogil=True)
 def volume(node):
-    """The determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
+    """Returns the determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])
         - node[0, 1] * (node[1, 0] * node[2, 2] - node[1, 2] * node[2, 0])

@@ -1,20 +1,23 @@
-"""Embedded deformation, solved every frame: the pattern is analysed once, a small matrix refactored at times.
+"""The embedded deformation solver of a frame: one symbolic analysis, and a small matrix that is refactored at
+times.
 
-KinÊtre, eq. 8, is minimised by L-BFGS, preconditioned with a matrix of six unknowns a node, a turn and a
-shift, and a block of each node's stretch (:mod:`enliven.deformation.embedded.preconditioner`), factorised
-in 6x6 blocks (``block_cholesky``). Steps are taken in the nodes' own frames along rotations and stretches
-that cannot turn a node inside out (``node_frame``), whole where the energy falls, else shortened.
+KinÊtre, eq. 8, is minimized by L-BFGS. The preconditioner is a matrix of six unknowns per node, a rotation
+and a translation, and a block of each node's stretch (:mod:`enliven.deformation.embedded.preconditioner`),
+factorized in 6x6 blocks (``block_cholesky``). Steps are taken in the nodes' own frames along rotations and
+stretches that cannot turn a node inside out (``node_frame``). A step is full if the energy falls, else
+shortened.
 
-The matrix turns with the nodes: each node's rotation since it was made is put before and behind it. Thirty
-frames later its eigenvalues against the true second derivative are then within 0.15 and 5.6; without, within
-0.007 and 91 (a creature of 128 nodes that dances). So it is kept as long as that lowers the mean of the steps
-of its frames, what another one costs among them (``lbfgs.is_aged``).
+The matrix rotates with the nodes: each node's rotation since the matrix was made is applied before and after
+it. Thirty frames later, its eigenvalues relative to the true second derivative are then within 0.15 and 5.6;
+without this, within 0.007 and 91 (a dancing creature of 128 nodes). So the matrix is kept as long as that
+lowers the mean number of steps of its frames, including the cost of a new one (``lbfgs.is_aged``).
 
-A frame is done after a step that promised little: half of g.Bg, where B is the inverse of the matrix with
-what L-BFGS learnt. That bounds the gap to the minimum where the matrix is right; where the last steps gained
-more than they promised, the energy is softer than the matrix, and ten times less has to be promised. Of
-16,300 frames of creatures in fast motion 29 ended more than 0.2 % above the minimum, where a limb was about
-to buckle and no gradient tells; ``settled`` says so (``afterwards``), and the next frame begins below.
+A frame is complete after a step that promised little: half of g.Bg, where B is the inverse of the matrix,
+updated by L-BFGS. If the matrix is accurate, this bounds the gap to the minimum. If the last steps gained
+more than they promised, the energy is softer than the matrix, and a ten times smaller promise is required. Of
+16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these, a limb was
+about to buckle, which no gradient shows. ``settled`` is False then (``afterwards``), and the next frame
+begins below.
 """
 
 from __future__ import annotations
@@ -49,14 +52,14 @@ from enliven.kernels import hold
 from enliven.settings import setting
 
 _STALE = 1 << 30
-"""Steps that count as an age at which a matrix is always made anew."""
+"""Number of steps that represents an age at which a matrix is always computed again."""
 _STILL = 2
-"""Steps up to which a frame has not moved enough for another matrix."""
+"""Maximum number of steps of a frame that has not moved enough to need another matrix."""
 
 
 @dataclass(frozen=True)
 class EmbeddedSettings:
-    """The weights of the energy (Sumner et al. 2007; KinÊtre, eq. 8) and how far to go in a frame."""
+    """The weights of the energy (Sumner et al. 2007; KinÊtre, eq. 8) and the stopping criteria of a frame."""
 
     rotation: float = setting(1.0, "Weight of E_rot: how little a node may stretch.", low=0.0)
     smoothness: float = setting(10.0, "Weight of E_reg: how much neighbours agree.", low=0.0)
@@ -87,15 +90,17 @@ class EmbeddedSettings:
 
 
 class EmbeddedSolver:
-    """Moves a graph's nodes so that the constrained points go to their targets; warm from frame to frame.
+    """A solver that moves a graph's nodes so that the constrained points reach their targets, warm-started
+    every frame.
 
     Args:
         graph: the deformation graph.
-        attachment: the constraints; none at all leaves the graph where it is.
+        attachment: the constraints; without any, the graph does not move.
         settings: weights and limits.
-        start: (N, 3, 3) linear parts and (N, 3) positions to start from; at rest where None.
-        stiffness: (N,) above 0, factors on E_rot, E_reg and E_rig around each node (at an edge the geometric
-            mean of its ends'): above 1 a part is stiffer, below 1 it gives way, which exaggerates it.
+        start: (N, 3, 3) linear parts and (N, 3) positions to start from; at rest if None.
+        stiffness: (N,) above 0, factors on E_rot, E_reg and E_rig around each node (an edge uses the
+            geometric mean of its ends): above 1 a part is stiffer, below 1 it is softer, which exaggerates
+            its motion.
 
     Attributes:
         iterations: of the last frame.
@@ -134,7 +139,7 @@ class EmbeddedSolver:
         self._held_state = hold(self._state_of(self.settings))
 
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
-        """The energy's constants, with the nodes numbered in elimination order."""
+        """Returns the energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
         nodes, rows = rows_of(attachment, graph.positions, self._place)
         held_start, held_by, arms = holds_of(nodes, rows, len(graph.positions))
@@ -159,7 +164,7 @@ class EmbeddedSolver:
         )
 
     def _state_of(self, settings: EmbeddedSettings) -> SolverState:
-        """What frames have in common; with a budget, steps are timed at the present state."""
+        """Returns the state that frames share; with a budget, steps are timed at the present state."""
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
@@ -168,7 +173,7 @@ class EmbeddedSolver:
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
-        """Go to ``start`` (linear parts, positions), or to rest."""
+        """Moves to ``start`` (linear parts, positions), or to rest."""
         self._matrix.latest()
         if start is None:
             self._x[:] = self._rest
@@ -183,11 +188,11 @@ class EmbeddedSolver:
     def solve(
         self, targets: Float, weights: Float | None = None, planes: PlaneConstraints | None = None
     ) -> tuple[Float, Float]:
-        """Minimise the energy, starting from the last frame's answer.
+        """Minimizes the energy, starting from the last frame's result.
 
         Args:
             targets: (L, 3) metres, q_l; a target that is not finite, or farther than 10 km, frees its point.
-            weights: (L,) not negative, how much each constraint counts; 1 where None.
+            weights: (L,) not negative, the weight of each constraint; 1 if None.
             planes: soft planes of this frame.
 
         Returns:
@@ -210,16 +215,16 @@ class EmbeddedSolver:
         return linear, positions
 
     def renew(self) -> None:
-        """Begin to make another matrix at the last frame's answer, for the next frame."""
+        """Starts to compute another matrix at the last frame's result, for the next frame."""
         self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
 
     @property
     def settled(self) -> bool:
         """Whether the last frame ended within 0.1 % of the minimum below it.
 
-        False where it ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge. The next frame
-        starts from its answer, or from below the ridge, and makes it up. It is found out when it is asked
-        for, by going on, which takes as long as a few frames.
+        It is False if the frame ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge. The
+        next frame starts from its result, or from below the ridge, and compensates for it. The value is
+        computed on request by continuing the descent, which takes as long as a few frames.
         """
         ended = bool(self._work.age[2])
         if ended and not self._lower:
@@ -233,7 +238,7 @@ class EmbeddedSolver:
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
     def _leave(self, targets: Float, weights: Float) -> None:
-        """Begin below the ridge that the last frame was found on, where that is better by now."""
+        """Starts below the ridge where the last frame ended, if that is better now."""
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return
@@ -250,17 +255,17 @@ class EmbeddedSolver:
         return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:
-        """(N, 3, 3) linear parts and (N, 3) positions as they are."""
+        """Returns (N, 3, 3) linear parts and (N, 3) positions, current values."""
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         plain_state(self._x, self._order, linear, positions)
         return linear, positions
 
     def _take(self, targets: Float, weights: Float) -> None:
-        """Copy the usable targets and weights."""
+        """Copies the usable targets and weights."""
         take_usable(targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls)
 
     def _checked(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
-        """(L, 3) the frame's targets and (L,) weights; or an InputError."""
+        """Returns (L, 3) the frame's targets and (L,) weights; or raises InputError."""
         targets = np.ascontiguousarray(targets, np.float64)
         weights = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
         count = len(self._ones)

@@ -1,4 +1,4 @@
-"""The start of a frame's descent: the last frame extrapolated, or another state with a lower energy."""
+"""The start of a frame's descent: the last frame extrapolated, or another state with lower energy."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
 
 _FAR = 4.0
-"""Times the last frame's energy beyond which a start counts as bad, and more places are tried."""
+"""Multiple of the last frame's energy above which a start counts as bad, and more candidates are tried."""
 
 _SHRUNK = 0.5
-"""The share of its volume that a node keeps at least where it goes on as it did."""
+"""Minimum fraction of its volume that a node keeps under extrapolation."""
 
 
 @njit(cache=True, nogil=True)
 def choose_start(x, rest, t, planes, work):
-    """Kernel: start from the best of: the last frame; that, gone on as before; either moved rigidly; the rest
-    pose moved rigidly.
+    """Chooses the best start: the last frame, its extrapolation, either moved rigidly, or the rest pose moved
+    rigidly.
 
-    The rigid motion is the one that best brings the points to their targets. E_rot and E_reg do not change
-    in it, so a body that leaps costs nothing; and a state that wild targets have spoilt is left as soon as
-    the rest pose does better. The rigid ones are tried only where the others are bad. Returns whether
-    ``work.raw`` and ``work.energies`` are of the start already.
+    The rigid motion is the one that best moves the points to their targets. It does not change E_rot and
+    E_reg, so a body that leaps costs nothing. A state that wild targets have spoilt is abandoned as soon as
+    the rest pose is better. The rigid candidates are tried only if the others are bad. Returns whether
+    ``work.raw`` and ``work.energies`` already belong to the start.
     """
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
@@ -54,9 +54,9 @@ def choose_start(x, rest, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _go_on(x, last, out):
-    """``out`` takes where the nodes would be if they moved and turned as they did between two frames.
+    """Extrapolates the nodes' motion and rotation between two frames by another frame, into ``out``.
 
-    R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its turn.
+    R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its rotation.
     """
     for at in range(0, x.shape[0], 16):
         a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
@@ -68,7 +68,7 @@ def _go_on(x, last, out):
         q = fma4(total4(turn * b), turn, fma4(-square, b, q))
         r = fma4(total4(turn * c), turn, fma4(-square, c, r))
         if total4(p * cross4(q, r)) < _SHRUNK * total4(a * cross4(b, c)):
-            # A node that was pressed on for another frame would be flat, or inside out.
+            # A node under compression would become flat, or inside out, after another frame.
             p, q, r = a, b, c
         here = load4(x, at + 12)
         store4(out, at, p)
@@ -79,7 +79,7 @@ def _go_on(x, last, out):
 
 @njit(cache=True, nogil=True)
 def _moved(x, turn, middle, goal, out):
-    """``out`` takes ``x`` turned about ``middle``, which goes to ``goal``."""
+    """Computes ``x`` rotated about ``middle``, which moves to ``goal``, into ``out``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):
             at = 16 * j + 4 * c
@@ -93,7 +93,7 @@ def _moved(x, turn, middle, goal, out):
 
 @njit(cache=True, nogil=True)
 def _rigid_motion(x, t, turn, middle, goal):
-    """The rotation about ``middle``, which goes to ``goal``; False where nothing pulls."""
+    """Computes the rotation about ``middle``, which moves to ``goal``; returns False if nothing pulls."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))
     middle[:] = 0.0
@@ -119,7 +119,8 @@ def _rigid_motion(x, t, turn, middle, goal):
             size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
             for b in range(3):
                 spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
-    # A pull to "no turn": the points may lie on a line, about which any turn would be as good.
+    # A bias towards the identity, because the points may lie on a line, about which any rotation is equally
+    # good.
     for a in range(3):
         spread[0, a, a] += 1e-6 * size + 1e-12
     nearest_rotations(spread, turn.reshape(1, 3, 3))

@@ -1,4 +1,4 @@
-"""Deformation graphs: nodes sampled on a surface, their edges, and the weights of each vertex."""
+"""Deformation graphs: nodes sampled on a surface, their edges, and the skin weights of each vertex."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What holds a graph together: components, spanning joints, bridges and cut vertices."""
+"""Connectivity of a graph: connected components, joints between them, bridges and cut vertices."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from enliven.kernels import njit
 
 
 def components(count: int, edges: Int32 | Int) -> Int:
-    """(N,) the number of the connected component of each node."""
+    """Returns (N,) the number of the connected component of each node."""
     ones = np.ones(len(edges), bool)
     graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
 def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
-    """(C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
+    """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
-    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components; two
-    components are as far apart as their nearest two nodes. Borůvka's algorithm: every component takes its
-    shortest edge out, until one is left.
+    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
+    distance of two components is that of their nearest two nodes. Borůvka's algorithm: every component takes
+    its shortest outgoing edge, until one component is left.
 
     Args:
         distances: (N, N) symmetric and finite off the diagonal.
@@ -41,7 +41,7 @@ def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
 
 @njit(cache=True, nogil=True)
 def _shortest_ways_out(distances, label):
-    """(C, 2) for each component the nearest pair of one of its nodes and one outside."""
+    """Returns (C, 2) for each component the nearest pair of one of its nodes and a node outside."""
     count = label.max() + 1
     best = np.full(count, np.inf)
     out = np.zeros((count, 2), np.int64)
@@ -54,11 +54,11 @@ def _shortest_ways_out(distances, label):
 
 
 def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
-    """The bridges and cut vertices of a connected graph, by Tarjan's low links.
+    """Returns the bridges and cut vertices of a connected graph, by Tarjan's low-link algorithm.
 
     Returns:
-        bridges: (E,) true for an edge that, removed, splits the graph.
-        cut_vertices: (N,) true for a node that, removed, splits the graph.
+        bridges: (E,) true for an edge that splits the graph when removed.
+        cut_vertices: (N,) true for a node that splits the graph when removed.
         hanging: (E,) true for the bridges, and for the edges that join any part but the largest to a cut
             vertex.
     """
@@ -76,7 +76,7 @@ def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
 
 
 def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
-    """CSR neighbours of each node, with the number of the edge that leads there."""
+    """Returns CSR neighbours of each node, with the number of the edge to each neighbour."""
     ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
     number = np.tile(np.arange(len(edges)), 2)
     order = np.argsort(ends[:, 0], kind="stable")
@@ -86,7 +86,7 @@ def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
 
 @njit(cache=True, nogil=True)
 def _lowlink(offsets, neighbours, edge_of, edge_count):
-    """Tarjan's bridges and cut vertices by depth-first search, without recursion."""
+    """Finds Tarjan's bridges and cut vertices by depth-first search, without recursion."""
     count = offsets.shape[0] - 1
     bridges, cuts = np.zeros(edge_count, np.bool_), np.zeros(count, np.bool_)
     order, low = np.full(count, -1, np.int64), np.zeros(count, np.int64)

@@ -1,4 +1,6 @@
-"""Compiled shortest ways along a graph: between its nodes, around a node, and to all within a distance."""
+"""Compiled shortest paths along a graph: between its nodes, around a node, and to all nodes within a
+distance.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def spread(offsets, neighbours, lengths, sources):
-    """Dijkstra from all sources at once: (C,) metres to the nearest (infinite: none), and which (-1)."""
+    """Runs Dijkstra from all sources at once: (C,) metres to the nearest (infinite: none), and its number
+    (-1: none).
+    """
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
     keys = np.empty(neighbours.shape[0] + sources.shape[0] + 1)
@@ -34,10 +38,10 @@ def spread(offsets, neighbours, lengths, sources):
 
 @njit(cache=True, nogil=True)
 def ways(offsets, neighbours, lengths, sources, count, limit):
-    """Dijkstra from each of ``sources`` (N,) by itself, as far as ``limit`` metres.
+    """Runs Dijkstra from each of ``sources`` (N,) separately, up to ``limit`` metres.
 
     Returns:
-        CSR over the ``count`` first points: offsets (count + 1,), (K,) the number of each source that reached
+        CSR over the first ``count`` points: offsets (count + 1,), (K,) the number of each source that reached
         the point, ascending, and (K,) metres.
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
@@ -70,7 +74,9 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
 
 @njit(cache=True, nogil=True)
 def around(offsets, neighbours, lengths, limit):
-    """CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their metres."""
+    """Returns CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their
+    metres.
+    """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
     point, told = np.empty(16 * count, np.int32), np.empty(16 * count)
@@ -90,7 +96,7 @@ def around(offsets, neighbours, lengths, limit):
 
 @njit(cache=True, nogil=True)
 def dijkstra_workspace(offsets, neighbours):
-    """What :func:`settle_within` works in: metres (infinite), the heap, what was reached."""
+    """Returns the buffers of :func:`settle_within`: metres (infinite), the heap, and the points reached."""
     total = offsets.shape[0] - 1
     room = neighbours.shape[0] + 2
     return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)
@@ -98,7 +104,9 @@ def dijkstra_workspace(offsets, neighbours):
 
 @njit(cache=True, nogil=True)
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
-    """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
+    """Runs Dijkstra from one source; returns the number of points within ``limit``, listed in ``reached``,
+    nearest first.
+    """
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)
     settled = 0
@@ -120,7 +128,7 @@ def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, ite
 
 @njit(cache=True, nogil=True)
 def _longer(array, needed):
-    """The array with room for ``needed`` and as many again."""
+    """Returns the array with room for twice ``needed``."""
     out = np.empty(2 * needed, array.dtype)
     for i in range(array.shape[0]):
         out[i] = array[i]

@@ -1,4 +1,4 @@
-"""The deformation graph: few nodes on a surface, linked to their neighbours, that carry all vertices.
+"""The deformation graph: a few nodes on a surface, linked to their neighbours, that deform all vertices.
 
 KinÊtre, "Orientation-Aware Sampling" and "Mesh Connectivity and Regularization".
 """
@@ -30,11 +30,11 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
-"""The paper's k, for edges and for the nodes that a point follows."""
+"""The paper's k, for edges and for the number of nodes that a point follows."""
 _REACH = 2.5
-"""How many node spacings along the surface a neighbour may be away."""
+"""Maximum distance of a neighbour along the surface, in node spacings."""
 _FAR = 4.5
-"""How many node spacings along the surface a node may be away from a vertex that follows it."""
+"""Maximum distance along the surface from a vertex to a node that it follows, in node spacings."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class DeformationGraph:
         normals: (N, 3) outward unit normals of the surface.
         faces: (N,) the face of the mesh that each node lies on.
         edges: (E, 2) int32, i < j, sorted.
-        rigid: (E,) the edges where E_rig acts: bridges, and edges that join a part to a cut vertex.
-        bridges: (E,) true for an edge that, removed, splits the graph.
-        cut_vertices: (N,) true for a node that, removed, splits the graph.
+        rigid: (E,) the edges of E_rig: bridges, and edges that join a part to a cut vertex.
+        bridges: (E,) true for an edge that splits the graph when removed.
+        cut_vertices: (N,) true for a node that splits the graph when removed.
         radius: metres, the R of the sampling.
         cells: the nodes' Voronoi cells on the surface; None for a graph that was not built on a mesh.
     """
@@ -65,29 +65,29 @@ class DeformationGraph:
 
     @staticmethod
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
-        """Sample the mesh and link the samples; the same input gives the same graph.
+        """Samples the mesh and links the samples; the same input gives the same graph.
 
         Nodes are linked with their four nearest under D (eq. 6), with three additions to the paper:
 
         - Nodes that are near only through the air are not linked: two nodes of one shell that are much
-          farther apart along the surface (two legs), or of two shells that do not nearly touch.
-        - Where the surface bends much, few nodes face the same way, and the four nearest under D may be a
-          metre away. Neighbours lie within 2.5 node spacings along the surface; a node with fewer than four
-          of them takes those that are nearest along the surface.
-        - The two faces of a part thinner than half a node spacing are linked, each node with the nearest
-          one opposite, so that thin parts keep their thickness.
+          farther apart along the surface (two legs), or nodes of two shells that do not nearly touch.
+        - If the surface bends much, few nodes face the same way, and the four nearest under D may be a metre
+          away. Neighbours lie within 2.5 node spacings along the surface. A node with fewer than four of them
+          takes those that are nearest along the surface.
+        - The two faces of a part thinner than half a node spacing are linked, each node with the nearest one
+          opposite. Thin parts then keep their thickness.
 
-        What is not connected then is joined by the minimum spanning tree over the components: along the
-        surface within a shell; between shells by D, or by the Euclidean distance where D is infinite.
+        Remaining components are joined by the minimum spanning tree over the components: along the surface
+        within a shell; between shells by D, or by the Euclidean distance if D is infinite.
 
         Args:
             mesh: any triangles, in metres.
-            nodes: the number of nodes, unless ``radius`` says how far apart they are.
+            nodes: the number of nodes, unless ``radius`` defines their spacing.
             seed: of the sampling.
             radius: metres between nodes under D, or None.
 
         Raises:
-            InputError: for a mesh without area, or fewer than one node.
+            InputError: if the mesh has no area, or there is less than one node.
         """
         welded = weld(mesh)
         samples = poisson_disk(mesh, nodes, radius, seed, welded)
@@ -96,16 +96,16 @@ class DeformationGraph:
 
     @staticmethod
     def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
-        """The graph of nodes that are known: of a character that was sent, or of a part that was cut off.
+        """Returns the graph of known nodes: of a received character, or of a part that was cut off.
 
-        Where the edges leave several components, they are joined by the nearest nodes.
+        If the edges leave several components, these are joined by their nearest nodes.
 
         Args:
             positions: (N, 3) metres, on the mesh or near it.
             edges: (E, 2) pairs of nodes.
 
         Raises:
-            InputError: for a mesh without a face, or no node.
+            InputError: if the mesh has no face, or there is no node.
         """
         if not len(mesh.faces) or not len(positions):
             what = f"{len(mesh.faces)} faces and {len(positions)} nodes make no graph"
@@ -118,10 +118,10 @@ class DeformationGraph:
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
 
     def skin(self, mesh: Mesh) -> SkinWeights:
-        """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
-        by :func:`enliven.meshes.mesh.refine`, where the graph was built on that one).
+        """Returns four nodes and weights for each vertex of the mesh that the graph was built on.
 
-        See :func:`enliven.deformation.graph.weights.blending_weights` for the choice of the distance.
+        A refinement of that mesh by :func:`enliven.meshes.mesh.refine` is allowed if the graph was built on
+        it. See :func:`enliven.deformation.graph.weights.blending_weights` for the choice of the distance.
         """
         if int(self.faces.max()) >= len(mesh.faces):
             raise InputError(
@@ -141,13 +141,13 @@ class DeformationGraph:
 
 
 def graph_of(character: Character) -> DeformationGraph:
-    """The deformation graph of a character, from what is sent of it: the same wherever it is made."""
+    """Returns the deformation graph of a character, from its transmitted data: the same on every machine."""
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
     return DeformationGraph.of_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
 
 def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
-    """The mesh as a character with the nodes of ``graph`` as its transforms."""
+    """Returns the mesh as a character with the nodes of ``graph`` as its transforms."""
     return Character(
         id,
         mesh.vertices.astype(np.float32),
@@ -163,14 +163,14 @@ def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
 
 
 def _mean_spacing(area: float, count: int) -> float:
-    """Metres: the paper's R = sqrt(A / N)."""
+    """Returns the paper's R = sqrt(A / N), metres."""
     return float(np.sqrt(area / count))
 
 
 def _through(positions: Float, normals: Float, spacing: float) -> Bool:
-    """(N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
+    """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
-    Each lies behind the other's surface, and not deep; two legs that face each other lie before it.
+    Each lies behind the other's surface, at a small depth. Two legs that face each other lie in front of it.
     """
     way = positions[None] - positions[:, None]
     depth = -np.einsum("ija,ia->ij", way, normals)
@@ -179,7 +179,7 @@ def _through(positions: Float, normals: Float, spacing: float) -> Bool:
 
 
 def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
-    """The graph over ``samples``."""
+    """Returns the graph over ``samples``."""
     count = len(samples.positions)
     spacing = _mean_spacing(cells.net.mesh.area, count)
     apart = distance_matrix(samples)
@@ -187,7 +187,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     ways = between_nodes(count, cells.borders, cells.lengths)
     detours = ways > DETOUR * straight + SLACK * spacing
     far = detours | (ways > _REACH * spacing)
-    # What D cannot judge comes after all that it can, by the way along the surface.
+    # Pairs without a finite D come after all others, by their distance along the surface.
     around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
@@ -195,7 +195,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     opposite = np.where(through, straight, np.inf)
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
-    # Ways along the surface come first: no way between shells is shorter than any of them.
+    # Paths along the surface come first: every link between shells counts as longer than all of them.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
     links = np.where(np.isfinite(ways), ways, longest + across)
     edges = np.concatenate([edges, joints(count, edges, links)])
@@ -215,7 +215,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
 
 
 def _nearest_edges(distances: Float, k: int) -> Int32:
-    """(E, 2) i < j: every node with its k nearest at a finite distance, undirected."""
+    """Returns (E, 2) i < j: every node with its k nearest at a finite distance, undirected."""
     k = min(k, len(distances) - 1)
     if k < 1:
         return np.empty((0, 2), np.int32)

@@ -13,13 +13,14 @@ from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
-"""Candidate points for each node: with so many, hardly any place is left where one more would fit."""
+"""Number of candidate points per node. With this many, there is hardly any gap left in which one more
+would fit."""
 _SMOOTH = 0.75
-"""Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
+"""Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
 _ROUNDED = 1e-9
-"""Share of a distance, and metres, that rounding may change it by: faces as near are looked at."""
+"""Tolerance for rounding, as a fraction of a distance and in metres: faces within it are tested too."""
 _FLAT = 1e-30
-"""Square metres, twice: a triangle of less area counts as of this."""
+"""Minimum squared double area of a triangle, square metres squared, to avoid a division by zero."""
 
 
 class SurfaceSamples(NamedTuple):
@@ -29,7 +30,7 @@ class SurfaceSamples(NamedTuple):
         positions: (N, 3) metres.
         normals: (N, 3) outward unit normals.
         faces: (N,) the face that each point lies on.
-        radius: metres; no two points are nearer under D.
+        radius: metres, the minimum distance between points under D.
     """
 
     positions: Float
@@ -41,16 +42,16 @@ class SurfaceSamples(NamedTuple):
 def scatter(
     mesh: Mesh, count: int, rng: np.random.Generator, welded: tuple[Mesh, Int] | None = None
 ) -> SurfaceSamples:
-    """``count`` independent points, uniform over the area, with interpolated normals (radius 0).
+    """Returns ``count`` independent points, uniform over the area, with interpolated normals (radius 0).
 
-    A corner takes the welded vertex normal where the surface is smooth there, and the face's own normal at a
-    crease, so that a sphere of few faces is round and a box keeps its edges.
+    If the surface is smooth at a corner, the corner uses the welded vertex normal; at a crease, it uses the
+    face's own normal. So a sphere of few faces is round, and a box keeps its edges.
     """
     along = np.cumsum(face_areas(mesh.vertices, mesh.faces))
     total = float(along[-1]) if len(along) else 0.0
     if not (np.isfinite(total) and total > 0):
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    # Stratified along the area: the same distribution, with less chance of holes.
+    # Stratified along the area: the same distribution, with a lower chance of holes.
     chosen = (np.arange(count) + rng.random(count)) / count * total
     faces = np.minimum(np.searchsorted(along, chosen), len(along) - 1)
     a, b = rng.random((2, count))
@@ -61,10 +62,11 @@ def scatter(
 
 
 def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
-    """Returns for each of (N, 3) points in metres the nearest of the surface, with its normal (radius 0).
+    """Returns for each of (N, 3) points in metres the nearest point of the surface, with its normal (radius
+    0).
 
-    Exact for a point on the surface; beside it, of each face the place of its clamped barycentric coordinates
-    counts.
+    The result is exact for a point on the surface. For other points, the point of each face with clamped
+    barycentric coordinates is used.
     """
     corners = mesh.vertices[mesh.faces]
     middles = corners.mean(1)
@@ -76,10 +78,10 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 
 @njit(cache=True, nogil=True)
 def _nearest(corners, middles, reach, points, faces, weights):
-    """Kernel: the number (N,) and the clamped barycentric coordinates (N, 3) of the face nearest to a point.
+    """Finds the face (N,) nearest to each point, and its clamped barycentric coordinates (N, 3).
 
-    A face is left out where its middle is farther away than another one's by ``reach`` metres: the way from a
-    middle to the farthest corner.
+    ``reach`` metres is the largest distance from a face's centre to its corners. A face is skipped if its
+    centre is farther away than the nearest centre by more than ``reach``.
     """
     far, shares = np.empty(corners.shape[0]), np.empty(3)
     for n in range(points.shape[0]):
@@ -102,7 +104,7 @@ def _nearest(corners, middles, reach, points, faces, weights):
 
 @njit(cache=True, nogil=True)
 def _clamp(corners, point, shares):
-    """Kernel: squared metres to the place of a point's clamped barycentric coordinates, which it fills in."""
+    """Returns the squared metres to the point with clamped barycentric coordinates, and fills them in."""
     uu = uv = vv = along = across = 0.0
     for i in range(3):
         u, v, w = corners[1, i] - corners[0, i], corners[2, i] - corners[0, i], point[i] - corners[0, i]
@@ -126,7 +128,9 @@ def _clamp(corners, point, shares):
 
 
 def _at(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
-    """The points of ``faces`` (N,) with the barycentric coordinates (N, 3, 1), and interpolated normals."""
+    """Returns the points of ``faces`` (N,) with the barycentric coordinates (N, 3, 1), and interpolated
+    normals.
+    """
     positions = (mesh.vertices[mesh.faces[faces]] * weights).sum(1)
     normals = (_corner_normals(mesh, faces, welded) * weights).sum(1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -134,7 +138,7 @@ def _at(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> Sur
 
 
 def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
-    """(N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
+    """Returns (N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
     whole, welded_of = welded
     corners = welded_of[mesh.faces[faces]]
     wanted, number = np.unique(corners, return_inverse=True)
@@ -151,16 +155,16 @@ def poisson_disk(
     seed: int = 0,
     welded: tuple[Mesh, Int] | None = None,
 ) -> SurfaceSamples:
-    """Points that are no nearer to each other than R under the orientation-aware distance D of eq. 6.
+    """Returns points with a distance of at least R under the orientation-aware distance D of eq. 6.
 
-    Dart throwing in a fixed random order over area-weighted candidates. With ``radius`` the number of points
-    follows. Without, there are exactly ``nodes``: R starts at the paper's sqrt(A / N), which gives fewer
-    points on a plane and more where the surface bends; it is bisected until the maximal pattern over the
-    same candidates has N points, or the fewest above N; the last ones drawn are then left out.
-    ``welded`` is what :func:`enliven.meshes.mesh.weld` makes of the mesh, where it is known.
+    Dart throwing in a fixed random order over area-weighted candidates. With ``radius``, the number of points
+    follows from it. Without it, there are exactly ``nodes`` points. R then starts at the paper's sqrt(A / N),
+    which gives fewer points on a plane and more on a strongly curved surface. It is bisected until the
+    maximal pattern over the same candidates has N points, or the fewest above N; the last ones drawn are then
+    left out. ``welded`` is the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
 
     Raises:
-        InputError: for a mesh without area, no nodes, or a radius that is not positive.
+        InputError: if the mesh has no area, there are no nodes, or the radius is not positive.
     """
     if nodes < 1 or (radius is not None and not radius > 0):
         raise InputError(
@@ -180,7 +184,7 @@ def poisson_disk(
 
 
 def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """The largest radius found that gives ``count`` points or more, and ``count`` of its points."""
+    """Returns the largest radius found that gives at least ``count`` points, and ``count`` of its points."""
     low, high = radius, radius
     chosen = throw_darts(positions, normals, low)
     while len(chosen) < count and low > 1e-9 * radius:
@@ -205,9 +209,9 @@ def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tup
 
 @njit(cache=True, nogil=True, inline="always")
 def distance(p, n_p, q, n_q):
-    """D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
+    """Returns D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
 
-    dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| counts what leaves q's tangent plane three times.
+    dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| counts the part outside of q's tangent plane three times.
     """
     facing = n_p[0] * n_q[0] + n_p[1] * n_q[1] + n_p[2] * n_q[2]
     if facing <= 1e-9:
@@ -221,7 +225,7 @@ def distance(p, n_p, q, n_q):
 
 
 def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
-    """(K,) the candidates kept, in order: each that is no nearer than ``radius`` (D) to one kept before."""
+    """Returns (K,) the kept candidates, in order: each is at least ``radius`` (D) from all kept before."""
     low = positions.min(0)
     # D >= the Euclidean distance, so a conflict lies in the same or a neighbouring cell of side R.
     size = max(radius, float((positions.max(0) - low).max()) / 500)
@@ -239,7 +243,9 @@ def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
 
 @njit(cache=True, nogil=True)
 def _throw_darts(positions, normals, cell, near, radius):
-    """Kernel of :func:`throw_darts`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each."""
+    """Computes :func:`throw_darts`, given ``cell`` (M,) of each candidate and ``near`` (C, 27) cells
+    around each.
+    """
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)
     kept = np.empty(positions.shape[0], np.int64)
@@ -266,7 +272,7 @@ def _throw_darts(positions, normals, cell, near, radius):
 
 
 def distance_matrix(samples: SurfaceSamples) -> Float:
-    """(N, N) D between all samples; infinite on the diagonal."""
+    """Returns (N, N) D between all samples; infinite on the diagonal."""
     return np.asarray(_distance_matrix(samples.positions, samples.normals))
 
 

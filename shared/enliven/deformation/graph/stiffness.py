@@ -1,6 +1,6 @@
-"""Stiff and soft spots of a mesh: what bends less, and what gives way (KinÊtre, per-node weights).
+"""Stiff and soft regions of a mesh (KinÊtre, per-node weights).
 
-Spots are told in numbers, paint is on the vertices; both are factors on the weights of the nodes.
+Spots are given as numbers, and paint is stored per vertex. Both are factors on the weights of the nodes.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from enliven.errors import InputError
 Spot = tuple[float, float, float, float, float]
 """x, y, z and radius in metres of the mesh's rest space, and a factor: above 1 stiffer, below 1 softer."""
 _LEAST = 1e-9
-"""Sum of weights below which a node has no vertices."""
+"""Sum of weights below which a node counts as having no vertices."""
 
 
 def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
-    """(N,) the factor of each node: a spot's own in its middle, easing to 1 at its radius.
+    """Returns (N,) the factor of each node: that of a spot at its centre, easing to 1 at its radius.
 
-    Where spots overlap their factors multiply. None where there is no spot.
+    The factors of overlapping spots multiply. None without spots.
 
     Args:
         positions: (N, 3) metres, the nodes at rest.
 
     Raises:
-        InputError: for a radius or factor that is not above 0, or a number that is not finite.
+        InputError: if a radius or factor is not above 0, or a number is not finite.
     """
     if not spots:
         return None
@@ -44,9 +44,9 @@ def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
 
 
 def painted_stiffness(character: Character) -> Float | None:
-    """(N,) the factor that is painted around each node: the geometric mean of its vertices' by their weights.
+    """Returns (N,) the painted factor around each node: the weighted geometric mean of its vertices' factors.
 
-    A node without vertices has 1. None where nothing is painted.
+    A node without vertices has 1. None if nothing is painted.
     """
     if character.stiffness is None:
         return None

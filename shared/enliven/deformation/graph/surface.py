@@ -1,9 +1,9 @@
 """Geodesic distances: shortest paths along a surface, and the Voronoi cells of a graph's nodes on it.
 
-Two legs may be near in space and far along the surface, so nodes are linked, and vertices follow nodes, by
-these distances. Paths run over a *net*. Where the mesh is coarse, the net is the welded mesh's edges, halved
-until they are short enough. Where it is fine, connected vertices within one cell of a grid become one point
-of the net, so that a million vertices cost no more than ten thousand; a cell never joins two sheets that meet
+Two legs may be near in space and far apart along the surface. So nodes are linked, and vertices follow nodes,
+by these distances. Paths run over a *net*. If the mesh is coarse, the net is the welded mesh's edges, halved
+until they are short enough. If it is fine, connected vertices within one cell of a grid become one point of
+the net. A million vertices then cost no more than ten thousand. A cell never joins two sheets that meet
 elsewhere. The net also has links through thin parts, and across the seams between shells.
 """
 
@@ -24,21 +24,23 @@ from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MOST_VERTICES = 200_000
-"""Vertices of a halved mesh at most, unless the mesh itself has more: it bounds the net's memory and time."""
+"""Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. It bounds the net's
+memory and time."""
 _CELLS = 6
 """Cells of the net along one node spacing."""
 _LONGEST = 1 / 3
-"""Edges are halved until they are shorter than this many node spacings."""
+"""Maximum edge length, in node spacings. Longer edges are halved."""
 _CROWDED = 20_000
-"""Points from which on a net is tested for being a triangle soup; a smaller one is cheap in any case."""
+"""Minimum number of points for testing whether a net is a triangle soup. A smaller net is cheap in any
+case."""
 _PIECES = 6
-"""Pieces to a cell, in the mean, from which on a net of more than 20,000 points is a soup's."""
+"""Minimum mean number of pieces per cell for a net of more than 20,000 points to count as a triangle soup."""
 _THIN = 1 / 2
-"""Two points that lie behind each other are linked where they are nearer than this many spacings."""
+"""Maximum distance, in spacings, of two points behind each other that are linked through the part."""
 _SEAM = 1 / 2
-"""The same, for points of two shells where one continues the other."""
+"""The same for points of two shells if one shell continues the other."""
 _TOUCH = 1 / 10
-"""The same, for points of two shells whichever way they face."""
+"""The same for points of two shells with any orientation."""
 
 
 class WeightedGraph(NamedTuple):
@@ -55,20 +57,20 @@ class WeightedGraph(NamedTuple):
 
 @dataclass(frozen=True)
 class SurfaceNet:
-    """A net: the points and links that paths along a surface run over.
+    """A net: the points and links for paths along a surface.
 
     Attributes:
-        mesh: the surface it stands for.
+        mesh: the surface that it represents.
         cell: metres, the side of the grid's cells.
-        points: (C, 3) metres: means of the vertices that each stands for.
-        normals: (C, 3) unit, outward; zero where no face of any area touches.
+        points: (C, 3) metres: means of the vertices that each point represents.
+        normals: (C, 3) unit, outward; zero if no face with an area touches the point.
         radii: (C,) metres, from each point to the farthest of its vertices.
-        of_vertex: (V,) int32, the point that stands for each vertex of the mesh.
+        of_vertex: (V,) int32, the point that represents each vertex of the mesh.
         shell: (C,) the number of the shell that each point is on.
         graph: along the surface, through thin parts, and across seams.
-        label: (W,) int32, the point that stands for each vertex of the welded and cut mesh.
+        label: (W,) int32, the point that represents each vertex of the welded and subdivided mesh.
         faces: (G, 3) the faces of that mesh.
-        origin: (G,) the mesh's face that each was cut from, ascending; None where none was cut.
+        origin: (G,) the mesh's face that each was cut from, ascending; None if none was cut.
     """
 
     mesh: Mesh
@@ -85,11 +87,11 @@ class SurfaceNet:
 
 
 def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
-    """The net of a mesh, for nodes about ``spacing`` metres apart.
+    """Returns the net of a mesh, for nodes about ``spacing`` metres apart.
 
     Args:
         mesh: any triangles.
-        welded: what :func:`enliven.meshes.mesh.weld` makes of the mesh, where it is known.
+        welded: the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
     """
     whole, welded_of = welded or weld(mesh)
     vertices, faces, origin = _halved(whole, _LONGEST * spacing)
@@ -97,7 +99,8 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.clusters(faces, cells)
     if count > _CROWDED:
-        # A soup of tiny pieces has many to a cell, and none leads anywhere: then a cell is one point.
+        # A soup of tiny pieces has many per cell, and paths along them lead nowhere, so each cell becomes one
+        # point.
         occupied, by_cell = np.unique(cells, return_inverse=True)
         if count > _PIECES * len(occupied):
             label, count = by_cell.reshape(-1).astype(np.int32), len(occupied)
@@ -115,7 +118,9 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
 
 
 def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
-    """The vertices and faces of a finer mesh, and each face's number in the mesh given (None: the same)."""
+    """Returns the vertices and faces of a finer mesh, and each face's number in the given mesh (None: the
+    same).
+    """
     vertices, faces = welded.vertices, welded.faces
     origin: Int | None = None
     while longest_edge(vertices, faces) > longest:
@@ -127,7 +132,7 @@ def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
 
 
 def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
-    """(L, 2) pairs of points that are near although no way along the surface says so."""
+    """Returns (L, 2) pairs of points that are near in space but not connected along the surface."""
     reach = max(_THIN, _SEAM, _TOUCH) * spacing
     order, starts, around = kernels.grid(points, reach)
     return np.asarray(
@@ -150,10 +155,10 @@ class VoronoiCells:
 
     Attributes:
         net: the surface.
-        graph: the net's edges, and those that tie the nodes in; node j is point C + j.
+        graph: the net's edges, and those that connect the nodes; node j is point C + j.
         owner: (C,) the node nearest to each point of the net, along the surface.
         borders: (B, 2) pairs of nodes with adjacent cells.
-        lengths: (B,) metres, the shortest way between the two across their border.
+        lengths: (B,) metres, the shortest path between the two across their border.
     """
 
     net: SurfaceNet
@@ -164,9 +169,9 @@ class VoronoiCells:
 
 
 def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCells:
-    """Split the surface between nodes by distance along it (a geodesic Voronoi diagram).
+    """Splits the surface between nodes by distance along it (a geodesic Voronoi diagram).
 
-    A part without any node goes, as a whole, to the node that is nearest in space.
+    A part without any node belongs, as a whole, to the node that is nearest in space.
 
     Args:
         net: of the mesh.
@@ -186,7 +191,9 @@ def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCel
 
 
 def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
-    """The net's graph with each node tied to the corners of its face, and each part without a node to one."""
+    """Returns the net's graph with each node connected to the corners of its face, and each part without a
+    node to one.
+    """
     count = len(net.points)
     origin = np.arange(len(net.faces)) if net.origin is None else net.origin
     first, last = np.searchsorted(origin, faces), np.searchsorted(origin, faces, side="right")
@@ -204,7 +211,9 @@ def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
 
 
 def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
-    """(O, 2) one tie, from its nearest point to the nearest node, for each part without a node."""
+    """Returns (O, 2) one connection, from its nearest point to the nearest node, for each part without a
+    node.
+    """
     count = len(points)
     orphans = np.flatnonzero(~np.isin(part[:count], part[count:]))
     if len(orphans) == 0:
@@ -217,7 +226,7 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
 
 
 def _adjacency(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
-    """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
+    """Returns CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
     rows, columns = np.concatenate([graph.edges, graph.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
@@ -227,13 +236,14 @@ def _adjacency(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
 def ways_from_nodes(
     cells: VoronoiCells, nodes: Int, joints: Int32, spacing: float, reach: float
 ) -> tuple[Int, Int32, Float]:
-    """Which nodes lie within ``reach`` metres of each point of the net along the surface, and how far.
+    """Returns the nodes within ``reach`` metres of each point of the net along the surface, and their
+    distances.
 
-    Where that leaves a point without any, the reach is longer for all.
+    If a point has no such node, the reach is increased for all points.
 
     Args:
-        nodes: (M,) the nodes that are asked for, ascending.
-        joints: (E, 2) pairs of nodes between which no way leads; they count as ``spacing`` metres apart.
+        nodes: (M,) the nodes that are considered, ascending.
+        joints: (E, 2) pairs of nodes without a path between them; they count as ``spacing`` metres apart.
 
     Returns:
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
@@ -246,14 +256,14 @@ def ways_from_nodes(
     offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
         ends, which, metres = geodesic_kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
-        # Few nodes on a long thing may leave a point alone.
+        # If a long object has few nodes, a point may have none in reach.
         if (np.diff(ends) > 0).all() or np.isinf(reach):
             return ends, nodes.astype(np.int32)[which], metres
         reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
 def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
-    """The points within ``reach`` metres along the net of each point, itself first, then the nearest.
+    """Returns the points within ``reach`` metres along the net of each point, itself first, then the nearest.
 
     Returns:
         CSR: offsets (C + 1,), points (K,) and metres (K,).
@@ -263,23 +273,27 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
 
 
 def members(net: SurfaceNet) -> tuple[Int, Int32]:
-    """CSR: offsets (C + 1,) and the vertices of each point."""
+    """Returns CSR: offsets (C + 1,) and the vertices of each point."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order
 
 
 def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
-    """(N, N) the shortest way between nodes over weighted edges; infinite beyond ``limit`` metres."""
+    """Returns (N, N) the shortest path between nodes over weighted edges; infinite beyond ``limit``
+    metres.
+    """
     if len(edges) == 0:
         return np.where(np.eye(count, dtype=bool), 0.0, np.inf)
-    # csr_matrix would add up edges given twice, so each is given once.
+    # csr_matrix would add up duplicate edges, so each edge is given once.
     pairs, shortest = _shortest(edges.astype(np.int64), lengths)
     graph = csr_matrix((np.maximum(shortest, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count))
     return np.asarray(dijkstra(graph, directed=False, limit=limit))
 
 
 def _shortest(pairs: Int, lengths: Float) -> tuple[Int, Float]:
-    """(B, 2) every pair of two nodes once, smaller number first, and (B,) the shortest of its lengths."""
+    """Returns (B, 2) every pair of two nodes once, smaller number first, and (B,) the shortest of its
+    lengths.
+    """
     different = pairs[:, 0] != pairs[:, 1]
     pairs, lengths = np.sort(pairs[different], 1), lengths[different]
     order = np.lexsort((lengths, pairs[:, 1], pairs[:, 0]))

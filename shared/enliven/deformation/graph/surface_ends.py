@@ -1,8 +1,8 @@
-"""The ends of a mesh's limbs: heads, hands, feet, tails, wherever a surface stands out.
+"""The ends of a mesh's limbs: heads, hands, feet, tails, and other protrusions of a surface.
 
-How far a point of the surface is from all others, along the surface, in the mean (M. Hilaga et al., "Topology
-matching", 2001) is largest at the ends of limbs. An end counts by how far one must come back from it to get
-to one that is farther out (its persistence): a hand first by its longest finger, then by its other ones.
+The mean geodesic distance of a point to all others (M. Hilaga et al., "Topology matching", 2001) is largest
+at the ends of limbs. An end is ranked by its persistence: the distance that one must go back from it to reach
+a point that is farther out. A hand is represented first by its longest finger, then by its other fingers.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from enliven.meshes import Mesh, submesh
 from enliven.union_find import root_of
 
 _NODES = 200
-"""Nodes that the net is made for; it has some forty points for each."""
+"""Number of nodes that the net is made for; the net has about forty points per node."""
 _SOURCES = 32
-"""Points, far from each other, with paths to all others: a vertex at a limb's end is far from most of
-them."""
+"""Number of points, far from each other, with paths to all others. A vertex at a limb's end is far from
+most of them."""
 _LEAST = 0.02
-"""Part of the longest way along the mesh; ends that stand out less are none."""
+"""Minimum persistence of an end, as a fraction of the longest path along the mesh."""
 
 _SMALL = 64
-"""Points of a shell up to which it is joined by the neighbours of its points among all points."""
+"""Maximum number of points of a shell that is joined by searching its points' neighbours among all points."""
 
 
 @dataclass(frozen=True)
 class LimbEnds:
-    """The ends of a mesh's limbs on the net that paths along its surface run over.
+    """The ends of a mesh's limbs on the net for paths along its surface.
 
     Attributes:
         points: (C, 3) metres, the net's points.
-        ends: (K,) the points at the ends, those that stand out most first.
-        prominence: (K,) metres along the surface by which each stands out; infinite for the first.
-        longest: metres, the longest way along the surface.
+        ends: (K,) the points at the ends, most prominent first.
+        prominence: (K,) metres along the surface, persistence of each end; infinite for the first.
+        longest: metres, the longest path along the surface.
         ways: (C, C) the net's links, in metres.
     """
 
@@ -54,22 +54,22 @@ class LimbEnds:
     ways: csr_matrix
 
     def ways_from(self, points: Int) -> Float:
-        """(P, C) metres along the surface from some points to all."""
+        """Returns (P, C) metres along the surface from some points to all."""
         return np.atleast_2d(dijkstra(self.ways, indices=points))
 
 
 def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
-    """Returns the ends of limbs of a mesh, at most so many.
+    """Returns at most ``most`` ends of limbs of a mesh.
 
     Args:
-        nodes: how many the net is made for: parts nearer than half their spacing are taken for one.
+        nodes: number of nodes that the net is made for. Parts nearer than half their spacing are merged.
 
     Raises:
-        InputError: for a mesh without area.
+        InputError: if the mesh has no area.
     """
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))  # vertices without a face are none of it
+    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))  # excludes vertices without a face
     net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
     ways = _ways(net)
     from_sources = _spread_out(ways, _SOURCES)
@@ -83,10 +83,10 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """(K,) vertices at the ends of limbs, K at most ``most``, those that stand out most first.
+    """Returns (K,) vertices at the ends of limbs, K at most ``most``, most prominent first.
 
     Raises:
-        InputError: for a mesh without area.
+        InputError: if the mesh has no area.
     """
     found = limb_ends(mesh, most)
     used = np.unique(mesh.faces)
@@ -95,7 +95,7 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
 
 
 def _spread_out(ways: csr_matrix, count: int) -> Float:
-    """(S, C) metres along the surface from some points that are far from each other."""
+    """Returns (S, C) metres along the surface from some points that are far from each other."""
     net = ways.indptr.astype(np.int64), ways.indices, ways.data
     near, _ = spread(*net, np.array([0]))
     rows = list[Float]()
@@ -107,10 +107,10 @@ def _spread_out(ways: csr_matrix, count: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _peaks(offsets, neighbours, height, order):
-    """The points that are higher than all around them, and how far each stands over its pass to a higher one.
+    """Returns the local maxima, and the height of each above its pass to a higher maximum (persistence).
 
-    The surface comes out of the water from the highest point down; where two islands meet, the lower one's
-    peak has found its pass.
+    The points are added from the highest down, and merged into components (union-find). When two components
+    meet, the lower one's peak has found its pass.
 
     Args:
         order: (C,) the points from the highest down.
@@ -144,7 +144,7 @@ def _peaks(offsets, neighbours, height, order):
 
 
 def _ways(net: SurfaceNet) -> csr_matrix:
-    """(C, C) the net's edges, its shells joined where they are nearest."""
+    """Returns (C, C) the net's edges, with shells joined at their nearest points."""
     count, edges = len(net.points), net.graph.edges
     graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
     joints = joined_shells(net.points, connected_components(graph, directed=False)[1])
@@ -154,10 +154,10 @@ def _ways(net: SurfaceNet) -> csr_matrix:
 
 
 def joined_shells(points: Float, label: Int) -> Int:
-    """Returns (S - 1, 2) pairs of points that make one piece of S shells, the shortest that do.
+    """Returns (S - 1, 2) the shortest pairs of points that join S shells into one component.
 
-    Every shell but the largest takes its nearest point of another one, again and again until all are one
-    (Borůvka's algorithm): a few rounds, however many shells there are.
+    Every shell but the largest is linked to its nearest point on another shell, until all are one component
+    (Borůvka's algorithm). This takes a few rounds, however many shells there are.
 
     Args:
         points: (C, 3) metres.
@@ -179,12 +179,14 @@ def joined_shells(points: Float, label: Int) -> Int:
 
 
 def _beside(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
-    """Yields (P,) points of shells but the largest, metres to the nearest point of another, and that one."""
+    """Yields (P,) points of all shells but the largest, metres to the nearest point of another shell, and
+    that point.
+    """
     size = np.bincount(label)
     largest = int(size.argmax())
     small = np.flatnonzero((size[label] <= _SMALL) & (label != largest))
     if len(small):
-        # Of so many neighbours of a point one at least is on another shell.
+        # With one more neighbour than the largest small shell has points, at least one is on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
         yield small, near[rows, place], around[rows, place]

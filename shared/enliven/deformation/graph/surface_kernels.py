@@ -1,4 +1,6 @@
-"""Compiled loops of :mod:`enliven.deformation.graph.surface`: clusters of vertices, links, shortest ways."""
+"""Compiled loops of :mod:`enliven.deformation.graph.surface`: clusters of vertices, links, nearest
+neighbours.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from enliven.union_find import join, root_of
 
 @njit(cache=True, nogil=True)
 def grid_cells(vertices, size):
-    """(V,) int64 the number of the cell of side ``size`` that each vertex is in; at most 2^20 a side."""
+    """Returns (V,) int64 the number of the cell of side ``size`` that contains each vertex; at most 2^20
+    per side.
+    """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in range(vertices.shape[0]):
         for a in range(3):
@@ -30,7 +34,9 @@ def grid_cells(vertices, size):
 
 @njit(cache=True, nogil=True)
 def clusters(faces, cells):
-    """(V,) int32 the cluster of each vertex, and their count; a cluster is a connected part within a cell."""
+    """Returns (V,) int32 the cluster of each vertex, and the number of clusters (connected parts within a
+    cell).
+    """
     parent = np.arange(cells.shape[0]).astype(np.int32)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -43,7 +49,7 @@ def clusters(faces, cells):
     label = np.empty(cells.shape[0], np.int32)
     count = 0
     for v in range(cells.shape[0]):
-        # The smallest vertex is the root, so its label is known before it is asked for.
+        # The root is the smallest vertex, so its label is set before it is needed.
         r = root_of(parent, v)
         if r == v:
             label[v] = count
@@ -55,7 +61,9 @@ def clusters(faces, cells):
 
 @njit(cache=True, nogil=True)
 def means(vertices, label, count):
-    """(C, 3) the mean of each cluster's vertices, and (C,) float32 the distance of the farthest from it."""
+    """Returns (C, 3) the mean of each cluster's vertices, and (C,) float32 the distance to the farthest of
+    them.
+    """
     points, members = np.zeros((count, 3)), np.zeros(count)
     for v in range(vertices.shape[0]):
         c = label[v]
@@ -79,7 +87,9 @@ def means(vertices, label, count):
 
 @njit(cache=True, nogil=True)
 def by_label(label, count):
-    """(C + 1,) where each label's items start, and (V,) int32 the items, ascending at each label."""
+    """Returns (C + 1,) the index at which each label's items start, and (V,) int32 the items, ascending
+    per label.
+    """
     starts = np.zeros(count + 1, np.int64)
     for v in range(label.shape[0]):
         starts[label[v] + 1] += 1
@@ -95,7 +105,9 @@ def by_label(label, count):
 
 @njit(cache=True, nogil=True)
 def joined(vertices, faces, label, count):
-    """(E, 2) the pairs of clusters that an edge joins, and (C, 3) the sums of the normals on their rims."""
+    """Returns (E, 2) pairs of clusters that share an edge, and (C, 3) the sums of the normals on their
+    borders.
+    """
     size = 1024
     while size < 16 * count:
         size *= 2
@@ -136,7 +148,7 @@ def joined(vertices, faces, label, count):
 
 @njit(cache=True, nogil=True)
 def _grown(size, pairs, found, count):
-    """The hash table of :func:`joined`, twice as large."""
+    """Returns the hash table of :func:`joined`, twice as large."""
     size *= 2
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)
@@ -151,7 +163,9 @@ def _grown(size, pairs, found, count):
 
 
 def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
-    """Points by cell of side ``size``: their order, (K + 1,) starts of the cells, (K, 27) cells around."""
+    """Returns points by cell of side ``size``: their order, (K + 1,) starts of the cells, (K, 27)
+    neighbouring cells.
+    """
     low = points.min(0)
     size = max(size, float((points.max(0) - low).max()) / 1000, 1e-300)
     cells = ((points - low) / size).astype(np.int64) + 1
@@ -168,16 +182,18 @@ def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
 
 
 _SHELLS = 3
-"""Links at most from a point to other shells: where shells only touch, one link would make a hinge."""
+"""Maximum number of links from a point to other shells. If shells only touch, a single link would act as a
+hinge."""
 
 
 @njit(cache=True, nogil=True)
 def near_pairs(points, normals, shell, order, starts, around, reach):
-    """(L, 2) links between points, i < j, at most one through the part and three to other shells for each.
+    """Returns (L, 2) links between points, i < j: per point at most one through the part and three to other
+    shells.
 
     Args:
         order, starts, around: of :func:`grid`, with cells no smaller than any reach.
-        reach: metres: of links through a part, across a seam, and between what touches.
+        reach: metres: of links through a part, across a seam, and between touching shells.
     """
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2
@@ -187,6 +203,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
     for cell in range(starts.shape[0] - 1):
         for at in range(starts[cell], starts[cell + 1]):
             i = order[at]
+            # Search the neighbouring cells of the grid for near points.
             through, through_length = -1, thin
             near = np.int64(0)
             for m in range(27):
@@ -205,6 +222,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     length = x * x + y * y + z * z
                     if length > farthest:
                         continue
+                    # Two points are behind each other if each lies behind the tangent plane of the other.
                     depth_i = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
                     depth_j = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
                     behind = depth_i > 0.0 and depth_j > 0.0
@@ -221,6 +239,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
                         near = insert(best, who, near, length, j)
+            # Write the link through the part, and the links to other shells.
             if through >= 0:
                 out[found, 0], out[found, 1] = min(i, through), max(i, through)
                 found += 1
@@ -232,9 +251,9 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
 
 @njit(cache=True, nogil=True)
 def insert(near, who, found, length, item):
-    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
+    """Inserts a length into ``near``, the smallest lengths, ascending, with ``who``; returns the new count.
 
-    The length is a float64, the others are int64: every other type would be compiled by itself.
+    The length must be float64 and the others int64, because numba compiles every other type separately.
     """
     if found == near.shape[0]:
         if length >= near[found - 1]:

@@ -1,19 +1,20 @@
-"""Blending weights: which nodes a point follows, and how much (KinÊtre, below eq. 2).
+"""Skin weights: the nodes that a point follows, and their weights (KinÊtre, below eq. 2).
 
-KinÊtre: a point follows its four nearest nodes with linear fall-off 1 - d / d_max, d_max to the fifth, sum
-one, d the Euclidean distance. So a vertex of one leg may follow the other leg, and where five nodes are about
-equally far away the weights go from some to others within millimetres, and the surface creases. Here
+In KinÊtre, a point follows its four nearest nodes with linear fall-off 1 - d / d_max. d is the Euclidean
+distance, d_max that to the fifth node, and the weights sum to one. So a vertex of one leg may follow the
+other leg. If five nodes are about equally far away, the weights shift between them within millimetres, and
+the surface creases. This module differs in three steps:
 
-1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2), with e the Euclidean distance, g the way along the surface and
-   s the node spacing: e itself, until the way along the surface is a detour; from there it grows with the
-   detour. Straight distances make both faces of a thin board follow the same nodes; g leads through thin
-   parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface, so the weights are,
-   whichever nodes enter and leave the four: a node enters with weight zero. d_max is at most two spacings, so
-   that the tip of an arm does not follow the other arms.
-2. Only *carriers* are followed, nodes that are not too near to each other along the surface; eq. 6 puts
-   flocks of nodes where the surface bends. The others act on the carriers through the graph.
-3. A vertex takes the mean of these weights over the surface around it. Of the nodes in it the four largest
-   are kept, less the fifth, which keeps them continuous; they are scaled to sum one.
+1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g the geodesic distance along the
+   surface, and s the node spacing. d equals e until the path along the surface is a detour; from there it
+   grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes; g leads
+   through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface, and so
+   are the weights, even when nodes enter and leave the four: a node enters with weight zero. d_max is at most
+   two spacings, so that the tip of an arm does not follow the other arms.
+2. Only *carriers* are followed: nodes that are not too near to each other along the surface. Eq. 6 clusters
+   nodes where the surface bends. The other nodes act on the carriers through the graph.
+3. A vertex takes the mean of these weights over the surface around it. The four largest are kept, minus the
+   fifth, which keeps them continuous; they are scaled to sum to one.
 
 (R. W. Sumner et al., "Embedded deformation for shape manipulation", 2007, eq. 4, squares the fall-off.)
 """
@@ -29,33 +30,33 @@ from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR = 1.5
-"""Factor on the straight distance up to which a path along the surface is no detour: a curved surface alone
-makes paths longer."""
+"""Ratio of the path along the surface to the straight distance above which it is a detour. A curved
+surface alone makes paths longer."""
 SLACK = 0.5
-"""Node spacings by which it may be longer besides: paths over the net are that coarse."""
+"""Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _APART = 0.6
-"""How many node spacings two nodes that carry vertices are apart at least."""
+"""Minimum distance, in node spacings, between two nodes that carry vertices."""
 _FARTHEST = 2.0
-"""How many node spacings away a node has no weight any more, unless it is the nearest or nearly so."""
+"""Distance, in node spacings, beyond which a node has no weight, unless it is the nearest or nearly so."""
 _MEAN = 0.6
-"""Node spacings, the radius of the surface around a point that its weights are the mean over."""
+"""Radius, in node spacings, of the surface around a point over which its weights are averaged."""
 _WIDTH = 1.8
-"""Cells of the net, in space: a vertex takes its weights from points nearer than this. It is more than a
-cell's diagonal, so that the vertex's own point is among them."""
+"""Maximum distance, in net cells, from a vertex to the points that it takes its weights from. It is more
+than a cell's diagonal, so that the vertex's own point is included."""
 _REACH = 2.7
-"""Cells of the net, along the surface: the same; 1.5 times as far, as a path bends."""
+"""The same along the surface, in net cells: 1.5 times as far, because paths bend."""
 _AROUND = 64
-"""Points at most that a vertex takes its weights from, the nearest to its own first."""
+"""Maximum number of points that a vertex takes its weights from, the nearest to its own first."""
 _KEPT = 12
-"""Nodes at most that a point of the net follows."""
+"""Maximum number of nodes that a point of the net follows."""
 _UNION = 64
-"""Nodes at most that the vertices of one point of the net choose from."""
+"""Maximum number of nodes that the vertices of one point of the net choose from."""
 
 
 def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
-    """(M,) the nodes that vertices follow, ascending: each that is not near to one before it.
+    """Returns (M,) the nodes that vertices follow, ascending: each one that is not near to an earlier one.
 
-    Where that would leave fewer than ``least``, all nodes.
+    If there would be fewer than ``least``, returns all nodes.
 
     Args:
         positions: (N, 3) metres.
@@ -73,15 +74,15 @@ def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> I
 def blending_weights(
     net: SurfaceNet, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
 ) -> SkinWeights:
-    """Four nodes and weights for each vertex of the net's mesh, the largest first.
+    """Returns four nodes and weights for each vertex of the net's mesh, the largest first.
 
     Args:
         net: of the mesh.
-        near: the carriers near each point of the net, and how far along the surface
+        near: the carriers near each point of the net, and their distances along the surface
             (:func:`enliven.deformation.graph.surface.ways_from_nodes`).
         positions: (N, 3) metres.
         spacing: metres, s.
-        k: nodes a vertex, at most 4.
+        k: nodes per vertex, at most 4.
     """
     nodes, shares = _at_points(net.points, *near, positions, spacing, k)
     around = points_around(net, max(_MEAN * spacing, _REACH * net.cell))
@@ -95,7 +96,7 @@ def blending_weights(
 
 @njit(cache=True, nogil=True)
 def _at_points(points, offsets, nodes, ways, positions, spacing, k):
-    """(C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
+    """Returns (C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
     chosen = np.full((points.shape[0], k), -1, np.int32)
     shares = np.zeros((points.shape[0], k))
     near, who = np.empty(k + 1), np.empty(k + 1, np.int64)
@@ -111,7 +112,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
             found = insert(near, who, found, length, np.int64(j))
-        # With too few nodes there is no next one: the farthest keeps a little weight.
+        # With too few nodes, a fifth one is missing, and the farthest keeps a little weight.
         most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
         most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
         total = 0.0
@@ -125,7 +126,9 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
 
 @njit(cache=True, nogil=True)
 def _mean(nodes, shares, starts, around, metres, radius, count):
-    """(C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step 3."""
+    """Returns (C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step
+    3.
+    """
     chosen = np.full((starts.shape[0] - 1, _KEPT), -1, np.int32)
     means = np.zeros(chosen.shape, np.float32)
     total = np.zeros(count)
@@ -158,7 +161,9 @@ def _mean(nodes, shares, starts, around, metres, radius, count):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):
-    """(V, 4) uint16 nodes and (V, 4) float32 weights, from the points of the net around each vertex."""
+    """Returns (V, 4) uint16 nodes and (V, 4) float32 weights, from the points of the net around each
+    vertex.
+    """
     indices = np.zeros((vertices.shape[0], 4), np.uint16)
     weights = np.zeros((vertices.shape[0], 4), np.float32)
     per = 1.0 / (cells[0] * cells[0])
@@ -169,6 +174,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
             continue
+        # Collect the nodes of the points around this one, as columns of a table of weights.
         first, some = offsets[c], 0
         last = first
         while last < min(offsets[c + 1], first + _AROUND) and metres[last] <= cells[1]:
@@ -186,7 +192,9 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     table[b - first, place[j]] = shares[around[b], m]
         for m in range(some):
             place[union[m]] = -1
+        # Keep only the nodes that may be among the largest of a vertex.
         some = _drop_small_columns(table, last - first, union, some, largest, who)
+        # Average the table for each vertex of this point, and keep the four largest nodes minus the fifth.
         for i in range(starts[c], starts[c + 1]):
             v = order[i]
             mean[:some] = 0.0
@@ -218,9 +226,9 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 @njit(cache=True, nogil=True)
 def _drop_small_columns(table, rows, union, some, largest, who):
-    """Keep the columns that may be among the largest of a mean of the rows; returns how many.
+    """Removes columns that cannot be among the largest in a mean of the rows; returns the number kept.
 
-    A column is dropped where its largest entry is below the smallest entries of k + 1 others.
+    A column is removed if its largest entry is below the smallest entries of k + 1 others.
     """
     found = np.int64(0)
     for m in range(some):

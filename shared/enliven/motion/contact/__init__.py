@@ -1,4 +1,4 @@
-"""Contacts of feet with the floor: found by height and speed, and kept by inverse kinematics."""
+"""Foot contacts with the floor (foot lock): detected by height and speed, and kept by inverse kinematics."""
 
 import lazy_loader
 

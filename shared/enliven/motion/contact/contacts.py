@@ -1,10 +1,10 @@
-"""Contacts: when a foot stands, by its height and speed, and the pins that keep it there.
+"""Contact detection: when a foot stands, by its height and speed, and where it is held.
 
     Pin(joint, start, settings)              # on a Shape: by the joints' names; nothing is baked
     contacts_of(places (F, 3), step, size, settings) -> Contacts
 
-A foot touches the floor while it is low and slow; it is off again when it is clearly higher or faster
-(hysteresis). While it touches, its place is the middle of where it was; it may rise there, as a heel does,
+A foot touches the floor while it is low and slow. It is released when it is clearly higher or faster
+(hysteresis). During a contact, it is held at the median of its positions. It may rise there, as a heel does,
 but not sink.
 """
 
@@ -19,9 +19,9 @@ from enliven.document import FEET, ContactSettings
 from enliven.kernels import njit
 
 AUTO, ALWAYS, _, GROUND = range(len(FEET))
-"""The numbers of the ways to stand."""
+"""The indices of the foot modes."""
 _STRAY = 0.25
-"""Lengths of its limb over which a foot that is always held may be pulled: a step is a step."""
+"""Maximum drift of a foot that is always held, in lengths of its limb. A larger one counts as a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Contacts:
     """The contacts of one joint.
 
     Attributes:
-        starts: (C,) seconds since the first sample, ascending; -inf for one that it begins with.
-        ends: (C,) seconds; inf for one that it ends with.
-        places: (C, 3) metres where the joint is kept.
+        starts: (C,) seconds since the first sample, ascending; -inf for a contact at the start.
+        ends: (C,) seconds; inf for a contact at the end.
+        places: (C, 3) metres, the positions at which the joint is held.
     """
 
     starts: Float
@@ -42,14 +42,15 @@ class Contacts:
 def contacts_of(
     places: Float, step: float, size: float, how: ContactSettings, modes: Int | None = None
 ) -> Contacts:
-    """When a joint that goes through ``places`` is in contact.
+    """Returns the contacts of a joint that moves through ``places``.
 
     Args:
         places: (F, 3) metres, +Y up.
         step: seconds between them.
         size: metres, the length of the limb.
-        how: what counts as contact.
-        modes: (F,) numbers in :data:`enliven.document.FEET` of how it stands then; None: by height and speed.
+        how: the contact thresholds.
+        modes: (F,) indices into :data:`enliven.document.FEET` of the foot mode in each frame; None: by height
+            and speed.
     """
     if len(places) == 1 and modes is None:
         return Contacts(np.array([-np.inf]), np.array([np.inf]), places.copy())
@@ -73,7 +74,9 @@ def contacts_of(
 
 
 def _steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, int]]:
-    """Parts of a run of frames: a foot that came farther over the ground than ``far`` takes a step."""
+    """Returns the parts of a run of frames; a foot that drifts over the ground by more than ``far`` takes
+    a step.
+    """
     found, begin = list[tuple[int, int]](), first
     for frame in range(first, last + 1):
         way = places[frame, [0, 2]] - places[begin, [0, 2]]
@@ -84,14 +87,14 @@ def _steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, 
 
 
 def runs_of(down: Bool) -> list[tuple[int, int]]:
-    """The first and the last frame of every run of true in (F,)."""
+    """Returns the first and the last frame of every run of true values in (F,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], down, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @njit(cache=True, nogil=True)
 def touching(height, speed, low, slow, release, down):
-    """Kernel: ``down`` (F,) takes whether a foot of ``height`` (F,) and ``speed`` (F,) touches the floor."""
+    """Computes ``down`` (F,): whether a foot of ``height`` (F,) and ``speed`` (F,) touches the floor."""
     now = False
     for f in range(len(height)):
         more = release if now else 1.0
@@ -101,10 +104,12 @@ def touching(height, speed, low, slow, release, down):
 
 @njit(cache=True, nogil=True)
 def hold(times, starts, ends, places, blend, weights, goals):
-    """Kernel: how much a joint is held, ``weights`` (T,) in [0, 1], and where, ``goals`` (T, 3), at times.
+    """Computes how strongly a joint is held, ``weights`` (T,) in [0, 1], and where, ``goals`` (T, 3), at
+    times.
 
-    Within a contact it is held wholly; beside one, as much as smoothstep leaves of ``blend`` seconds. Between
-    two, the nearer draws by w / (1 - w): there is no jump, and none of the other where one holds wholly.
+    Within a contact, the weight is 1. Outside, it falls by smoothstep over ``blend`` seconds. Between two
+    contacts, each attracts by w / (1 - w). So the position never jumps, and a contact with full weight is not
+    affected by the other.
     """
     for t in range(len(times)):
         x, y, z, total = 0.0, 0.0, 0.0, 0.0

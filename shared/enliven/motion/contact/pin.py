@@ -1,13 +1,13 @@
-"""Feet that stay where they stand: contact by contact, the limb gives way by two-bone inverse kinematics.
+"""Foot lock: feet stay in place during a contact, and the limb adapts by two-bone inverse kinematics.
 
     pin_feet(project, shape_id, joints, *, start=None, settings=ContactSettings()) -> Project
     unpin(project, shape_id, joints=None) -> Project
-    held_pins(shape) -> list[HeldPin]                        # what the player works with
+    held_pins(shape) -> list[HeldPin]                        # the player's input
 
-A limb of more than two bones is two rigid halves. The foot and its descendants keep their world turns, so a
-sole that was flat stays flat. Where a stretched limb would not reach, the root comes down as far as it may,
-evenly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing", 2002); a place
-that is out of reach even so is met as nearly as can be.
+A limb of more than two bones is treated as two rigid halves. The foot and its descendants keep their world
+rotations, so a flat sole stays flat. If a stretched limb would not reach, the root is lowered as far as
+allowed, smoothly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing",
+2002). A position that is still out of reach is approached as nearly as possible.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from enliven.kernels import njit
 from enliven.motion.kinematics import conj, load, mul, row, store, turn, two_bone
 
 _STRAIGHT = 1e-3
-"""Share of its length below which the bulge of a limb at rest says nothing."""
+"""Fraction of a limb's length below which its bulge at rest does not define a bend direction."""
 _FRONT = np.array([0.0, 0.0, 1.0])
-"""(3,) where knees go that rest straight, above a foot that does not say where its front is."""
+"""(3,) bend direction of knees that are straight at rest, if the foot does not define a front."""
 _TOES = 0.05
-"""Share of a limb's length that its foot leads ahead at least, to say where the front is."""
+"""Minimum forward extent of a foot, as a fraction of the limb's length, to define the front."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPin:
-    """A pin with its joints found: chain[middle] bends, chain[-1] stays.
+    """A pin with its joints resolved: chain[middle] bends, chain[-1] is held.
 
     Attributes:
         chain: (K,) int32 joints from the limb's start to the foot.
-        middle: number in the chain of the joint that bends.
-        side: (3,) to where it bulges at rest.
+        middle: index in the chain of the joint that bends.
+        side: (3,) the direction in which it bulges at rest.
         size: metres, the limb's length.
-        kept: (N,) which bones keep their turn in the world: those that begin at the foot.
-        settings: when it is in contact.
-        below: (B,) int32 the foot's joint and all that hangs on it.
-        sole: metres that the lowest of these is above the sole of the mesh, at rest.
+        kept: (N,) whether each bone keeps its world rotation: those that begin at the foot.
+        settings: the contact thresholds.
+        below: (B,) int32 the foot's joint and all its descendants.
+        sole: metres, height of the lowest of these above the sole of the mesh, at rest.
         ground: metres, the height of the floor that the shape stands on at rest, in its place.
-        stance: metres that the foot's joint is above that floor, at rest.
+        stance: metres, height of the foot's joint above that floor, at rest.
     """
 
     chain: Int32
@@ -68,15 +68,15 @@ def pin_feet(
     start: int | str | None = None,
     settings: ContactSettings | None = None,
 ) -> Project:
-    """A project in which these joints of a shape stay in their place while they are in contact.
+    """Returns a project in which these joints of a shape stay in place while they are in contact.
 
     Args:
         joints: the feet (ankles, or toes with a ``start``), numbers or names.
-        start: where the limb begins; None takes two bones.
-        settings: when a foot is in contact; None for the usual.
+        start: the joint at which the limb begins; None takes two bones.
+        settings: the contact thresholds; None for the defaults.
 
     Raises:
-        InputError: where a joint is not there or no limb of two bones ends in it.
+        InputError: if a joint does not exist, or no limb of two bones ends in it.
     """
     shape = project.shape(shape_id)
     skeleton = shape.skeleton
@@ -94,7 +94,7 @@ def pin_feet(
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
-    """A project in which these joints (None: all) of a shape go free."""
+    """Returns a project in which these joints (None: all) of a shape are free."""
     shape = project.shape(shape_id)
     names = None if joints is None else {shape.skeleton.names[_number(shape.skeleton, j)] for j in joints}
     kept = tuple(pin for pin in shape.pins if names is not None and pin.joint not in names)
@@ -102,7 +102,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
 
 
 def held_pins(shape: Shape) -> list[HeldPin]:
-    """The pins of a shape that still has their limbs."""
+    """Returns the pins of a shape with existing limbs."""
     skeleton, made = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:
@@ -125,7 +125,9 @@ def held_pins(shape: Shape) -> list[HeldPin]:
 
 
 def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
-    """Number in a chain of the joint nearest to its middle, and (3,) to where it bulges at rest."""
+    """Returns the index in a chain of the joint nearest to its middle, and (3,) its bulge direction at
+    rest.
+    """
     at = skeleton.positions[list(chain)]
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))])
     middle = 1 + int(np.abs(along[1:-1] - along[-1] / 2).argmin())
@@ -137,7 +139,9 @@ def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
 
 
 def _front(skeleton: Skeleton, foot: int, limb: Float) -> Float:
-    """(3,) the way that a foot's toes point, across its limb (3,); ahead for a limb that ends in no foot."""
+    """Returns (3,) the direction of a foot's toes, perpendicular to its limb (3,); forward for a limb
+    without a foot.
+    """
     ahead = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)
     across = [way - (way @ limb) / length**2 * limb for way in ahead]
@@ -154,25 +158,25 @@ def _number(skeleton: Skeleton, joint: int | str) -> int:
 
 
 def _two_up(skeleton: Skeleton, joint: int) -> int:
-    """The joint two bones above, or -1."""
+    """Returns the joint two bones above, or -1."""
     above = int(skeleton.parents[joint])
     return int(skeleton.parents[above]) if above >= 0 else -1
 
 
 @njit(cache=True, nogil=True)
 def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, goals, drops, turns, joints):
-    """Kernel: brings the end of a limb to its goal, as much as ``weights`` (T,) says, and rebuilds what hangs
-    on it.
+    """Moves the end of a limb to its goal, with the weight ``weights`` (T,), and updates its descendants.
 
     Args:
-        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone turns.
+        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone rotates.
         chain: (K,) joints of the limb.
-        kept: (N,) bones that keep their turn in the world.
-        rise: how much of its own rise above the goal the foot keeps.
-        sink: how much of its own sinking below the goal.
+        kept: (N,) whether each bone keeps its world rotation.
+        rise: fraction of its own rise above the goal that the foot keeps.
+        sink: fraction of its own sinking below the goal that the foot keeps.
         goals: (T, 3) metres.
-        drops: (T,) metres that the whole has come down: a foot that is free goes where it went.
-        turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
+        drops: (T,) metres, how far the root was lowered; a free foot returns to its former position.
+        turns: (T, N, 4) world rotations, changed in place.
+        joints: (T, N, 3) metres, changed in place.
     """
     local = np.empty((len(parents), 4))
     for t in range(len(weights)):
@@ -201,7 +205,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
 
 @njit(cache=True, nogil=True)
 def local_turns(parents, turns, local):
-    """Kernel: ``local`` (N, 4) takes each bone's turn relative to its parent's."""
+    """Computes ``local`` (N, 4), each bone's rotation relative to its parent's."""
     for j in range(len(parents)):
         q = load(turns, j)
         store(local, j, q if parents[j] < 0 else mul(conj(load(turns, parents[j])), q))
@@ -209,8 +213,9 @@ def local_turns(parents, turns, local):
 
 @njit(cache=True, nogil=True)
 def rebuild(parents, vectors, fixed, local, first, turns, joints):
-    """Kernel: bones that are not ``fixed`` (N,) ride on their parents again, and all joints after ``first``
-    are put where their bones lead."""
+    """Recomputes the rotations of bones that are not ``fixed`` (N,) from their parents, and all joints
+    after ``first``.
+    """
     for j in range(first + 1, len(parents)):
         if not fixed[j]:
             store(turns, j, mul(load(turns, parents[j]), load(local, j)))

@@ -1,10 +1,10 @@
-"""When the pinned feet of a shape stand.
+"""Computes when the pinned feet of a shape stand, and applies the foot lock.
 
-    window_of(layers, takes) -> Window                       # the time that has to be watched
-    standing_of(pins, window, free) -> Standing              # contacts, and how far the root comes down
+    window_of(layers, takes) -> Window                       # the time that is analysed
+    standing_of(pins, window, free) -> Standing              # contacts, and how far the root is lowered
     standing.hold(times, on, tree, turns, joints)        # pins the feet of a pose, in place
 
-The whole motion is played once, free, and watched.
+The whole motion is played once with free feet and analysed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_o
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _RATE = 60.0
-"""Moments a second at which feet are watched."""
+"""Samples per second at which feet are analysed."""
 _LONGEST = 120.0
-"""Seconds that are watched where layers of unlike lengths are looped; after that no foot is pinned."""
+"""Seconds that are analysed if layers of unlike lengths are looped; after that no foot is pinned."""
 _STRETCH = 0.998
-"""Share of its length that a limb may be stretched to before the root comes down."""
+"""Maximum fraction of its length to which a limb is stretched before the root is lowered."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Window:
     """The seconds of the project that contain all of a shape's motion.
 
     Attributes:
-        start: where the first layer begins.
-        end: where the last one ends.
-        looped: all begin again together at the end.
+        start: start of the first layer.
+        end: end of the last one.
+        looped: whether all layers restart together at the end.
     """
 
     start: float
@@ -43,14 +43,14 @@ class Window:
     looped: bool
 
     def folded(self, times: Float) -> Float:
-        """The times (T,) within the window that look the same, where all is looped."""
+        """Returns the times (T,) within the window that look the same, if all layers are looped."""
         if not self.looped or self.end <= self.start:
             return times
         return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
 
 
 def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream]) -> Window:
-    """The window of layers that are played together; of none, no time at all."""
+    """Returns the window of layers that are played together; an empty window without layers."""
     if not layers:
         return Window(0.0, 0.0, False)
     lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
@@ -64,14 +64,15 @@ def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream])
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """When and how the feet of a shape stand.
+    """The contacts of a shape's feet, and the lowering of its root.
 
     Attributes:
         pins: each with its contacts, in seconds of the project.
-        grounds: (P, ...) of each when it is only kept above the floor; none where no layer asks for that.
-        window: the seconds that were watched.
+        grounds: (P, ...) the times at which each is only kept above the floor; empty if no layer asks for
+            that.
+        window: the seconds that were analysed.
         times: (F,) seconds.
-        drops: (F,) metres that the root comes down then.
+        drops: (F,) metres, how far the root is lowered at these times.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
@@ -83,9 +84,8 @@ class Standing:
     def hold(self, times: Float, on: Float, tree: tuple[Int32, Float], turns: Float, joints: Float) -> None:
         """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
 
-        ``tree`` is the joints' parents, and (T or 1, N, 3) metres from each of these to its joint, unturned.
-
-        ``on`` (T, 3) metres is how far the shape went on in the rounds before.
+        ``tree`` contains the joints' parents, and (T or 1, N, 3) metres from each parent to its joint,
+        unrotated. ``on`` (T, 3) metres is the distance that the shape travelled in earlier loops.
         """
         drops = np.interp(times, self.times, self.drops)
         joints[:, :, 1] -= drops[:, None]
@@ -106,11 +106,12 @@ def standing_of(
     free: Callable[[Float], tuple[Float, Float]],
     modes: Callable[[Float], Int] | None = None,
 ) -> Standing:
-    """The contacts of the pinned feet, found by playing the whole window once.
+    """Returns the contacts of the pinned feet, found by playing the whole window once.
 
     Args:
-        free: gives turns and joints (T, N, 3) at times (T,), with no foot pinned.
-        modes: gives how each pin stands at times (T,): (P, T) numbers in :data:`enliven.document.FEET`.
+        free: returns rotations and joints (T, N, 3) at times (T,), with no foot pinned.
+        modes: returns the foot mode of each pin at times (T,): (P, T) indices into
+            :data:`enliven.document.FEET`.
     """
     count = int(np.ceil((window.end - window.start) * _RATE)) + 1
     step = (window.end - window.start) / max(count - 1, 1)
@@ -122,7 +123,7 @@ def standing_of(
         mode, most = None, np.full(count, pin.settings.drop)
         if asked is not None:
             mode = asked[number]
-            most[mode == ALWAYS] = 1.0  # what is always held is reached, however deep the knees bend
+            most[mode == ALWAYS] = 1.0  # a foot that is always held is reached, however deep the knees bend
             grounds.append(_while(mode == GROUND, times))
         seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
@@ -141,7 +142,7 @@ def standing_of(
 
 
 def _while(on: Bool, times: Float) -> Contacts:
-    """The seconds of runs of true in (F,); without an end where the first or the last frame is of them."""
+    """Returns the seconds of runs of true values; unbounded if the first or the last frame is included."""
     runs, last = runs_of(on), len(on) - 1
     starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
     ends = np.array([np.inf if b == last else times[b] for _, b in runs])
@@ -151,7 +152,7 @@ def _while(on: Bool, times: Float) -> Contacts:
 def _lift(
     pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
-    """Brings a foot up, as much as ``weights`` (T,) says, that has its sole below a floor, in metres.
+    """Raises a foot with its sole below a floor (metres), with the weight ``weights`` (T,).
 
     Changes turns (T, N, 4) and joints (T, N, 3) in place.
     """
@@ -165,18 +166,18 @@ def _lift(
 
 
 def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
-    """How much (T,) a foot is held at times (T,), and where (T, 3)."""
+    """Returns the weights (T,) of a foot's contacts at times (T,), and their positions (T, 3)."""
     weights, goals = np.empty(len(times)), np.empty((len(times), 3))
     hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
     return weights, goals
 
 
 def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
-    """(F,) metres that the root must come down for a limb to reach where it is held; at most ``most`` (F,)
-    lengths of the limb.
+    """Returns (F,) how far the root must be lowered, metres, for a limb to reach its contact.
 
-    The hip above the goal at height sqrt(reach^2 - across^2) reaches it just so. The reach is a little less
-    than the limb, so that a knee does not snap straight; a limb that is not held needs nothing.
+    The result is at most ``most`` (F,) lengths of the limb. A hip above the goal at height sqrt(reach^2 -
+    across^2) just reaches it. The reach is slightly less than the limb, so that a knee does not snap
+    straight. A limb that is not held needs no lowering.
     """
     start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
     now = np.linalg.norm(end - start, axis=1)
@@ -193,8 +194,10 @@ def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Flo
 
 
 def _even(drops: Float, wide: int, looped: bool) -> Float:
-    """(F,) an even curve that is nowhere below ``drops``: the largest within reach of a smooth window, then
-    that window's average."""
+    """Returns (F,) a smooth curve that is nowhere below ``drops``.
+
+    It is the maximum over a window, then averaged with the same smooth window.
+    """
     if wide < 1 or not drops.any():
         return drops
     mode = "wrap" if looped else "nearest"

@@ -1,4 +1,4 @@
-"""Compiled: the turns of bones from samples of their layers, and where the bones are with them."""
+"""Compiled loops: the rotations of bones from samples of their layers, and the resulting joint positions."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 
 @njit(cache=True, nogil=True)
 def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
-    """Kernel: ``out`` (T, N, 4) takes the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
+    """Computes ``out`` (T, N, 4), the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
 
-    Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0
-    is the turn ``fixed[-1 - m]``.
+    Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0 is
+    the rotation ``fixed[-1 - m]``.
     """
     taken = np.empty((len(knot), 4))
     for t in range(len(knots)):
@@ -31,9 +31,9 @@ def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
 
 @njit(cache=True, nogil=True)
 def compose(parents, vectors, modeling, own, root, turns, joints):
-    """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3).
+    """Computes D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and the joint positions (T, N, 3).
 
-    ``vectors`` (T or 1, N, 3) lead from each parent to its joint before the bone turns.
+    ``vectors`` (T or 1, N, 3) lead from each parent to its joint before the bone rotates.
     """
     for t in range(len(own)):
         way = vectors[min(t, len(vectors) - 1)]
@@ -53,7 +53,7 @@ def compose(parents, vectors, modeling, own, root, turns, joints):
 
 @njit(cache=True, nogil=True)
 def upright(turns):
-    """Kernel: (N, 4) the same rotations with w >= 0."""
+    """Returns (N, 4) the same rotations with w >= 0."""
     out = np.empty(turns.shape)
     for j in range(len(turns)):
         q = load(turns, j)

@@ -1,7 +1,7 @@
-"""Compiled inverse kinematics of a limb of two bones, in closed form.
+"""Compiled inverse kinematics (IK) of a limb of two bones, in closed form.
 
-It changes the present turns as little as possible, so that a smooth motion stays smooth. For a goal out of
-reach the limb is stretched towards it, or folded.
+It changes the present rotations as little as possible, so that a smooth motion stays smooth. For a goal out
+of reach, the limb is stretched towards it, or folded.
 """
 
 from __future__ import annotations
@@ -13,22 +13,23 @@ from enliven.motion.kinematics.quaternions import mul, turn
 from enliven.motion.kinematics.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
 
 _STRAIGHT = 0.15
-"""Sine of the bend about which a limb counts as straight."""
+"""Sine of the bend below which a limb counts as nearly straight."""
 
 
 @njit(cache=True, nogil=True)
 def two_bone(start, middle, end, goal, side):
-    """Kernel: turns of the upper part (about ``start``) and of the lower (about ``middle``) that bring the
-    end to ``goal``: first the bend at the middle by the law of cosines, then the swing of the whole.
+    """Returns rotations of the upper part (about ``start``) and the lower (about ``middle``) that bring the
+    end to ``goal``.
 
-    A limb that is clearly bent stays in its plane. One that is nearly straight has none to speak of (a knee
-    may even lean backwards by a hair): what it is bent more, it is bent towards ``side``.
+    First the bend at the middle is set by the law of cosines, then the whole limb swings to the goal. A
+    clearly bent limb stays in its plane. A nearly straight limb has no well-defined plane (a knee may even
+    lean backwards slightly). Additional bending of such a limb goes towards ``side``.
 
     Args:
-        side: triple, where the middle bulges to at rest.
+        side: triple, the direction in which the middle bulges at rest.
 
     Returns:
-        Two quaternions, to be applied in the world before (on the left of) what the parts turned.
+        Two quaternions in the world, to be multiplied on the left of the parts' present rotations.
     """
     u, v = minus(start, middle), minus(end, middle)
     a, b = length(u), length(v)
@@ -53,12 +54,12 @@ def two_bone(start, middle, end, goal, side):
 
 @njit(cache=True, nogil=True)
 def bend_axis(u, plane, sine, more, side):
-    """Kernel: the unit axis, at right angles to ``u`` (middle to start), about which a limb is bent.
+    """Returns the unit axis, perpendicular to ``u`` (middle to start), about which a limb is bent.
 
     Args:
         plane: triple along the axis of its present bend.
         sine: the sine of its present bend.
-        more: radians that it is to be bent more.
+        more: radians of additional bend.
         side: triple, towards its bulge at rest.
     """
     wish = cross(u, (-side[0], -side[1], -side[2]))

@@ -9,25 +9,25 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def load(rows, i):
-    """Kernel: row ``i`` of a (N, 4) array."""
+    """Returns row ``i`` of a (N, 4) array as a quaternion."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
 @njit(cache=True, nogil=True)
 def store(rows, i, q):
-    """Kernel: writes row ``i`` of a (N, 4) array."""
+    """Writes row ``i`` of a (N, 4) array."""
     rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
 
 
 @njit(cache=True, nogil=True)
 def conj(q):
-    """Kernel: the inverse of a unit quaternion."""
+    """Returns the inverse of a unit quaternion."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 @njit(cache=True, nogil=True)
 def mul(a, b):
-    """Kernel: ``a`` after ``b``."""
+    """Returns the product a b: rotation ``b`` first, then ``a``."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -38,7 +38,7 @@ def mul(a, b):
 
 @njit(cache=True, nogil=True)
 def turn(q, x, y, z):
-    """Kernel: the vector (x, y, z) turned by ``q``."""
+    """Returns the vector (x, y, z) rotated by ``q``."""
     a, b, c = 2 * (q[2] * z - q[3] * y), 2 * (q[3] * x - q[1] * z), 2 * (q[1] * y - q[2] * x)
     return (
         x + q[0] * a + q[2] * c - q[3] * b,
@@ -49,7 +49,9 @@ def turn(q, x, y, z):
 
 @njit(cache=True, nogil=True)
 def between(a, b, t):
-    """Kernel: slerp at ``t`` of the shorter arc from ``a`` to ``b`` (Shoemake 1985), exact at both ends."""
+    """Returns the slerp at ``t`` on the shorter arc from ``a`` to ``b`` (Shoemake 1985), exact at both
+    ends.
+    """
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     if cosine < 0.0:
         cosine, b = -cosine, (-b[0], -b[1], -b[2], -b[3])
@@ -57,7 +59,7 @@ def between(a, b, t):
         return a
     if t == 1.0:
         return b
-    # e is what b has at right angles to a: its length is the sine, exact for small angles too.
+    # e is the part of b perpendicular to a: its length is the sine, exact for small angles too.
     e = (b[0] - cosine * a[0], b[1] - cosine * a[1], b[2] - cosine * a[2], b[3] - cosine * a[3])
     sine = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3])
     if sine < 1e-300:

@@ -1,17 +1,18 @@
-"""The range of a joint: how far a bone may swing and twist, and soft limits that keep it there.
+"""Joint limits: how far a bone may swing and twist, with soft limits.
 
-    joint = joint_range(bone, turns)        # from the turns of the bone that are known to be plausible
-    limit_turns(joint, turns)               # (T, 4) the turns, those beyond the range brought back to it
+    joint = joint_range(bone, turns)        # from rotations of the bone that are known to be plausible
+    limit_turns(joint, turns)               # (T, 4) the rotations, limited to the range
 
-A turn is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing is
-a vector at right angles to the bone: its length is the angle, and its direction the axis. The range of the
+A rotation is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing
+is a vector perpendicular to the bone: its length is the angle, and its direction the axis. The range of the
 swing is the convex hull of the known swings and the rest pose. The range of the twist is an interval. Both
-are widened by free angles, which a turn shares: a bone that is twisted far beyond what is known swings less
-far beyond it. Turns within the range do not change.
+are widened by free angles, which a rotation shares: a bone that is twisted far beyond the known range may
+swing less far beyond it. Rotations within the range do not change.
 
-A turn beyond the range moves to the nearest known swing and twist, and then outwards by less than it was off:
-at most by the free angle and a soft margin. Close to half a turn, the direction of a swing is undefined.
-There the result approaches one fixed swing. So the limited turn is a continuous function of the turn.
+A rotation beyond the range moves to the nearest known swing and twist, and then outwards by less than its
+former distance: at most by the free angle and a soft margin. Close to a rotation of 180 degrees, the
+direction of a swing is undefined. There the result approaches one fixed swing. So the limited rotation is a
+continuous function of the input.
 """
 
 from __future__ import annotations
@@ -24,34 +25,35 @@ from enliven.arrays import Float
 from enliven.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector, unit
 
 FREE_SWING = np.radians(30.0)
-"""Radians beyond the known swings that a bone may swing: clips do not show everything that a body can do."""
+"""Free swing beyond the known swings, radians. Clips do not show everything that a body can do."""
 FREE_TWIST = np.radians(30.0)
-"""Radians beyond the known twists that a bone may twist."""
+"""Free twist beyond the known twists, radians."""
 UNKNOWN_SWING = np.radians(75.0)
-"""Radians that a bone may swing from its rest pose if no turns are known."""
+"""Maximum swing from the rest pose, radians, if no rotations are known."""
 UNKNOWN_TWIST = np.radians(45.0)
-"""Radians that a bone may twist from its rest pose if no turns are known: more folds the skin."""
+"""Maximum twist from the rest pose, radians, if no rotations are known. More folds the skin."""
 SOFT = np.radians(20.0)
-"""Radians beyond the free range that a limit gives way by at most."""
+"""Maximum excess beyond the free range, radians, that the soft limit allows."""
 _FOLD = np.radians(135.0)
-"""Angle, radians, above which a swing or a twist approaches its fixed value at half a turn."""
+"""Angle, radians, above which a swing or a twist approaches its fixed value at 180 degrees."""
 _UNLIMITED = np.radians(165.0)
-"""Radians of a range above which it has no limit: too little would be left to return in."""
+"""Range, radians, above which no limit is applied, because too little space would be left for the
+transition."""
 _SAME = 1e-9
-"""Radians below which two angles are equal."""
+"""Tolerance, radians, within which two angles are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointRange:
-    """The range of a bone against the bone above it.
+    """The range of a bone relative to its parent bone.
 
     Attributes:
         bone: (3,) unit vector, its direction at rest.
-        axes: (2, 3) unit vectors at right angles to the bone and to each other.
+        axes: (2, 3) unit vectors perpendicular to the bone and to each other.
         hull: (K, 2) radians along the axes, corners of the convex hull of the known swings, in order.
-        twists: radians, the least and the largest known twist.
-        free_swing, free_twist: radians by which the known range is widened.
-        soft: radians beyond that by which the limits give way at most.
+        twists: radians, the smallest and the largest known twist.
+        free_swing, free_twist: radians, extension of the known range.
+        soft: radians, maximum excess beyond that extension.
     """
 
     bone: Float
@@ -64,12 +66,12 @@ class JointRange:
 
     @property
     def swing_reach(self) -> float:
-        """Radians of the largest swing within the range."""
+        """The largest swing within the range, radians."""
         return float(np.linalg.norm(self.hull, axis=1).max()) + self.free_swing
 
     @property
     def twist_reach(self) -> float:
-        """Radians of the largest twist within the range."""
+        """The largest twist within the range, radians."""
         return max(abs(self.twists[0]), abs(self.twists[1])) + self.free_twist
 
 
@@ -77,9 +79,11 @@ def joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> 
     """Returns the range of a bone.
 
     Args:
-        bone: (3,) its direction at rest, of any length but zero.
-        turns: (F, 4) turns against the bone above that are known to be plausible; None if none are known.
-        share: of the free angles and the soft margin, which the bones of a spine share. More than 0.
+        bone: (3,) its direction at rest, of any non-zero length.
+        turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
+            known.
+        share: fraction, more than 0, of the free angles and the soft margin, which the bones of a spine
+            divide among them.
     """
     bone = unit(bone)
     first = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))
@@ -95,10 +99,12 @@ def joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> 
 
 
 def limit_turns(joint: JointRange, turns: Float) -> Float:
-    """Returns (T, 4) turns of a bone within its range, softly; turns within it are returned unchanged.
+    """Returns (T, 4) rotations of a bone, softly limited to its range; those within it are returned
+    unchanged.
 
     Args:
-        turns: (T, 4) against the bone above. Swings of them close to half a turn decide where all such end.
+        turns: (T, 4) relative to the parent bone. Their swings close to 180 degrees determine the fixed swing
+            there.
     """
     swings, twists = _swing_and_twist(joint.bone, joint.axes, turns)
     return limit_turns_towards(joint, turns, _far_swing(joint, swings), swings, twists)
@@ -107,12 +113,13 @@ def limit_turns(joint: JointRange, turns: Float) -> Float:
 def limit_turns_towards(
     joint: JointRange, turns: Float, far: Float, swings: Float | None = None, twists: Float | None = None
 ) -> Float:
-    """Returns (T, 4) turns of a bone within its range, softly; turns within it are returned unchanged.
+    """Returns (T, 4) rotations of a bone, softly limited to its range; those within it are returned
+    unchanged.
 
     Args:
-        turns: (T, 4) against the bone above.
-        far: (2,) radians along the joint's axes, the swing that stands for half a turn.
-        swings, twists: of the turns, if they are known already.
+        turns: (T, 4) relative to the parent bone.
+        far: (2,) radians along the joint's axes, the fixed swing at 180 degrees.
+        swings, twists: of the rotations, if they are known already.
     """
     if swings is None or twists is None:
         swings, twists = _swing_and_twist(joint.bone, joint.axes, turns)
@@ -127,7 +134,7 @@ def limit_turns_towards(
         made = kept[:, None] * made + (1.0 - kept)[:, None] * far
     if joint.twist_reach < _UNLIMITED:
         about = known + _factor(joint, swing_off, np.abs(twists - known)) * (twists - known)
-        # Close to half a turn of swing, the twist is undefined as well.
+        # Close to a swing of 180 degrees, the twist is undefined as well.
         about = about * kept * (1.0 - _rise(np.abs(twists), max(float(_FOLD), joint.twist_reach)))
     changed = (np.abs(made - swings).max(1) > _SAME) | (np.abs(about - twists) > _SAME)
     limited = multiply(
@@ -137,9 +144,9 @@ def limit_turns_towards(
 
 
 def _far_swing(joint: JointRange, swings: Float) -> Float:
-    """Returns (2,) radians, the swing at which a bone is held while its turn is close to half a turn.
+    """Returns (2,) radians, the fixed swing of a bone for rotations close to 180 degrees.
 
-    It is the limit in the mean direction of the swings (T, 2) that are close to that.
+    It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
     """
     far = swings[np.linalg.norm(swings, axis=1) > _FOLD]
     if not len(far):
@@ -150,17 +157,17 @@ def _far_swing(joint: JointRange, swings: Float) -> Float:
 
 
 def _known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
-    """Returns (T, 2) radians, the nearest known swings, and (T, 2) how far the swings are off them."""
+    """Returns (T, 2) radians, the nearest known swings, and (T, 2) the differences from them."""
     nearest = _nearest_in_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
 
 def _factor(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
-    """Returns (T,) the share of a turn's distance to the known ones that is kept.
+    """Returns (T,) the fraction of a rotation's distance from the known ones that is kept.
 
     Args:
-        swing_off, twist_off: (T,) radians from the known swings and twists. The free angle in the direction
-            of both is that of an ellipse: a bone that is twisted far swings less far.
+        swing_off, twist_off: (T,) radians from the known swings and twists. The free angle in their common
+            direction is that of an ellipse: a bone that is twisted far swings less far.
     """
     off = np.hypot(swing_off, twist_off)
     share = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
@@ -169,9 +176,9 @@ def _factor(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
 
 
 def _off_around(twists: Float, least: float, most: float) -> Float:
-    """Returns (T,) radians from twists to the nearer end of an interval, either way around; 0 within it.
+    """Returns (T,) radians from twists to the nearer end of an interval, in either direction; 0 within it.
 
-    Half a turn to one side is half a turn to the other: what depends on this does not jump there.
+    180 degrees to one side equals 180 degrees to the other, so functions of the result do not jump there.
     """
     above = np.minimum(twists - most, 2.0 * np.pi + least - twists)
     below = np.minimum(least - twists, 2.0 * np.pi + twists - most)
@@ -179,21 +186,21 @@ def _off_around(twists: Float, least: float, most: float) -> Float:
 
 
 def _soft(far: Float, free: Float, soft: float) -> Float:
-    """Returns (T,) distances: unchanged up to ``free``, then ever less, and never ``soft`` beyond that."""
+    """Returns (T,) distances, unchanged up to ``free``, then compressed to less than ``soft`` beyond it."""
     beyond = np.maximum(far - free, 0.0)
     return np.asarray(np.minimum(far, free) - soft * np.expm1(-beyond / soft))
 
 
 def _rise(angles: Float, start: float) -> Float:
-    """Returns (T,) 0 up to ``start`` radians, 1 at half a turn, and a smooth rise between."""
+    """Returns (T,) 0 up to ``start`` radians, 1 at 180 degrees, and a smooth transition between."""
     part = np.clip((angles - start) / (np.pi - start), 0.0, 1.0)
     return np.asarray(part**2 * (3.0 - 2.0 * part))
 
 
 def _swing_and_twist(bone: Float, axes: Float, turns: Float) -> tuple[Float, Float]:
-    """Returns (T, 2) the swings of turns (T, 4) along the axes and (T,) their twists, in radians.
+    """Returns (T, 2) the swings of rotations (T, 4) along the axes and (T,) their twists, in radians.
 
-    Turns are the twist first, and then the swing.
+    A rotation is the twist first, and then the swing.
     """
     half = np.arctan2(turns[:, 1:] @ bone, turns[:, 0])
     swings = multiply(turns, conjugate(from_rotation_vector(2.0 * half[:, None] * bone)))
@@ -216,7 +223,7 @@ def _convex_hull(points: Float) -> Float:
 
 
 def _is_right_turn(a: Float, b: Float, c: Float) -> bool:
-    """Returns True if the way (2,) from a over b to c does not turn left."""
+    """Returns True if the path (2,) from a over b to c does not turn left."""
     one, other = b - a, c - a
     return bool(one[0] * other[1] - one[1] * other[0] <= 0.0)
 

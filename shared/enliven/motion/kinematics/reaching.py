@@ -1,7 +1,8 @@
-"""Compiled inverse kinematics of a chain of any bones: FABRIK (Aristidou & Lasenby 2011), made exact.
+"""Compiled inverse kinematics (IK) of a chain of any number of bones: FABRIK (Aristidou & Lasenby 2011), made
+exact.
 
-FABRIK's rounds spread the bend over the chain; then its two halves, each rigid, are two bones that meet the
-goal in closed form. For a goal out of reach the chain ends as near to it as it can.
+FABRIK's iterations spread the bend over the chain. Then its two halves, each rigid, act as two bones that
+meet the goal in closed form. For a goal out of reach, the chain ends as near to it as possible.
 """
 
 from __future__ import annotations
@@ -14,21 +15,20 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 from enliven.motion.kinematics.vectors import length, minus, row, swing_to
 
 _ROUNDS = 8
-"""FABRIK rounds: they spread the bend over the chain; the closed form then makes it exact."""
+"""Number of FABRIK iterations. They spread the bend over the chain; the closed form then makes it exact."""
 _TRIES = 4
-"""How often that is done where one half alone cannot be folded enough."""
+"""Maximum repetitions if one half alone cannot be folded enough."""
 
 
 @njit(cache=True, nogil=True)
 def reach(points, goal, side, turns):
-    """Kernel: moves the end of a chain of points (K, 3) to ``goal``; bones keep their length, the first
-    point stays.
+    """Moves the end of a chain of points (K, 3) to ``goal``; bones keep their length, the first point stays.
 
     Args:
         points: (K, 3) metres; they are moved.
         goal: triple, metres.
-        side: triple, where a straight chain bulges to.
-        turns: (K - 1, 4) takes the turn of each bone since before, the shortest.
+        side: triple, the direction in which a straight chain bulges.
+        turns: (K - 1, 4) output: the shortest rotation of each bone since before.
     """
     count = len(points)
     before = points.copy()
@@ -56,7 +56,7 @@ def reach(points, goal, side, turns):
 
 @njit(cache=True, nogil=True)
 def straighten(points, goal, sizes):
-    """Kernel: lays a chain (K, 3) of ``sizes`` (K - 1,) straight towards the goal."""
+    """Stretches a chain (K, 3) of ``sizes`` (K - 1,) straight towards the goal."""
     way = minus(goal, row(points, 0))
     far = length(way)
     if far < 1e-12:
@@ -68,7 +68,7 @@ def straighten(points, goal, sizes):
 
 @njit(cache=True, nogil=True)
 def spread(points, goal, sizes):
-    """Kernel: FABRIK rounds, backwards from the goal and forwards from the first point (K, 3)."""
+    """Runs FABRIK iterations, backwards from the goal and forwards from the first point (K, 3)."""
     count = len(points)
     first = row(points, 0)
     for _ in range(_ROUNDS):
@@ -82,8 +82,10 @@ def spread(points, goal, sizes):
 
 @njit(cache=True, nogil=True)
 def unbend(points, goal, far, sizes):
-    """Kernel: takes so much off every bend of a chain (K, 3) that its end is ``far`` from its start, and
-    points it at the goal: what is left to do where the halves are too bent to reach."""
+    """Reduces every bend of a chain (K, 3) by the same fraction until its end is ``far`` from its start.
+
+    Then points the chain at the goal. This is used if the halves are too bent to reach the goal.
+    """
     count = len(points)
     bends, made = np.empty((count - 1, 4)), points.copy()
     for i in range(count - 2):
@@ -97,7 +99,7 @@ def unbend(points, goal, far, sizes):
         link = (link[0] * scale, link[1] * scale, link[2] * scale)
         for i in range(count - 1):
             if i > 0:
-                # The bend as the less bent bones before it carry it, and only a part of it.
+                # A fraction of the bend, carried along by the less bent bones before it.
                 q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
                 old = minus(row(points, i), row(points, i - 1))
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
@@ -117,7 +119,7 @@ def unbend(points, goal, far, sizes):
 
 @njit(cache=True, nogil=True)
 def pulled(points, fixed, moved, size):
-    """Kernel: puts point ``moved`` at ``size`` from point ``fixed``, in the direction that it has."""
+    """Moves point ``moved`` to distance ``size`` from point ``fixed``, keeping its direction."""
     way = minus(row(points, moved), row(points, fixed))
     far = length(way)
     if far < 1e-12:
@@ -128,7 +130,7 @@ def pulled(points, fixed, moved, size):
 
 @njit(cache=True, nogil=True)
 def settle(points, goal, side):
-    """Kernel: makes the end of (K, 3) meet the goal: the two halves, each rigid, as two bones."""
+    """Moves the end of (K, 3) to the goal, with the two rigid halves as two bones."""
     count = len(points)
     middle = count // 2
     upper, lower = two_bone(row(points, 0), row(points, middle), row(points, count - 1), goal, side)

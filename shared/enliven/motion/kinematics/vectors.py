@@ -9,37 +9,37 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def minus(a, b):
-    """Kernel: a - b of triples."""
+    """Returns a - b of triples."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @njit(cache=True, nogil=True)
 def cross(a, b):
-    """Kernel: a x b of triples."""
+    """Returns a x b of triples."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, nogil=True)
 def dot(a, b):
-    """Kernel: a . b of triples."""
+    """Returns a . b of triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True, nogil=True)
 def length(a):
-    """Kernel: |a| of a triple."""
+    """Returns |a| of a triple."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 @njit(cache=True, nogil=True)
 def row(points, i):
-    """Kernel: row ``i`` of (K, 3) as a triple."""
+    """Returns row ``i`` of (K, 3) as a triple."""
     return points[i, 0], points[i, 1], points[i, 2]
 
 
 @njit(cache=True, nogil=True)
 def at_right_angles(a):
-    """Kernel: some unit vector at right angles to ``a``, that depends on ``a`` alone."""
+    """Returns a unit vector perpendicular to ``a`` that depends on ``a`` alone."""
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
     axis = (1.0, 0.0, 0.0)
     if y <= x and y <= z:
@@ -55,14 +55,16 @@ def at_right_angles(a):
 
 @njit(cache=True, nogil=True)
 def about(n, angle):
-    """Kernel: the quaternion of a turn about the unit ``n`` by ``angle``."""
+    """Returns the quaternion of a rotation about the unit vector ``n`` by ``angle``."""
     s = math.sin(angle / 2)
     return math.cos(angle / 2), n[0] * s, n[1] * s, n[2] * s
 
 
 @njit(cache=True, nogil=True)
 def swing_to(a, b):
-    """Kernel: the shortest turn from the direction of ``a`` to that of ``b``; none if one has no length."""
+    """Returns the shortest rotation from the direction of ``a`` to that of ``b``; the identity if one has
+    no length.
+    """
     size, other = length(a), length(b)
     if size < 1e-12 or other < 1e-12:
         return 1.0, 0.0, 0.0, 0.0

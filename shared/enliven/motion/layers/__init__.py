@@ -1,5 +1,6 @@
-"""Layers of motion on a skeleton: turns along arc length, sampled, multiplied and placed (AniMesh, section
-5).
+"""Layers of motion on a skeleton: rotations along arc length, sampled, multiplied and placed.
+
+The method follows AniMesh, section 5.
 """
 
 import lazy_loader

@@ -3,12 +3,13 @@
     layer.basis = basis_between(source_first, target_first, view, up, flip=False)
 
 z points along the first bone at rest; y is perpendicular to z and to the viewing direction, on the side of
-the camera's up; x = y x z. The paper leaves open:
-- a bone along the viewing direction: every y at right angles to it is perpendicular to both; y is the one
-  nearest to up (and for a bone that is along up as well, the one nearest to the world's x, else z).
-- a bone that the screen shows upright (or hanging): y lies on the screen's horizontal, and the least tilt
-  would turn it over and mirror the motion. Where up says nothing at all, x points away from the viewer. In a
-  pair of which one is nearly upright, the target's y takes the side that turns the source's basis least.
+the camera's up; x = y x z. The paper leaves two cases open:
+
+- A bone along the viewing direction: every y perpendicular to the bone is perpendicular to both. The y
+  nearest to up is used. If the bone is along up as well, the y nearest to the world's x is used, else z.
+- A bone that is vertical on the screen: y is horizontal on the screen, and the slightest tilt would flip it
+  and mirror the motion. If up does not determine the side at all, x points away from the viewer. If one bone
+  of a pair is nearly vertical, the target's y uses the side that rotates the source's basis least.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from enliven.errors import InputError
 from enliven.rotation import canonical, conjugate, from_matrix, multiply
 
 VIEW = np.array([0.0, 0.0, -1.0])
-"""(3,) the direction of a camera that faces a person who faces +Z."""
+"""(3,) the viewing direction of a camera in front of a person that faces +Z."""
 UP = np.array([0.0, 1.0, 0.0])
-"""(3,) its up."""
+"""(3,) the up direction of that camera."""
 UPRIGHT = math.sin(math.radians(15.0))
-"""Sine of the tilt on the screen within which a bone counts as upright."""
+"""Sine of the tilt on the screen within which a bone counts as vertical."""
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
-"""(4,) half a turn about z, which is the flip of y."""
+"""(4,) a rotation by 180 degrees about z, which flips y."""
 _PARALLEL = 1e-4
-"""Sine between a bone and the viewing direction below which the bone is end-on and gives no side."""
+"""Sine between a bone and the viewing direction below which the bone is end-on and does not define a side."""
 
 
 def basis_between(
@@ -45,14 +46,15 @@ def basis_between(
     source_view: AnyArray | None = None,
     source_up: AnyArray | None = None,
 ) -> Float:
-    """(4,) target_from_source, w >= 0: a turn Q of the source becomes basis Q basis^-1 in the target.
+    """Returns (4,) target_from_source, w >= 0: a rotation Q of the source becomes basis Q basis^-1 in the
+    target.
 
     Args:
         source: (3,) the first bone of the source polyline at rest.
         target: (3,) that of the target.
         view: (3,) the viewing direction onto the target, and onto the source unless that has its own.
         up: (3,) the camera's up.
-        flip: turn the y axis over (half a turn about z before).
+        flip: flips the y axis (rotates by 180 degrees about z first).
         source_view: (3,) the capture device's viewing direction.
         source_up: (3,) its up.
     """
@@ -69,9 +71,9 @@ def basis_between(
 
 
 def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """(3,) along the first bone of a chain at rest that has a length; up for a chain that has none.
+    """Returns (3,) the first bone of a chain at rest that has a length; up if no bone has one.
 
-    A chain of one joint is along the bone that ends there.
+    For a chain of one joint, it is the bone that ends there.
     """
     if len(chain) == 1 and skeleton.lengths[chain[0]] > 0.0:
         return np.asarray(skeleton.vectors[chain[0]])
@@ -83,7 +85,7 @@ def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
 
 
 def _basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
-    """The basis of unit vectors, and whether ``up`` was what decided its side."""
+    """Returns the basis for unit vectors, and whether ``up`` determined its side."""
     y = np.cross(z, view)
     sure = True
     if np.linalg.norm(y) < _PARALLEL:
@@ -91,14 +93,16 @@ def _basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
     else:
         y = y / np.linalg.norm(y)
         sure = abs(float(y @ up)) >= UPRIGHT
-        # z x view makes x point away from the viewer; that is kept where up does not say.
+        # z x view makes x point away from the viewer; that is kept if up does not determine the side.
         if float(y @ up) < -1e-12:
             y = -y
     return from_matrix(np.stack([np.cross(y, z), y, z], -1)), sure
 
 
 def _nearest_at_right_angles(z: Float, up: Float) -> Float:
-    """(3,) unit vector at right angles to ``z`` that is nearest to ``up``, or else to the world's x or z."""
+    """Returns (3,) the unit vector perpendicular to ``z`` nearest to ``up``, or else to the world's x or
+    z.
+    """
     for wish in (up, np.eye(3)[0], np.eye(3)[2]):
         y = wish - (wish @ z) * z
         if np.linalg.norm(y) > 1e-3:

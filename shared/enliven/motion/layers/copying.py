@@ -3,7 +3,7 @@
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, *, view=VIEW, up=UP, basis=None,
                 flip=False, delay=0.0, replaced=False)
 
-The copy has layers of its own, so that it can be shifted, muted or weighted apart from what it was copied of.
+The copy has its own layers, so that it can be shifted, muted or weighted independently of the original.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from enliven.motion.layers.retarget import checked_down, clear_chain
 from enliven.rotation import canonical, multiply
 
 _SLIVER = 1e-9
-"""Shares below this are no part of a bone."""
+"""Fraction of a bone below which a part counts as empty."""
 
 
 def copy_motion(
@@ -39,21 +39,21 @@ def copy_motion(
     delay: float = 0.0,
     replaced: bool = False,
 ) -> Project:
-    """A project in which one chain moves as another does, on top of what moves it already.
+    """Returns a project in which one chain moves like another, on top of its present motion.
 
-    The total turn along the chain is the same at every time; each span of the one falls on the same arc
-    length of the other. Modeling rotations stay where they are.
+    The total rotation along the chain is the same at every time. Each span of the source falls on the same
+    arc length of the target. Modeling rotations stay unchanged.
 
     Args:
         view: (3,) the viewing direction in which the two chains are alike (5.1).
         up: (3,) the camera's up.
-        basis: (4,) to_from in the place of the view's.
-        flip: turn the y axis over; not with a ``basis``.
-        delay: seconds by which the copy is later.
-        replaced: take off what moves the other chain, instead of adding to it.
+        basis: (4,) to_from, instead of the basis from the view.
+        flip: flips the y axis; not with a ``basis``.
+        delay: seconds of delay of the copy.
+        replaced: removes the present motion of the target chain instead of adding to it.
 
     Raises:
-        InputError: where a shape or a chain is not there, or runs up the tree.
+        InputError: if a shape or a chain does not exist, or the chain runs up the tree.
     """
     source, target = project.shape(from_shape), project.shape(to_shape)
     pieces = _pieces(source, from_chain)
@@ -76,11 +76,11 @@ def copy_motion(
 
 
 _Piece = tuple[float, float, tuple[Ref, ...]]
-"""From, to (share of what it lies along), and what falls on it."""
+"""Start and end, as fractions of the length, and the layer references on this interval."""
 
 
 def _pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
-    """The spans of a chain's bones, one after the other, with their place on the chain."""
+    """Returns the spans of a chain's bones, in sequence, with their intervals on the chain."""
     made: list[_Piece] = []
     for bone, (start, end) in _places(shape, chain):
         for a, b, span in _laid_out(shape.spans[bone]):
@@ -89,22 +89,23 @@ def _pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
 
 
 def _places(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
-    """The bones of a chain, each with its interval of the chain's arc length."""
+    """Returns the bones of a chain, each with its interval of the chain's arc length."""
     bones = checked_down(shape, chain)
     arc = arc_of(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
     return list(zip(bones, pairwise(arc), strict=True))
 
 
 def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
-    """Every span with its interval of the bone."""
+    """Returns every span with its interval of the bone."""
     ends = np.cumsum([0.0, *(span.share for span in spans)])
     ends = ends / ends[-1]
     return [(a, b, span) for (a, b), span in zip(pairwise(ends.tolist()), spans, strict=True)]
 
 
 def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]) -> Shape:
-    """The shape with ``pieces`` of ``layers`` laid along a chain, innermost; its own spans are cut where a
-    piece ends.
+    """Returns the shape with ``pieces`` of ``layers`` applied along a chain, innermost.
+
+    Its own spans are split where a piece ends.
     """
     spans = list(shape.spans)
     for bone, (start, end) in _places(shape, chain):
@@ -115,13 +116,16 @@ def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tup
 
 
 def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
-    """The spans of a bone with what of the pieces lies on [0, 1] of it; pieces may reach beyond."""
+    """Returns the spans of a bone combined with the parts of the pieces on [0, 1]; pieces may extend
+    beyond.
+    """
     own = _laid_out(spans)
     bounds = [x for a, b, _ in own for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
     cuts = _apart([min(max(x, 0.0), 1.0) for x in bounds])
     made: list[Span] = []
     for i, low in enumerate(cuts):
-        # What has no length is at the joint itself; at the end of a bone, a piece is the next bone's.
+        # A piece without length is at the joint itself. At the end of a bone, a piece belongs to the next
+        # bone.
         made += [replace(span, share=0.0) for a, b, span in own if b - a <= _SLIVER and _near(a, low)]
         if i == len(cuts) - 1:
             break
@@ -135,7 +139,9 @@ def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]
 
 
 def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
-    """What of a ref on [start, end] falls on [low, high] within; exact where that is the whole."""
+    """Returns the part of a reference on [start, end] that falls on [low, high]; exact if that is the
+    whole.
+    """
     wide = (ref.end - ref.start) / (end - start)
     first = ref.start if _near(start, low) else ref.start + (low - start) * wide
     last = ref.end if _near(end, high) else ref.start + (high - start) * wide
@@ -143,7 +149,7 @@ def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref
 
 
 def _apart(places: list[float]) -> list[float]:
-    """The places in order, with those that are the same but for rounding once; 0 and 1 exact."""
+    """Returns the places in order, without duplicates within rounding; 0 and 1 are exact."""
     kept = [0.0]
     for place in sorted(places):
         if place - kept[-1] > _SLIVER and place < 1.0 - _SLIVER:

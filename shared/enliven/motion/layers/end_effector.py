@@ -1,15 +1,16 @@
-"""The end of a chain follows the end of the take's: the alternative mode of a layer (AniMesh, section 8).
+"""End-effector mode: the end of a chain follows the end of the take's chain (AniMesh, section 8).
 
     bind_chain(..., mode="end")                              # or a changed layer
-    led_chains(shape, layer, line) -> list[LedChain]         # what the player works with
+    led_chains(shape, layer, line) -> list[LedChain]         # the player's input
 
-The bones turn as in the mode "turns" first; then the end of their chain is brought, by the shortest turns, to
+First the bones rotate as in the mode "turns". Then the end of their chain is moved, by the smallest
+rotations, to
 
     start + D (curve(b) - curve(a)) length / source length
 
-with D the turn of what carries the chain, and curve(s) the take's posed polyline relative to what carries
-that, in the layer's basis. [a, b] is what of the layer the chain has, so a chain that was cut follows its own
-part. A weight below 1 goes that part of the way from the turned end.
+D is the rotation of the chain's parent. curve(s) is the take's posed polyline relative to its parent, in the
+layer's basis. [a, b] is the interval of the layer on this chain, so a chain that was cut follows its own
+part. A weight below 1 moves the end by that fraction from its rotated position.
 """
 
 from __future__ import annotations
@@ -27,19 +28,21 @@ from enliven.motion.layers.polyline import Polyline, place_of
 from enliven.rotation import rotate
 
 _SLIVER = 1e-9
-"""Metres, or part of an arc, below which lengths are zero and places equal: rounding makes smaller ones."""
+"""Length, metres, or fraction of an arc, below which lengths are zero and places equal, because of
+rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class LedChain:
-    """A chain of a shape with its end led by the end of the take's limb.
+    """A chain of a shape with an end that follows the end of the take's limb.
 
     Attributes:
-        joints: (K,) int32 from the one that stays to the one that is led.
-        side: (3,) towards its bulge at rest.
+        joints: (K,) int32 from the fixed joint to the end effector.
+        side: (3,) the direction of its bulge at rest.
         links: (S, 3) metres, the take's polyline at rest, bone by bone, in the target's axes.
-        knots: (2,) int32 and parts: (2,) where on that polyline the chain begins and ends.
-        scale: target length by source length.
+        knots: (2,) int32 knots at which the chain begins and ends on that polyline.
+        parts: (2,) the fractions of the bones after these knots.
+        scale: target length divided by source length.
         weight: of the layer.
     """
 
@@ -53,7 +56,9 @@ class LedChain:
 
 
 def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
-    """The chains of a shape that a layer of the mode "end" leads; none for a take's chain of one joint."""
+    """Returns the chains of a shape that a layer of the mode "end" drives; none if the take's chain has
+    one joint.
+    """
     if layer.mode != "end" or len(layer.chain) < 2:
         return []
     at = line.clip.skeleton.positions[list(layer.chain)]
@@ -83,7 +88,9 @@ def _led(
 
 
 def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
-    """The chains of joints with bones that refer to a layer, each with the first start and the last end."""
+    """Returns the chains of joints with bones that refer to a layer, each with the first start and the
+    last end.
+    """
     intervals: dict[int, tuple[float, float]] = {}
     for bone, spans in enumerate(shape.spans):
         refs = [ref for span in spans for ref in span.refs if ref.layer == layer]
@@ -97,7 +104,7 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
         chain = [int(shape.skeleton.parents[bone]), bone]
         end = intervals[bone][1]
         while True:
-            # A chain goes on in the child whose interval goes on where this one ends.
+            # A chain continues in the child with the interval that starts where this one ends.
             after = [
                 c
                 for c in shape.skeleton.children[chain[-1]]
@@ -115,29 +122,32 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
 def lead_at(
     chain: LedChain, knots: Float, heard: Float, parents: Int32, vectors: Float, turns: Float, joints: Float
 ) -> None:
-    """Leads one chain at the times of ``knots`` (T, S + 1, 4), as far as its layer is ``heard`` (T,).
+    """Moves the end of one chain at the times of ``knots`` (T, S + 1, 4), weighted by its layer's ``heard``
+    (T,).
 
-    Turns and joints are changed in place; ``vectors`` (T or 1, N, 3) lead from joint to joint unturned.
+    Rotations and joints are changed in place; ``vectors`` (T or 1, N, 3) lead from joint to joint, unrotated.
     """
     weights = chain.weight * heard
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
-    # Laid out anew, so that compiled code is made once, for one time as for many.
+    # Copied to a contiguous array, so that numba compiles the kernel only once.
     apart = np.ascontiguousarray(knots)
     lead_end(parents, vectors, *fixed, apart, turns, joints)
 
 
 @njit(cache=True, nogil=True)
 def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints):
-    """Kernel: brings the end of a chain to where the take's is, and rebuilds what hangs on it.
+    """Moves the end of a chain to the position of the take's end, and updates its descendants.
 
     Args:
-        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone turns.
+        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone rotates.
         chain: (K,) joints.
         links: (S, 3) the take's bones at rest in the target's axes.
-        ends: (2,) and parts (2,): where on the take's polyline the chain begins and ends.
-        knots: (T, S + 1, 4) the take's turns at its joints.
-        weights: (T,) how far the end goes there; with 0 nothing is changed.
-        turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
+        ends: (2,) the knots at which the chain begins and ends on the take's polyline.
+        parts: (2,) the fractions of the bones after these knots.
+        knots: (T, S + 1, 4) the take's rotations at its joints.
+        weights: (T,) fraction of the way that the end moves there; 0 changes nothing.
+        turns: (T, N, 4) world rotations, changed in place.
+        joints: (T, N, 3) metres, changed in place.
     """
     count = len(chain)
     local, made = np.empty((len(parents), 4)), np.empty((count - 1, 4))
@@ -171,7 +181,9 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
 
 @njit(cache=True, nogil=True)
 def curve(links, knots, knot, part):
-    """Kernel: where the take's posed polyline is, from its start, ``part`` of the way along bone ``knot``."""
+    """Returns the position on the take's posed polyline, from its start, at fraction ``part`` of bone
+    ``knot``.
+    """
     x, y, z = 0.0, 0.0, 0.0
     for i in range(knot + 1):
         share = part if i == knot else 1.0

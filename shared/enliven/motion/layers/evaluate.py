@@ -1,21 +1,24 @@
-"""The pose of a shape at a time: its layers sampled, multiplied along the tree, and placed.
+"""Evaluates the pose of a shape at a time: samples its layers, multiplies them along the tree, and places the
+result.
 
     pose_of(project, shape_id, seconds) -> ShapePose       # once
     player = Player(project, shape_id)                     # prepared: evaluate often
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
-    player.linear(times, turns) -> (T, N, 3, 3)            # what moves the vertices: turns and stretches
+    player.linear(times, turns) -> (T, N, 3, 3)            # maps of the vertices: rotations and stretches
     player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
     player.contacts() -> {joint name: Contacts}            # of the pinned feet
     player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
-    player.feed(take, turns, root)                         # live: this frame in the place of the take
+    player.feed(take, turns, root)                         # live: this frame instead of the take
     pose_from(shape, ShapePose, seconds) -> Pose
 
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
-rest_parent). a_j is the product over the bone's spans of what stands before each and the span's own turn
-C(0)^-1 C(1), with C the product of its layers' q, the first outermost. A muted layer, and one of weight 0, is
-left out. Where a layer takes its take's stretches too, x_j = x_parent + D_j U_j (rest_j - rest_parent +
-offset_j), and what is rigid with bone j is moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
+rest_parent). a_j is a product over the bone's spans: each contributes the fixed rotation before it and the
+span's own rotation C(0)^-1 C(1), with C the product of its layers' q, the first outermost. Muted layers, and
+layers of weight 0, are left out.
+
+If a layer also uses its take's stretches, x_j = x_parent + D_j U_j (rest_j - rest_parent + offset_j). The
+vertices rigid with bone j are then moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
 """
 
 from __future__ import annotations
@@ -39,12 +42,12 @@ from enliven.rotation import to_matrix
 
 @dataclass(frozen=True, eq=False)
 class ShapePose:
-    """A shape at a moment.
+    """A shape at one time.
 
     Attributes:
-        turns: (N, 4) unit quaternions D_j, w >= 0: what bone j turned since rest, in world axes.
+        turns: (N, 4) unit quaternions D_j, w >= 0: the rotation of bone j since rest, in world axes.
         joints: (N, 3) float64 metres.
-        stretch: (N, 3, 3) U_j, by which each bone is stretched before it turns; None: none is.
+        stretch: (N, 3, 3) U_j, the stretch of each bone before its rotation; None without stretches.
     """
 
     turns: Float
@@ -53,31 +56,31 @@ class ShapePose:
 
     @property
     def linear(self) -> Float:
-        """(N, 3, 3) what moves the vertices of each bone: D_j U_j."""
+        """(N, 3, 3) the map of the vertices of each bone: D_j U_j."""
         maps = to_matrix(self.turns)
         return maps if self.stretch is None else np.asarray(maps @ self.stretch)
 
 
 def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
-    """The shape at a time of the project; a :class:`Player` is quicker for many.
+    """Returns the shape at a time of the project; a :class:`Player` is faster for many.
 
     Raises:
-        InputError: where there is no such shape.
+        InputError: if the shape does not exist.
     """
     return Player(project, shape_id).at(seconds)
 
 
 def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
-    """The transforms of ``character_of``: bone j about the rest position of its parent."""
+    """Returns the transforms of ``character_of``: bone j about the rest position of its parent."""
     above = np.maximum(shape.skeleton.parents, 0)
     positions: Float32 = at.joints[above].astype(np.float32)
     return Pose(shape.id, round(seconds * 1e9), at.linear.astype(np.float32), positions)
 
 
 class Player:
-    """Evaluates a shape of a project at any time.
+    """A player that evaluates a shape of a project at any time.
 
-    It holds what the project was when it was made: after an edit, make another.
+    It keeps a snapshot of the project. After an edit, create another.
     """
 
     def __init__(self, project: Project, shape_id: str) -> None:
@@ -98,18 +101,18 @@ class Player:
         self._window = window_of([*parts.layers, *travelling], project.takes)
 
     def at(self, seconds: float) -> ShapePose:
-        """The shape at a time of the project."""
+        """Returns the shape at a time of the project."""
         times = np.array([seconds], np.float64)
         turns, joints = self.sample(times)
         stretch = self._stretch(times)
         return ShapePose(upright(turns[0]), joints[0], None if stretch is None else stretch[0])
 
     def pose(self, seconds: float) -> Pose:
-        """The pose for the wire and the viewer, with the transforms of :func:`pose_from`."""
+        """Returns the pose for the wire and the viewer, with the transforms of :func:`pose_from`."""
         return pose_from(self.shape, self.at(seconds), seconds)
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
-        """(T, N, 4) turns D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
+        """Returns (T, N, 4) rotations D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
         times = _times(times)
         turns, joints = self._free(times)
         standing = self.standing()
@@ -121,29 +124,30 @@ class Player:
         return turns, joints
 
     def linear(self, times: AnyArray, turns: Float) -> Float:
-        """(T, N, 3, 3) D_j U_j at times (T,), for the turns D_j (T, N, 4) of :meth:`sample`."""
+        """Returns (T, N, 3, 3) D_j U_j at times (T,), for the rotations D_j (T, N, 4) of :meth:`sample`."""
         maps, stretch = to_matrix(turns), self._stretch(_times(times))
         return maps if stretch is None else np.asarray(maps @ stretch)
 
     def _stretch(self, times: Float) -> Float | None:
-        """(T, N, 3, 3) U_j at times (T,); None where no bone is stretched."""
+        """Returns (T, N, 3, 3) U_j at times (T,); None if no bone is stretched."""
         if self._stretching is None:
             return None
         return self._stretching.stretch(times, self._stretching.at(times)[1])
 
     def _links(self, times: Float) -> Float:
-        """(T or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
+        """Returns (T or 1, N, 3) metres from each joint's parent to the joint before its bone rotates."""
         links = self.shape.skeleton.vectors[None]
         if self._stretching is not None:
             offsets, strains = self._stretching.at(times)
             links = links + offsets
             stretch = self._stretching.stretch(times, strains)
             links = links if stretch is None else stretched(stretch, links)
-            links.setflags(write=False)  # as a skeleton's are: compiled code is made once for both
+            # read-only like a skeleton's arrays, so that numba compiles the kernels only once
+            links.setflags(write=False)
         return links
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:
-        """As :meth:`sample`, with no foot pinned."""
+        """Returns the same as :meth:`sample`, with no foot pinned."""
         return self._free(_times(times))
 
     def _free(self, times: Float) -> tuple[Float, Float]:
@@ -160,31 +164,33 @@ class Player:
         return turns, joints
 
     def own(self, times: AnyArray) -> Float:
-        """(T, N, 4) the animation rotations a_j at times (T,): what the layers do, without the modeling."""
+        """Returns (T, N, 4) the animation rotations a_j at times (T,): those of the layers, without the
+        modeling.
+        """
         return self._sampler.own(self._sampler.knots(_times(times)))
 
     def root(self, times: AnyArray) -> Float:
-        """(T, 3) metres, where the root joint is at times (T,)."""
+        """Returns (T, 3) metres, the position of the root joint at times (T,)."""
         return self._travel.at(_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
-        """Plays a live moment in the place of a take, whatever the time; its layers stay as they are.
+        """Plays a live frame instead of a take, whatever the time; its layers stay unchanged.
 
-        While a shape is fed, no foot of it is pinned: a pin has to know how long a contact lasts.
+        While a shape is fed, none of its feet is pinned, because a pin has to know how long a contact lasts.
 
         Args:
             take: the id of the take.
-            turns: (N, 4) world turns of its skeleton's bones since rest.
+            turns: (N, 4) world rotations of its skeleton's bones since rest.
             root: (3,) metres, the position of its joint 0.
 
         Raises:
-            InputError: where there is no such take or the turns are not of its skeleton.
+            InputError: if the take does not exist, or the rotations do not match its skeleton.
         """
         known = self.project.takes.get(take)
         turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
         if known is None or turns.shape != (1, len(known.skeleton), 4) or root.shape != (1, 3):
             raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
-        # A clip's arrays are read-only, and so are these: compiled code is made once for both.
+        # A clip's arrays are read-only, and so are these, so that numba compiles the kernels only once.
         for array in (turns, root):
             array.setflags(write=False)
         self._sampler.feed(take, turns)
@@ -192,7 +198,9 @@ class Player:
         self._live = True
 
     def standing(self) -> Standing | None:
-        """When the pinned feet stand, found once by playing the whole shape; None without pins or live."""
+        """Returns the contacts of the pinned feet, found once by playing the whole shape; None without
+        pins or live.
+        """
         if not self._pins or self._live:
             return None
         if self._standing is None:
@@ -201,7 +209,7 @@ class Player:
         return self._standing
 
     def contacts(self) -> dict[str, Contacts]:
-        """When the pinned joints stand, by name; seconds of the project."""
+        """Returns the contacts of the pinned joints, by name; seconds of the project."""
         standing, names = self.standing(), self.shape.skeleton.names
         return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
 

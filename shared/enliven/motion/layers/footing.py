@@ -1,12 +1,13 @@
-"""How the pinned feet of a shape stand while its layers play: each layer may say it for its legs.
+"""Foot modes: how the pinned feet of a shape stand while its layers play. Each layer may set the mode of its
+legs.
 
-    modes = foot_modes(project, shape, pins)        # None where all stand as they are found to
-    modes(times) -> (P, T)                          # numbers in enliven.document.FEET
+    modes = foot_modes(project, shape, pins)        # None if all use detected contacts
+    modes(times) -> (P, T)                          # indices into enliven.document.FEET
 
-"auto": a foot is held where it is low and slow. "always": wherever it is low; the root comes down as far as
-it must, so that it does not slide. "never": no foot is held. "ground": no foot is held, and none is below the
-floor. Of several layers that play on one leg the last that says more than "auto" decides; the layer that the
-shape travels by speaks for all legs, before them.
+"auto": a foot is held while it is low and slow. "always": whenever it is low; the root is lowered as far as
+necessary, so that the foot does not slide. "never": no foot is held. "ground": no foot is held, and none is
+below the floor. If several layers play on one leg, the last one with a mode other than "auto" decides. The
+layer that moves the root applies to all legs, with lower priority.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from enliven.motion.contact import HeldPin
 from enliven.motion.layers.timing import Clocks
 
 _HEARD = 0.5
-"""Weight from which on a layer that comes in or goes decides."""
+"""Minimum weight of a fading layer for its foot mode to apply."""
 
 
 def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:
-    """What gives how each pinned foot stands at times (T,); None where no layer says more than "auto"."""
+    """Returns a function of times (T,) for the mode of each pinned foot; None if all layers are "auto"."""
     spoken = [one for one in shape.layers if one.feet != "auto" and not one.muted and one.weight > 0.0]
     if not spoken or not pins:
         return None
@@ -46,7 +47,7 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
 
 
 def _speaks(shape: Shape, layer: Layer, pin: HeldPin) -> bool:
-    """Whether a layer turns a bone of a pinned limb, or carries the whole shape."""
+    """Returns whether a layer rotates a bone of a pinned limb, or moves the root of the shape."""
     if layer.id == shape.travel:
         return True
     spans = (span for bone in pin.chain for span in shape.spans[bone])

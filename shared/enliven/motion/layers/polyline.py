@@ -1,11 +1,11 @@
-"""q(s, t): the turning of a take, accumulated along a polyline of its skeleton (AniMesh, section 5.1).
+"""q(s, t): the rotation of a take, accumulated along a polyline of its skeleton (AniMesh, section 5.1).
 
-    line = Polyline.of(clip, chain)           # what does not change with time
+    line = Polyline.of(clip, chain)           # the part that does not change with time
     line.knots                                # (K,) arc length s of the joints, 0..1
     knot_turns(...)                           # (T, K, 4) P at the knots, at frame numbers (fractions too)
 
-The take at a time between two frames has the slerp of their world turns; everything else is read from that,
-so a polyline that is played on itself is the take, between frames as at them.
+Between two frames, the take has the slerp of their world rotations. Everything else is derived from these. So
+a polyline that is retargeted to itself reproduces the take, between frames as well as at them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from enliven.kernels import njit
 from enliven.motion.kinematics import between, conj, load, mul, store
 
 SHORTEST = 1e-6
-"""Share of a polyline that a bone without length still takes, so that its turn has a place of its own."""
+"""Fraction of a polyline that a bone of zero length still occupies, so that its rotation has its own
+place."""
 _NO_LENGTH = 1e-9
-"""Share of a polyline below which a bone has no length."""
+"""Fraction of a polyline below which a bone has zero length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +37,9 @@ class Polyline:
         clip: the take.
         chain: joints, neighbours in its tree.
         knots: (K,) float64 arc length at the joints, from 0 to 1. A chain of one joint has knots 0 and 1.
-        bones: (K - 1,) int32 which turn of the take is reached at knots 1, 2, ...
-        base: the turn that the others are relative to: of the bone that ends at the first joint, or the
-            root's (0) for a chain that goes up the tree; -1 for none.
+        bones: (K - 1,) int32 the bone of the take that provides the rotation at knots 1, 2, ...
+        base: the bone that the other rotations are relative to: the one that ends at the first joint, or the
+            root (0) for a chain that goes up the tree; -1 for none.
     """
 
     clip: Clip
@@ -49,10 +50,10 @@ class Polyline:
 
     @staticmethod
     def of(clip: Clip, chain: Sequence[int]) -> Polyline:
-        """The polyline along ``chain``.
+        """Returns the polyline along ``chain``.
 
         Raises:
-            InputError: where the joints are not there or not neighbours.
+            InputError: if the joints do not exist or are not neighbours.
         """
         chain = tuple(int(joint) for joint in chain)
         bones = bones_of(clip.skeleton, chain, where=f"take {clip.id!r}")
@@ -63,10 +64,10 @@ class Polyline:
 
 
 def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
-    """The bone between each joint of a chain and the next.
+    """Returns the bone between each joint of a chain and the next.
 
     Raises:
-        InputError: where a joint is not there, comes twice, or is no neighbour of the one before.
+        InputError: if a joint does not exist, occurs twice, or is not a neighbour of the previous one.
     """
     if not chain:
         raise InputError("the chain has no joint", where=where, mend="Name one at least.")
@@ -88,12 +89,14 @@ def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
 
 
 def goes_down(skeleton: Skeleton, chain: Sequence[int]) -> bool:
-    """Whether every joint of the chain hangs on the one before it."""
+    """Returns whether every joint of the chain is a child of the previous one."""
     return all(skeleton.parents[b] == a for a, b in itertools.pairwise(chain))
 
 
 def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
-    """(K,) arc length at the joints of a chain at rest, from 0 to 1; a bone without length takes a little."""
+    """Returns (K,) the arc length at the joints of a chain at rest, from 0 to 1; a bone of zero length
+    gets a little.
+    """
     lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)
     total = lengths.sum()
     none = lengths <= _NO_LENGTH * total
@@ -103,7 +106,9 @@ def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
 
 
 def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
-    """The knot (S,) at or before each ``s`` (S,), and how far (S,) in [0, 1] it is to the next."""
+    """Returns the knot (S,) at or before each ``s`` (S,), and the fraction (S,) in [0, 1] of the way to
+    the next.
+    """
     s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
     knot = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
     width = knots[knot + 1] - knots[knot]
@@ -113,8 +118,10 @@ def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
 
 @njit(cache=True, nogil=True)
 def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, out):
-    """Kernel: basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
-    ``begin`` on: for each polyline the identity and then a turn for each of its bones.
+    """Computes basis P basis^-1 at the knots of L polylines of one take, into ``out`` (T, K, 4) from knot
+    ``begin`` on.
+
+    Each polyline has the identity and then one rotation for each of its bones.
 
     Args:
         turns: (F, N, 4) the take's.
@@ -144,7 +151,7 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
 
 @njit(cache=True, nogil=True)
 def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
-    """Kernel: the knots (K, 4) of one polyline, ``part`` of the way from ``frame`` to the next."""
+    """Computes the knots (K, 4) of one polyline, at fraction ``part`` from ``frame`` to the next."""
     one = (1.0, 0.0, 0.0, 0.0)
     turned = (basis[0], basis[1], basis[2], basis[3])
     plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
@@ -171,8 +178,10 @@ def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
 
 @njit(cache=True, nogil=True)
 def blend_knots(others, share, weight, first, begin, out):
-    """Kernel: the knots ``out`` (T, K, 4) of L polylines, ``share`` (T, L) of the way to ``others``, and of
-    that ``weight`` (T, L); ``first`` and ``begin`` as :func:`knot_turns` has them.
+    """Blends the knots ``out`` (T, K, 4) of L polylines by ``share`` (T, L) towards ``others``, scaled by
+    ``weight`` (T, L).
+
+    ``first`` and ``begin`` have the same meaning as in :func:`knot_turns`.
     """
     one = (1.0, 0.0, 0.0, 0.0)
     for t in range(len(out)):
@@ -186,7 +195,7 @@ def blend_knots(others, share, weight, first, begin, out):
 
 @njit(cache=True, nogil=True)
 def turn_at(turns, frame, part, entry):
-    """Kernel: the turn of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
+    """Returns the rotation of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
     if part == 0.0:
         return load(turns[frame], entry)
     return between(load(turns[frame], entry), load(turns[frame + 1], entry), part)

@@ -1,16 +1,17 @@
-"""Edits that give a shape the motion of a take, chain by chain (AniMesh, section 5.2): Project -> Project.
+"""Retargeting edits: give a shape the motion of a take, chain by chain (AniMesh, section 5.2): Project ->
+Project.
 
     bind_chain(project, shape_id, target, take_id, source, *, view=VIEW, up=UP, source_view=None,
                source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
                mirrored=False, layer_id=None)                  # adds a layer to the present ones
-    clear_chain(project, shape_id, chain, layer_id=None)       # takes one layer, or all, off the bones
+    clear_chain(project, shape_id, chain, layer_id=None)       # removes one layer, or all, from the bones
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
     set_travel(project, shape_id, layer_id or None, scale=None)  # root motion of that layer's take, or off
     extended(skeleton, joint)                                  # the longest way down from a joint (Figure 5)
     branch(skeleton, start, end, extend=True)                  # from one joint through another, on to a leaf
 
-Chains are joints from the one that stays to the one that moves. A chain of one joint is the turn of that
-entry itself: ((0,), (0,)) gives a root the turn of the take's root.
+Chains list joints from the fixed end to the moving end. A chain of one joint is the rotation of that entry
+itself: ((0,), (0,)) gives a root the rotation of the take's root.
 """
 
 from __future__ import annotations
@@ -45,21 +46,23 @@ def bind_chain(
     layer_id: str | None = None,
     **played: Any,
 ) -> Project:
-    """A project in which a chain of a shape moves as a chain of a take, on top of what moves it already.
+    """Returns a project in which a chain of a shape moves like a chain of a take, on top of its present
+    motion.
 
     Args:
-        target: joints of the shape, each hanging on the one before.
+        target: joints of the shape, each the child of the one before.
         source: joints of the take's skeleton, neighbours.
         view: (3,) the viewing direction onto the target (and the source, unless ``source_view`` is given).
         up: (3,) the camera's up.
-        basis: (4,) target_from_source in the place of the view's; the identity turns in world axes.
-        flip: turn the y axis over; not with a ``basis``.
+        basis: (4,) target_from_source, instead of the basis from the view; the identity rotates in world
+            axes.
+        flip: flips the y axis; not with a ``basis``.
         layer_id: the new layer's name; None finds one.
-        played: offset, speed, loop, weight, muted, mirrored, stretch of the :class:`Layer`; bones take the
-            stretches of a clip of a skeleton like the shape's own unless that is said.
+        played: offset, speed, loop, weight, muted, mirrored, stretch of the :class:`Layer`. By default, bones
+            use the stretches of a clip if its skeleton is like the shape's own.
 
     Raises:
-        InputError: where there is no such shape, take or joint, or a chain cannot be followed.
+        InputError: if a shape, take or joint does not exist, or a chain is invalid.
     """
     shape = project.shape(shape_id)
     if take_id not in project.takes:
@@ -95,7 +98,7 @@ def bind_chain(
 
 
 def _own(skeleton: Skeleton, take: Clip) -> bool:
-    """Whether a take is a clip of this skeleton that moves or stretches its bones."""
+    """Returns whether a take is a clip of this skeleton that moves or stretches its bones."""
     theirs = take.skeleton
     alike = skeleton.names == theirs.names and np.array_equal(skeleton.parents, theirs.parents)
     return alike and take.deforms
@@ -104,9 +107,9 @@ def _own(skeleton: Skeleton, take: Clip) -> bool:
 def clear_chain(
     project: Project, shape_id: str, chain: Sequence[int], layer_id: str | None = None
 ) -> Project:
-    """A project in which no layer (or not this one) turns the bones of a chain of a shape.
+    """Returns a project in which no layer (or not this one) rotates the bones of a chain of a shape.
 
-    Layers that nothing refers to any more go too; the take stays.
+    Layers without any remaining reference are removed too; the take stays.
     """
     shape = project.shape(shape_id)
     spans = list(shape.spans)
@@ -119,11 +122,11 @@ def clear_chain(
 
 
 def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:
-    """A project in which the root of a shape goes where the root of a layer's take goes, or stays (None).
+    """Returns a project in which the root of a shape follows the root of a layer's take, or stays (None).
 
     Args:
-        scale: metres for a metre of the take's; None keeps the ratio of the sizes that they have now, so
-            that cutting the shape later does not change its way.
+        scale: metres per metre of the take; None keeps the present ratio of the sizes, so that cutting the
+            shape later does not change its path.
     """
     shape = project.shape(shape_id)
     if layer_id is None:
@@ -135,7 +138,9 @@ def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: flo
 
 
 def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """The joints from ``joint``, itself first, along the longest branch down to a leaf (Figure 5, right)."""
+    """Returns the joints from ``joint``, included, along the longest branch down to a leaf (Figure 5,
+    right).
+    """
     reach = [0.0] * len(skeleton)
     for child in range(len(skeleton) - 1, 0, -1):
         parent = int(skeleton.parents[child])
@@ -147,16 +152,18 @@ def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
 
 
 def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
-    """The chain from ``start`` to ``end``, and on along the longest branch below it where ``extend``."""
+    """Returns the chain from ``start`` to ``end``, continued along the longest branch below it if
+    ``extend``.
+    """
     path = skeleton.path(start, end)
     return (*path, *extended(skeleton, end)[1:]) if extend and goes_down(skeleton, path) else path
 
 
 def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
-    """The bones of a chain of a shape that runs down its tree; of one joint, that entry.
+    """Returns the bones of a chain of a shape that runs down its tree; for one joint, that entry.
 
     Raises:
-        InputError: where it goes up, or is no chain.
+        InputError: if it goes up, or is not a chain.
     """
     where, skeleton = f"shape {shape.id!r}", shape.skeleton
     bones = bones_of(skeleton, chain, where=where)
@@ -174,7 +181,7 @@ def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
 
 
 def _laid(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
-    """The spans of a bone with [start, end] of one more layer, each its share."""
+    """Returns the spans of a bone with [start, end] of an additional layer, each with its part."""
     made, done = [], 0.0
     for i, span in enumerate(spans):
         a = start + done * (end - start)

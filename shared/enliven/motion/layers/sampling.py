@@ -1,11 +1,12 @@
-"""All the layers of a shape sampled at once, for the player of ``evaluate``.
+"""Samples all the layers of a shape at once, for the player of ``evaluate``.
 
     sampler = Sampler(project, shape)
-    sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
+    sampler.knots(times) -> (T, K, 4)        # rotations at the joints of every layer's chain, target's basis
     sampler.own(knots) -> (T, N, 4)          # a_j: the animation rotation of every bone
-    sampler.feed(take, turns)                # a live moment in the place of a take
+    sampler.feed(take, turns)                # a live frame instead of a take
 
-What does not change with time is worked out once: which knots a place on a bone lies between, and how far.
+Values that do not change with time are computed once: the knots around a place on a bone, and the fraction
+between them.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from enliven.motion.layers.timing import Clocks
 
 
 class Sampler:
-    """The active layers of a shape, laid out for compiled loops.
+    """The active layers of a shape, arranged for compiled loops.
 
     Attributes:
-        layers: those that turn a bone, neither muted nor of weight 0, those of one take side by side.
+        layers: those that rotate a bone, neither muted nor of weight 0, grouped by take.
         lines: the polyline of each.
-        parts: where among all the knots (K,) its own are.
+        parts: the slice of each among all the knots (K,).
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
@@ -45,36 +46,40 @@ class Sampler:
         self._lay_out(shape)
 
     def knots(self, times: Float) -> Float:
-        """(T, K, 4) the turns at all the knots of all the layers at times (T,), in the target's basis."""
+        """Returns (T, K, 4) the rotations at all the knots of all the layers at times (T,), in the
+        target's basis.
+        """
         out = np.empty((len(times), self._count, 4))
         for take in self._takes:
             take.sample(times, out)
         return out
 
     def weights(self, times: Float) -> Float:
-        """(T, L) how far each layer is heard at times (T,): below 1 for one that comes in or goes."""
+        """Returns (T, L) the fade weight of each layer at times (T,): below 1 while a layer fades in or
+        out.
+        """
         out = np.empty((len(times), len(self.layers)))
         for take in self._takes:
             out[:, take.numbers] = take.weights(times)
         return out
 
     def own(self, knots: Float) -> Float:
-        """(T, N, 4) the animation rotations a_j of the bones."""
+        """Returns (T, N, 4) the animation rotations a_j of the bones."""
         out = np.empty((len(knots), len(self._first) - 1, 4))
         own_turns(knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, out)
         return out
 
     def feed(self, take: str, turns: Float) -> None:
-        """Plays ``turns`` (1, N, 4) in the place of a take from now on, whatever the time."""
+        """Plays ``turns`` (1, N, 4) instead of a take from now on, whatever the time."""
         for each in self._takes:
             if each.id == take:
                 each.fed = turns
 
     def _lay_out(self, shape: Shape) -> None:
-        """Lays every bone's spans out as a row of terms: samples of q, or their inverses, to be multiplied.
+        """Arranges every bone's spans as a row of terms: samples of q, or their inverses, to be multiplied.
 
-        A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is
-        wanted twice, at the end of a bone and the start of the next, is taken once. A fixed turn before a
+        A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is used
+        twice, at the end of a bone and the start of the next, is computed once. A fixed rotation before a
         span is numbered from -1 down.
         """
         number = {layer.id: i for i, layer in enumerate(self.layers)}
@@ -99,7 +104,9 @@ class Sampler:
         self._knot, self._part = self._places(list(wanted))
 
     def _places(self, wanted: list[tuple[int, float]]) -> tuple[Int32, Float]:
-        """The knot (M,) among all layers' and the part (M,) of the way to the next, of each sample."""
+        """Returns the knot (M,) among all layers' and the fraction (M,) of the way to the next, for each
+        sample.
+        """
         knot, part = np.empty(len(wanted), np.int32), np.empty(len(wanted))
         which = np.array([layer for layer, _ in wanted], np.int32)
         s = np.array([place for _, place in wanted], np.float64)
@@ -111,7 +118,7 @@ class Sampler:
 
 
 class _Take:
-    """The layers of one take, ``numbers`` among all, and where their knots begin among all."""
+    """The layers of one take, their indices ``numbers`` among all, and the start of their knots among all."""
 
     def __init__(
         self, numbers: list[int], all_layers: list[Layer], all_lines: list[Polyline], begin: int
@@ -129,7 +136,7 @@ class _Take:
         self._mirrored = np.array([layer.mirrored for layer in layers])
 
     def sample(self, times: Float, out: Float) -> None:
-        """Writes the turns at the knots of these layers into ``out`` (T, K, 4) of all."""
+        """Writes the rotations at the knots of these layers into ``out`` (T, K, 4) of all."""
         if self.fed is not None:
             still = np.zeros((len(times), len(self._bases)))
             self._knots(self.fed, still, still + self._weights, out)
@@ -142,7 +149,7 @@ class _Take:
             blend_knots(others, played.share, played.weight, self._first, self._begin, out)
 
     def weights(self, times: Float) -> Float:
-        """(T, L) how far these layers are heard."""
+        """Returns (T, L) the fade weights of these layers."""
         if self.fed is not None:
             return np.ones((len(times), len(self._bases)))
         return self._clocks.played(times).weight * self._clocks.curves(times)
@@ -153,12 +160,14 @@ class _Take:
 
 
 def active_layers(shape: Shape) -> list[Layer]:
-    """The layers that turn a bone of the shape, each once, without those that are muted or have no weight."""
+    """Returns the layers that rotate a bone of the shape, without duplicates, muted layers and zero
+    weights.
+    """
     layers = {layer.id: layer for layer in shape.layers if not layer.muted and layer.weight > 0.0}
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     return [layers[key] for key in named if key in layers]
 
 
 def _played_by(layer: Layer) -> tuple[str, float]:
-    """What the layers that are sampled together have in common: the take, and how smooth it is."""
+    """Returns the grouping key of layers that are sampled together: the take, and its smoothing."""
     return layer.take, layer.smooth

@@ -1,12 +1,12 @@
-"""The lengths and stretches that layers give the bones of a shape, beside their turns.
+"""The lengths and stretches that layers give the bones of a shape, in addition to their rotations.
 
-    stretching = Stretching.of(sampler, shape)              # None where no layer's take stretches anything
+    stretching = Stretching.of(sampler, shape)              # None if no layer's take stretches anything
     offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
 
-A bone of the take gives its strain to all that falls on it, and its offset in proportion to the arc length
-that does, in the size of the bone that takes it. So a bone that a node divides keeps its stretch on both
-sides, and the offsets of the two halves add up to that of the whole. Several layers on a bone add up:
-strains are logarithms.
+A bone of the take passes its strain to all bones of the shape on its interval. It passes its offset in
+proportion to their arc length there, scaled to the size of the receiving bone. So a bone that is divided by a
+node keeps its stretch on both sides. The offsets of its two halves add up to that of the whole. Several
+layers on a bone add up, because strains are logarithms.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from enliven.motion.layers.timing import Clocks
 from enliven.rotation import rotate, stretch_of, turned_strain
 
 _LENGTH = 1e-9
-"""Share of the shape's longest bone below which a bone has no length to be compared by."""
+"""Fraction of the shape's longest bone below which a bone has no usable length."""
 _ROUNDING = 1e-6
-"""Share of a frame within which a time is at a frame."""
+"""Fraction of a frame within which a time counts as exactly at a frame."""
 _REFLECTED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
-"""(6,) what the reflection in the plane x = 0 does to a strain."""
+"""(6,) the effect of the reflection in the plane x = 0 on a strain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class _Stretched:
     Attributes:
         bones: (B,) of the take, along the layer's chain.
         signs: (B,) -1 for a bone that the chain goes up.
-        offsets: (N, B) how much of each bone's offset each bone of the shape takes.
+        offsets: (N, B) the factor on each take bone's offset for each bone of the shape.
         strains: (N, B) the same for its strain.
     """
 
@@ -51,7 +51,7 @@ class _Stretched:
     strains: Float
 
     def at(self, times: Float) -> tuple[Float, Float]:
-        """(T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
+        """Returns (T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
         played = self.clock.played(times)
         weight = played.weight[:, 0] * self.layer.weight
         finest = self.clip.finest
@@ -69,13 +69,13 @@ class _Stretched:
         )
 
     def mirrors(self, times: Float) -> Float | None:
-        """(T, N) 1, or -1 for a bone that is mirrored at a time; None where none is at any time."""
+        """Returns (T, N) 1, or -1 for a bone that is mirrored at a time; None if none is at any time."""
         track = self.clip.finest.mirrors
         if track is None:
             return None
         played, most = self.clock.played(times), self.strains.argmax(1)
         here = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
-        # Between two frames the first still stands: a mirroring has no halves.
+        # Between two frames, the first one applies: a mirroring cannot be interpolated.
         rows = track[np.floor(here + _ROUNDING).astype(int)][:, self.bones]
         heard = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
         return np.where(heard, rows[:, most], 1.0)
@@ -89,7 +89,9 @@ class Stretching:
 
     @staticmethod
     def of(sampler: Sampler, shape: Shape) -> Stretching | None:
-        """The layers of a shape that take the lengths and stretches of their takes; None without any."""
+        """Returns the layers of a shape that use the lengths and stretches of their takes; None without
+        any.
+        """
         both = zip(sampler.layers, sampler.lines, strict=True)
         heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
         ratios = [_ratios(layer, line, shape) for layer, line in heard]
@@ -102,12 +104,14 @@ class Stretching:
         return Stretching(found) if found else None
 
     def at(self, times: Float) -> tuple[Float, Float]:
-        """(T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains as a clip has them."""
+        """Returns (T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains in the form of a clip."""
         made = [layer.at(times) for layer in self._layers]
         return sum(offsets for offsets, _ in made), sum(strains for _, strains in made)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:
-        """(T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None for the identity."""
+        """Returns (T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None for the
+        identity.
+        """
         made = stretch_of(strains) if strains.any() else None
         for layer in self._layers:
             mirrors = layer.mirrors(times)
@@ -117,7 +121,7 @@ class Stretching:
 
 
 def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _Stretched:
-    """One layer laid out; ``ratios`` (N,) metres of each bone for a metre of the take."""
+    """Returns one layer, prepared; ``ratios`` (N,) are metres of each bone per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
     taken = np.zeros((2, len(shape.skeleton), count))
@@ -126,7 +130,7 @@ def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _St
         for share, ref in _refs(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
-                # It rides on the bone before: as long a part of the take's bone as it is itself.
+                # A reference without length follows the bone before it, in proportion to the two lengths.
                 there = int(place_of(line.knots, np.array([low]))[0][0])
                 theirs = float(skeleton.lengths[line.bones[there]])
                 taken[0, j, there] += share * shape.skeleton.lengths[j] / theirs if theirs > 0.0 else 0.0
@@ -142,9 +146,9 @@ def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _St
 
 
 def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
-    """(N,) metres of each bone of a shape for a metre of a layer's take that falls on it.
+    """Returns (N,) metres of each bone of a shape per metre of a layer's take on it.
 
-    NaN for a bone without length, and for all of a chain without.
+    NaN for a bone of zero length, and for all bones if the chain has zero length.
     """
     lengths, ratios = shape.skeleton.lengths, np.full(len(shape.skeleton), np.nan)
     theirs = line.clip.skeleton.positions[list(line.chain)]
@@ -158,12 +162,12 @@ def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
 
 
 def _refs(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
-    """The parts of a layer that fall on a bone, each with the share of its span."""
+    """Returns the parts of a layer on a bone, each with the fraction of its span."""
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 
 def _between(track: Float, at: Float) -> Float:
-    """(T, ...) the values of (F, ...) at frame numbers (T,)."""
+    """Returns (T, ...) the values of (F, ...) at frame numbers (T,)."""
     frame = np.clip(at.astype(int), 0, max(len(track) - 2, 0))
     part = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))
     return np.asarray(track[frame] + part * (track[np.minimum(frame + 1, len(track) - 1)] - track[frame]))

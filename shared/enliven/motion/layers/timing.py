@@ -1,8 +1,8 @@
-"""The time maps of many layers, compiled: what they play of their takes at many times at once.
+"""The time maps of many layers, compiled: the frames of their takes that play at many times at once.
 
     Clocks.of(layers, clips).played(seconds) -> Times
 
-Frame numbers may be between two frames, and never beyond the first or the last.
+Frame numbers may be fractional, and are never beyond the first or the last.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from enliven.kernels import njit
 
 
 class Times(NamedTuple):
-    """What L layers play at T times, (T, L) each: :class:`enliven.document.Moment` in frames.
+    """The frames that L layers play at T times, (T, L) each: :class:`enliven.document.Moment` in frames.
 
-    ``(1 - share)`` of ``frame`` and ``share`` of ``other``, after ``rounds``, heard by ``weight``.
+    The pose is ``(1 - share)`` of ``frame`` and ``share`` of ``other``, after ``rounds`` loops, weighted by
+    ``weight``.
     """
 
     frame: Float
@@ -33,21 +34,21 @@ class Times(NamedTuple):
 
     @property
     def plain(self) -> bool:
-        """Whether every layer plays one frame, wholly."""
+        """Whether every layer plays a single frame with full weight."""
         return not self.share.any() and bool((self.weight == 1.0).all())
 
 
 @dataclass(frozen=True, eq=False)
 class Clocks:
-    """How layers play their takes.
+    """The playback parameters of layers.
 
     Attributes:
         rows: (L, 8) float64: offset, speed, looped, step, frames, extent, held, ease; seconds, and 0 or 1.
-        lanes: (S, 6) float64 the segments of all: begin, end, first, speed, and the ends of the run that they
-            are of.
-        first: (L + 1,) where among the segments those of each layer begin.
-        layers: the same, asked for the curves of their weights and speeds.
-        fine: for each layer the seconds (K,) of its take's fine frames, or None where its frames are even.
+        lanes: (S, 6) float64 the segments of all: begin, end, first, speed, and the ends of the run that
+            contains them.
+        first: (L + 1,) the index at which the segments of each layer begin.
+        layers: the same layers, used for the curves of their weights and speeds.
+        fine: for each layer the seconds (K,) of its take's fine frames, or None if its frames are even.
     """
 
     rows: Float
@@ -58,7 +59,7 @@ class Clocks:
 
     @staticmethod
     def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
-        """The clocks of layers that play these takes."""
+        """Returns the clocks of layers that play these takes."""
         rows, lanes, counts = [], list[tuple[float, ...]](), [0]
         for layer, clip in zip(layers, clips, strict=True):
             lane, how = layer.lane(clip.duration), (float(layer.loop), clip.step, float(len(clip.turns)))
@@ -72,7 +73,7 @@ class Clocks:
         return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers), fine)
 
     def played(self, seconds: Float) -> Times:
-        """What is played at times (T,) of the project; :meth:`curves` are apart from its weights."""
+        """Returns the frames at times (T,) of the project; :meth:`curves` are separate from its weights."""
         out = np.empty((5, len(seconds), len(self.rows)))
         even = np.repeat(seconds[:, None], len(self.rows), 1)
         for number, layer in enumerate(self.layers):
@@ -86,7 +87,7 @@ class Clocks:
         return Times(*out)
 
     def curves(self, seconds: Float) -> Float:
-        """(T, L) the curves of the weights of the layers at times (T,), 1 without."""
+        """Returns (T, L) the weight curves of the layers at times (T,), 1 for a layer without a curve."""
         out = np.ones((len(seconds), len(self.layers)))
         for number, layer in enumerate(self.layers):
             if layer.weights:
@@ -101,7 +102,9 @@ def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
 
 @njit(cache=True, nogil=True)
 def _played(seconds, rows, lanes, first, out):
-    """Kernel: ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) as :class:`Times` has it."""
+    """Computes ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) in the order of
+    :class:`Times`.
+    """
     for t in range(len(seconds)):
         for i in range(len(rows)):
             offset, speed, looped, step, frames, extent, held, _ = rows[i]
@@ -130,7 +133,7 @@ def _played(seconds, rows, lanes, first, out):
 
 @njit(cache=True, nogil=True)
 def _weight(at, rounds, row, now, end_of_lane):
-    """Kernel: how far a layer that does not hold is heard, as ``TimeMap`` has it."""
+    """Returns the fade weight of a layer that does not hold, equal to that of ``TimeMap``."""
     speed, looped, ease = row[1], row[2], row[7]
     begin, end = now[4], now[5]
     if looped > 0.0:

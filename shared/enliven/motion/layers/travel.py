@@ -1,10 +1,10 @@
-"""Root motion: where a take's root went since rest, in the size of the shape that goes along.
+"""Root motion: the displacement of a take's root since rest, scaled to the size of the shape.
 
-    height_of(skeleton)                  # metres: what two skeletons' strides are compared by
+    height_of(skeleton)                  # metres: the sizes that two skeletons' strides are compared by
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
-    Travel(project, shape).at(times)     # (T, 3) where the root joint is
+    Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 
-A looped take goes on from where it ended, over the ground: a walk of two steps walks on, at its height.
+A looped take continues from where it ended, over the ground: a walk of two steps walks on, at its height.
 """
 
 from __future__ import annotations
@@ -18,24 +18,28 @@ from enliven.motion.kinematics import turn
 from enliven.motion.layers.timing import Clocks
 
 _LOW = 0.15
-"""Share of its whole extent below which a root is too near the lowest joint to stand on legs."""
+"""Minimum height of a root over the lowest joint, as a fraction of the whole extent, for standing on legs."""
 
 
 def height_of(skeleton: Skeleton) -> tuple[float, float]:
-    """Metres at rest: of the root over the lowest joint (the legs), and of the whole, however turned."""
+    """Returns metres at rest: the height of the root over the lowest joint (the legs), and the whole extent.
+
+    The extent does not depend on the rotation about the vertical.
+    """
     at, height = skeleton.positions, skeleton.positions[:, 1]
-    # The farthest two joints: neither a turn about the upright nor a node within a bone changes it.
+    # The farthest two joints: neither a rotation about the vertical nor a node within a bone changes their
+    # distance.
     across = at[:, None, [0, 2]] - at[None, :, [0, 2]]
     wide = float(np.linalg.norm(across, axis=2).max())
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), wide))
 
 
 def travel_scale(shape: Shape, clip: Clip) -> float:
-    """How many metres the shape's root goes for a metre of the take's.
+    """Returns the metres that the shape's root travels per metre of the take's root.
 
-    The shape's own ``travel_scale``; or else the ratio of the legs, root over lowest joint, so that feet that
-    step the same angle step the same place; or of the whole extents where one of the two has no legs to
-    stand on.
+    It is the shape's own ``travel_scale`` if set. Otherwise it is the ratio of the legs (root over lowest
+    joint), so that feet that step at the same angle reach the same place. If one of the two does not stand on
+    legs, it is the ratio of the whole extents.
     """
     if shape.travel_scale is not None:
         return shape.travel_scale
@@ -62,9 +66,11 @@ class Travel:
             self._fed = False
 
     def at(self, times: Float) -> Float:
-        """(T, 3) metres, where the root joint is at times (T,): its rest, its place and the way of the take.
+        """Returns (T, 3) metres, the position of the root joint at times (T,): its rest, its place and the
+        take's path.
 
-        The way is the take's root since its rest, mirrored, turned by the basis, scaled and weighted.
+        The path is that of the take's root since its rest, mirrored, rotated by the basis, scaled and
+        weighted.
         """
         out = np.empty((len(times), 3))
         if self.layer is None:
@@ -84,23 +90,22 @@ class Travel:
         return out
 
     def feed(self, take: str, root: Float) -> None:
-        """Plays ``root`` (1, 3) in the place of a take's from now on, whatever the time."""
+        """Plays ``root`` (1, 3) instead of a take's from now on, whatever the time."""
         if self.layer is not None and self._clip.id == take:
             self._root, self._fed = root, True
 
 
 def _root_at(clip: Clip, second: float) -> Float:
-    """(3,) metres, where a take's root is at a second of it."""
+    """Returns (3,) metres, the position of a take's root at a second of it."""
     frames = np.arange(len(clip.root)) * clip.step
     return np.array([np.interp(second, frames, clip.root[:, axis]) for axis in range(3)])
 
 
 @njit(cache=True, nogil=True)
 def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
-    """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1).
+    """Computes ``out`` (T, 3): ``still`` plus the path from ``rest`` to ``root`` (F, 3) at frames (T, 1).
 
-    ``rounds`` (T, 1) is how often the lane was gone through before: ``each`` (3,) adds its way over the
-    ground.
+    ``rounds`` (T, 1) is the number of earlier loops: each adds the path ``each`` (3,) over the ground.
     """
     turned = (basis[0], basis[1], basis[2], basis[3])
     for t in range(len(frames)):

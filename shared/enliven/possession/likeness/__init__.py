@@ -1,7 +1,8 @@
-"""Likeness: where a person's joints are in a mesh, human-like or not.
+"""Likeness: finds a person's joints in a mesh, human-like or not.
 
-:func:`find_body_in_mesh` takes a mesh's five ends for head, hands and feet where it is built as a person is
-(in any pose, of any proportions), and else the extremities that it has for what they are most like.
+:func:`find_body_in_mesh` handles both cases. If the mesh is built as a person is (in any pose, of any
+proportions), its five ends become head, hands and feet. Otherwise each extremity of the mesh becomes the limb
+that it resembles most.
 """
 
 import lazy_loader

@@ -1,8 +1,9 @@
-"""Where a person's joints would be in any mesh: its extremities taken for head, hands and feet.
+"""A person's joints in an arbitrary mesh: its extremities are interpreted as head, hands and feet.
 
-The extremities are the farthest points along the surface (as AniMesh's skeletons end in them), the limbs the
-parts around them; a limb's joints lie in the middle of its rings of equal distance from the tip. A horse's
-hind legs become legs, its forelegs arms, its neck the head; a chair's likewise; a lamp is all spine and arm.
+The extremities are the farthest points along the surface (AniMesh's skeletons end in such points too). The
+limbs are the parts around them. A limb's joints lie in the middle of its rings of equal geodesic distance
+from the tip. A horse's hind legs become legs, its forelegs arms and its neck the head, and the same holds for
+a chair. A lamp consists of a spine and an arm only.
 """
 
 from __future__ import annotations
@@ -17,30 +18,32 @@ from enliven.person import J, Joint
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _MOST = 8
-"""Tips, at most."""
+"""Maximum number of tips."""
 _PROMINENT = 0.08
-"""Share of the farthest way from the middle that a limb must be long, to count."""
+"""Minimum length of a limb, as a fraction of the longest geodesic distance from the middle."""
 _ON_FLOOR = 0.15
-"""Share of the height up to which a tip is a foot."""
+"""Fraction of the height up to which a tip is a foot."""
 _LONG = 1.5
-"""A mesh so much longer than wide has its front at the head."""
+"""Ratio of length to width above which the front of a mesh is at its head."""
 _LEAN = 0.15
-"""Share of the height by which a head is ahead of a body that is not upright."""
+"""The front follows the head only if the head is ahead by more than this fraction of the height: the body
+is not upright."""
 _LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
-"""Joints of a leg, and their share of the limb's length from its tip, about as in a person."""
+"""Joints of a leg, and their distance from the tip as a fraction of the limb's length, about as in a
+person."""
 _ARM = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
-"""The same of an arm."""
+"""The same for an arm."""
 _TO_RIGHT = 4
-"""From a left joint's number to the right one's."""
+"""Offset from a left joint's number to the right joint's."""
 
 
 def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
-    """The skeleton of a person in the mesh of a graph, by its extremities."""
+    """Returns the skeleton of a person in the mesh of a graph, from its extremities."""
     limbs = _Limbs(graph.positions, *extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
     level = (limbs.at[:, 1] - floor) / height
@@ -64,10 +67,10 @@ def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
 
 
 def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
-    """The mesh's tips, how long the limb is that ends in each, and the ways from them.
+    """Returns the mesh's tips, the length of the limb that ends in each, and geodesic distances from them.
 
-    A tip is where the way from the middle is longest around, and stays so down to a saddle that is much
-    nearer to the middle: the limb lies between the two (persistence of the superlevel sets).
+    A tip is a local maximum of the geodesic distance from the middle. Its limb extends down to a saddle that
+    is much nearer to the middle (persistence of the superlevel sets).
 
     Returns:
         (T,) nodes, the farthest first; (T,) metres; (T, N) metres along the graph from each.
@@ -84,13 +87,17 @@ def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
 
 
 def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
-    """(T,) the nodes that stand out, the highest first, and (T,) by how much until they meet another's."""
+    """Returns (T,) the prominent peaks, highest first, and (T,) the prominence of each.
+
+    The prominence is the height of a peak above the saddle at which its group merges into a higher one.
+    """
     least = _PROMINENT * float(height.max())
     neighbours: list[list[int]] = [[] for _ in height]
     for a, b in edges.tolist():
         neighbours[a].append(b)
         neighbours[b].append(a)
-    peak: dict[int, int] = {}  # of each node that is under water no more, its group's highest node
+    # union-find parent of each processed node; the root is its group's highest node
+    peak: dict[int, int] = {}
     length: dict[int, float] = {}
     for node in np.argsort(-height, kind="stable").tolist():
         around = sorted({_top(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n])
@@ -107,7 +114,7 @@ def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
 
 
 def _top(peak: dict[int, int], node: int) -> int:
-    """The highest node of a node's group."""
+    """Returns the highest node of a node's group."""
     while peak[node] != node:
         peak[node] = peak[peak[node]]
         node = peak[node]
@@ -115,7 +122,7 @@ def _top(peak: dict[int, int], node: int) -> int:
 
 
 class _Ways:
-    """Metres along the graph from a node to all others, each computed once."""
+    """Geodesic distances along the graph from a node to all others, metres, each computed once."""
 
     def __init__(self, graph: DeformationGraph) -> None:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
@@ -125,7 +132,7 @@ class _Ways:
         self._known: dict[int, Float] = {}
 
     def of(self, node: int) -> Float:
-        """(N,) metres."""
+        """Returns (N,) metres."""
         if node not in self._known:
             self._known[node] = dijkstra(self._matrix, directed=False, indices=node)
         return self._known[node]
@@ -136,9 +143,9 @@ class _Limbs:
 
     Attributes:
         at: (T, 3) the tips.
-        out: (T,) metres by which each tip stands out.
-        length: (T,) metres from each tip to where its limb ends: half-way to the nearest other tip, or where
-            it meets another's, whichever is farther.
+        out: (T,) metres, the prominence of each tip.
+        length: (T,) metres from each tip to the end of its limb: half-way to the nearest other tip, or the
+            saddle to another limb, whichever is farther.
     """
 
     def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
@@ -150,7 +157,9 @@ class _Limbs:
         self._owner = ways.argmin(0)
 
     def ring(self, tip: int, share: float) -> Float:
-        """(3,) the middle of the limb at a share of its length from the tip: a local linear fit."""
+        """Returns (3,) the centre of the limb at a fraction of its length from the tip: a local linear
+        fit.
+        """
         own = self._owner == tip
         way, where = self._ways[tip][own] - share * self.length[tip], self.positions[own]
         width = max(0.25 * self.length[tip], float(np.sort(np.abs(way))[:6][-1]))
@@ -163,11 +172,11 @@ class _Limbs:
 
 
 def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
-    """Radians about +Y from +Z to the front.
+    """Returns the radians about +Y from +Z to the front.
 
-    For a long mesh on four feet or more: along its length, towards the head. For a mesh on two feet: across
-    the line between the legs, to the side of the head, or else of the toes. For all others, and where both
-    sides look alike: +Z, or the side nearer to it.
+    A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
+    the line between the legs, towards the head or else the toes. All other meshes face +Z. If both directions
+    look alike, the one nearer to +Z is used.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)
@@ -193,7 +202,7 @@ def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
 def _shared_out(
     at: Float, feet: Int, others: list[int], left: Float, ahead: Float
 ) -> tuple[list[int], list[int]]:
-    """Which tips the (left, right) legs and the (left, right) arms end in."""
+    """Returns the tips at which the (left, right) legs and the (left, right) arms end."""
     by_depth = sorted((int(t) for t in feet), key=lambda t: float(at[t] @ ahead))
 
     def sides(pair: list[int]) -> list[int]:
@@ -207,14 +216,14 @@ def _shared_out(
 
 
 def _put(joints: Float, limbs: _Limbs, chain: tuple[tuple[Joint, float], ...], pair: list[int]) -> None:
-    """The joints of a pair of limbs, the left tip first."""
+    """Writes the joints of a pair of limbs, the left tip first."""
     for side, tip in enumerate(pair):
         for joint, share in chain:
             joints[joint + _TO_RIGHT * side] = limbs.ring(tip, share)
 
 
 def _trunk(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float) -> None:
-    """Hip, spine, shoulders and head between the limbs; where there are none, from the floor to the head."""
+    """Writes hip, spine, shoulders and head between the limbs; without limbs, from the floor to the head."""
     hips, shoulders = (joints[[j, j + _TO_RIGHT]].mean(0) for j in (Joint.HIP_LEFT, Joint.SHOULDER_LEFT))
     if not np.isfinite(hips).all():
         hips = limbs.positions[limbs.positions[:, 1] <= floor + _ON_FLOOR * height].mean(0)

@@ -1,4 +1,4 @@
-"""Finds a person's skeleton in a mesh: as in a person, or by what it is most like."""
+"""Finds a person's skeleton in a mesh, or the nearest equivalent in a mesh that is not human-like."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from enliven.possession.likeness.human import human_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _NODES = 500
-"""Nodes that the net is made for: on a person their spacing is 6 cm, and parts within half of it are one."""
+"""Number of nodes of the net. On a person their spacing is 6 cm, and parts within half of it are merged."""
 _STRANGE = 70.0
-"""The cost of five ends from which on a mesh is no person: twice that of a man with a large belly."""
+"""Cost of five ends above which a mesh is not a person: twice the cost of a man with a large belly."""
 _ON_FLOOR = 0.15
-"""Share of the height below which a hand is on the floor: a beast on four feet is no person."""
+"""Fraction of the height below which a hand is on the floor. An animal on four feet is not a person."""
 
 
 def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | None:
-    """Returns the skeleton of a person in an upright mesh that is built as a person is; None in any other.
+    """Returns the skeleton of a person in an upright mesh that is built as a person is; None for any other
+    mesh.
 
     Args:
-        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot where they are known;
-            None or none of them looks for them.
+        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot, if they are known.
+            None or an empty array searches for them.
 
     Raises:
-        InputError: for other than five ends, or a mesh without area.
+        InputError: if the number of ends is not five, or the mesh has no area.
     """
     if ends is not None and len(ends):
         if np.shape(ends) != (5, 3):
@@ -49,13 +50,13 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
 
 
 def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:
-    """Returns the skeleton of a person in an upright mesh, or of what in it is most like one.
+    """Returns the skeleton of a person in an upright mesh, or of the parts that resemble one most.
 
     Args:
         graph: of the mesh.
         ends: as in :func:`find_person_in_mesh`.
 
     Raises:
-        InputError: for other than five ends, or a mesh without area.
+        InputError: if the number of ends is not five, or the mesh has no area.
     """
     return find_person_in_mesh(mesh, ends) or body_by_extremities(graph)

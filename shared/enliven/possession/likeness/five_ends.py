@@ -1,9 +1,10 @@
-"""The five ends of a human-like mesh: which of its limb ends are the head, the hands and the feet.
+"""The five ends of a human-like mesh: decides which of its limb ends are the head, the hands and the feet.
 
-Ways along the surface hardly change with the pose. In a body they are those of a tree: arms and head part at
-the chest, legs at the pelvis, and limbs of a pair are of one length. Every choice of a head and two pairs is
-tried (as Pinocchio tries embeddings, I. Baran and J. Popović, 2007); it costs by how far its ways are from
-those of the nearest such tree, how unusual the proportions are, how much is left out, and how it stands.
+Geodesic distances along the surface hardly change with the pose. In a body they are those of a tree: arms and
+head branch at the chest, legs at the pelvis, and the limbs of a pair have equal length. Every choice of a
+head and two pairs is tried, as Pinocchio tries embeddings (I. Baran and J. Popović, 2007). The cost of a
+choice has four parts: the deviation of its distances from the nearest such tree, unusual proportions, the
+limbs that it leaves out, and an unlikely stance.
 """
 
 from __future__ import annotations
@@ -18,37 +19,41 @@ from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfi
 from enliven.rotation import unit
 
 _NEAR = 0.12
-"""Share of the longest way within which ends are one limb's: fingers, toes, horns."""
+"""Ends nearer than this fraction of the longest geodesic distance belong to one limb: fingers, toes,
+horns."""
 _EARS = 0.8
-"""Share of the longest way up to which two ends may be ears or horns, the head between them."""
+"""Two ends nearer than this fraction of the longest geodesic distance may be ears or horns, with the head
+between them."""
 _LEFT_OUT = 60.0
-"""Cost of a limb that belongs to no chosen end, for its length over the longest way."""
+"""Cost of a limb that belongs to no chosen end, times its length over the longest geodesic distance."""
 _LIMB = 0.15
-"""Share of the longest way around a chosen end within which other ends belong to it."""
+"""Other ends within this fraction of the longest geodesic distance around a chosen end belong to it."""
 _MORE_LEGS = 25.0
-"""Cost of a limb that is left out though it stands on the floor: a chair's or a horse's other legs."""
+"""Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
 _LEG = 0.08
-"""Share of the longest way from which on such a limb is a leg."""
+"""Fraction of the longest geodesic distance above which such a limb is a leg."""
 _LONG = 0.3
-"""Share of the longest way beyond which a limb that is left out costs no more."""
+"""Fraction of the longest geodesic distance beyond which a limb that is left out costs no more."""
 _HIGH = 0.4
-"""Share of the height by which head and hands are above the feet, at least, where a body stands or sits."""
+"""Minimum height of head and hands above the feet, as a fraction of body height, if a body stands or sits."""
 _LOW = 60.0
-"""Cost of less than that, for each height."""
+"""Cost per body height below that minimum."""
 _RAISED = 8.0
-"""Cost of both hands above the head: ears and horns are there more often."""
+"""Cost of both hands above the head, where ears and horns are more likely."""
 _FEET = 0.15
-"""Share of the height below which feet are expected."""
+"""Fraction of the height below which feet are expected."""
 _KICK = 60.0
-"""Cost of a foot above that, for each height."""
+"""Cost per body height of a foot above that."""
 _HEAD_ALONG = 4.0
 """Cost of a head at a right angle to the trunk."""
 _UPRIGHT = 6.0
 """Cost of a trunk at a right angle to the vertical."""
 _LOOKED_AT = 60
-"""Choices that are measured at trunk and head too: those that cost least by their ways along the surface."""
+"""Number of choices for which trunk and head are evaluated too: those with the lowest cost from geodesic
+distances."""
 _OTHER = 0.2
-"""Share of the longest way by which an end of another choice is elsewhere."""
+"""Fraction of the longest geodesic distance beyond which an end of another choice counts as a different
+place."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +61,13 @@ class FiveEnds:
     """A choice of the five ends.
 
     Attributes:
-        points: (5, 3) metres: head, two hands, two feet; in which order a pair comes means nothing.
-        ways: (5, C) metres along the surface from each to all points of the net; the head's are those from
+        points: (5, 3) metres: head, two hands, two feet; the order within a pair has no meaning.
+        ways: (5, C) metres along the surface from each to all points of the net; those of the head start
             where its ends part.
         tree: the lengths of the limbs.
-        chest, pelvis: (3,) metres, where limbs part.
-        cost: 0 for a person of usual proportions who stands upright.
-        margin: by how much less it costs than the next choice that takes other limbs.
+        chest, pelvis: (3,) metres, where limbs branch.
+        cost: 0 for a person of usual proportions that stands upright.
+        margin: by how much less it costs than the next choice with other limbs.
     """
 
     points: Float
@@ -75,7 +80,9 @@ class FiveEnds:
 
 
 def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
-    """Returns the choice that costs least; None where the mesh has fewer than five ends, or all cost more."""
+    """Returns the choice with the lowest cost. None if the mesh has fewer than five ends, or all choices
+    cost more than ``most``.
+    """
     ways = found.ways_from(found.ends)
     between = ways[:, found.ends]
     heads, chosen = _choices(between, found.longest)
@@ -105,7 +112,7 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
 
 
 def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
-    """Returns the choice of these (5, 3) metres: head, two hands, two feet."""
+    """Returns the choice with the given ends (5, 3) metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(found.points - point, axis=1).argmin() for point in points])
     ways = found.ways_from(nearest)
     between = ways[:, nearest]
@@ -117,7 +124,12 @@ def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
 
 
 def _choices(between: Float, longest: float) -> tuple[Int, Int]:
-    """(H, 2) heads, an end twice or two ends with the head between; (K, 5) choices: a head and four ends."""
+    """Returns all candidate heads and all choices.
+
+    Returns:
+        (H, 2) heads: one end twice, or two ends with the head between them; and (K, 5) choices: a head and
+        four ends.
+    """
     count, limbs = len(between), list[int]()
     for end in range(count):
         if all(between[end, other] > _NEAR * longest for other in limbs):
@@ -150,7 +162,7 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
 
 
 def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
-    """(K,) what it costs that limbs belong to none of the chosen ends, (K, 6)."""
+    """Returns (K,) the cost of limbs that belong to none of the chosen ends, (K, 6)."""
     near = between < _LIMB * found.longest
     taken = near[chosen].any(1)
     length = np.minimum(found.prominence / found.longest, _LONG)
@@ -160,7 +172,7 @@ def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
 
 
 def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
-    """(K,) what it costs that a choice stands on its head, or has feet in the air and both hands above it."""
+    """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
     level = found.points[:, 1] - found.points[:, 1].min()
     at = level[found.ends] / max(float(level.max()), 1e-12)
     head = at[heads].mean(1)[chosen[:, 0]]
@@ -173,7 +185,7 @@ def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
 def _looked_at(
     found: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
-    """Returns a choice with its chest and pelvis, and what its trunk and head cost."""
+    """Returns a choice with its chest and pelvis, and the cost of its trunk and head."""
     first, second = head
     of_head = (ways[first] + ways[second] - ways[first, found.ends[second]]) / 2
     rows = np.vstack([of_head, ways[others]])
@@ -186,7 +198,9 @@ def _looked_at(
 
 
 def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
-    """Returns the choice that costs least, and by how much less than the next one with an end ``far`` off."""
+    """Returns the choice with the lowest cost, and its margin to the next choice with an end more than
+    ``far`` away.
+    """
     first = int(total.argmin())
     best, least = choices[first], float(total[first])
     apart = np.linalg.norm(np.array([one.points for one in choices])[:, :, None] - best.points, axis=3)
@@ -197,6 +211,8 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
 
 
 def _pairs(apart: Float) -> Float:
-    """(K,) how far the farther end of a pair is from that of another, (K, 2, 2), whichever is which."""
+    """Returns (K,) the distance of the farther end of a pair from another pair, (K, 2, 2), under the
+    better assignment.
+    """
     straight, crossed = apart[:, [0, 1], [0, 1]], apart[:, [0, 1], [1, 0]]
     return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))

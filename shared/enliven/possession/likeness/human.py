@@ -1,7 +1,8 @@
 """A person's joints in a human-like mesh, from its five ends.
 
-A limb's joints lie in the middle of its rings of equal way from its end, at a person's shares of its length.
-What is left and right follows from the front, which feet, bent knees and bent elbows tell.
+A limb's joints lie in the middle of its rings of equal geodesic distance from its end, at typical human
+fractions of its length. Left and right follow from the front, which feet, bent knees and bent elbows
+indicate.
 """
 
 from __future__ import annotations
@@ -16,29 +17,30 @@ from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.rotation import unit
 
 _ARM = (0.86, 0.52, 0.2, 0.06)
-"""Shoulder, elbow, wrist and hand: shares of an arm's length from its end, of bodies made at random."""
+"""Shoulder, elbow, wrist and hand: distance from the end as a fraction of an arm's length, from randomly
+generated bodies."""
 _LEG = (1.03, 0.6, 0.21, 0.04)
-"""Hip, knee, ankle and foot: the same of a leg."""
+"""Hip, knee, ankle and foot: the same for a leg."""
 _SKULL = 0.85
-"""Share of the head's length from its end that is averaged to its joint: the skull."""
+"""Fraction of the head's length from its end over which the head joint is averaged: the skull."""
 _RING = 0.07
-"""Half the width of a ring, for the limb's length."""
+"""Half the width of a ring, as a fraction of the limb's length."""
 _WAIST = 0.44
-"""Share of the trunk, from the hips, at which it bends."""
+"""Position at which the trunk bends, as a fraction of its length from the hips."""
 _ABOVE_HIPS = 0.12
-"""Share of the trunk by which the middle of the hips is above the hip joints."""
+"""Height of the hip centre above the hip joints, as a fraction of the trunk."""
 _LIFTED = 0.6
-"""Cosine between thigh and trunk below which a leg is lifted: its rings then end in the lap."""
+"""Cosine between thigh and trunk below which a leg counts as lifted. Its rings then end in the lap."""
 _SIDES_ALIKE = 0.015
-"""Share of the height below which what tells the front tells nothing."""
+"""Front/back evidence smaller than this fraction of body height is reported as uncertain."""
 _ELBOWS = 0.5
-"""Metres that a metre counts by which elbows are behind; toes and knees ahead count in full."""
+"""Weight of the distance of the elbows behind the arms. Toes and knees ahead have a weight of 1."""
 _HANDS = 0.1
-"""Metres that a metre counts by which the hands are ahead: they may be anywhere."""
+"""Weight of the distance of the hands ahead of the shoulders. It is low, because hands may be anywhere."""
 _MODELLED = 0.03
-"""Share of the height that +Z counts as the front: most meshes are modelled so."""
+"""Bias, as a fraction of the height, towards +Z as the front, because most meshes are modelled so."""
 _UNDECIDED = 2.0
-"""A choice of ends that costs less than this less than another is not certain."""
+"""Minimum margin in cost to the next choice of ends for a choice to be certain."""
 
 
 def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
@@ -80,7 +82,7 @@ class _Limbs:
         self._owner, self._beyond = past.argmin(0), (past > 0).all(0)
 
     def ring(self, limb: int, share: float, length: float) -> Float:
-        """(3,) metres: the middle of a limb at a share of its length from its end."""
+        """Returns (3,) metres: the centre of a limb at a fraction of its length from its end."""
         way = self._ways[limb] - share * length
         own = self._owner == limb
         weights = np.exp(-0.5 * (way[own] / (_RING * length)) ** 2) + 1e-12
@@ -91,18 +93,20 @@ class _Limbs:
         return np.asarray(middle + slope * np.clip(-mean, -_RING * length, _RING * length))
 
     def trunk(self) -> Float:
-        """(3,) metres: the middle of what belongs to no limb; of all where nothing does."""
+        """Returns (3,) metres: the centre of the points that belong to no limb; of all points if there are
+        none.
+        """
         own = self._beyond
         return np.asarray(self._points[own if own.any() else slice(None)].mean(0))
 
     def skull(self, deep: float) -> Float:
-        """(3,) metres: the middle of what lies within ``deep`` metres of the head's end."""
+        """Returns (3,) metres: the centre of the points within ``deep`` metres of the head's end."""
         near = self._ways[0] < deep
         return np.asarray(self._points[near].mean(0) if near.any() else self._points[self._ways[0].argmin()])
 
 
 def _at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
-    """(3,) metres: a hip, moved along a thigh that is lifted to where it meets the trunk's axis."""
+    """Returns (3,) metres: a hip joint. On a lifted leg it is moved along the thigh to the trunk's axis."""
     thigh, trunk = unit(hip - knee), unit(middle - neck)
     along = float(thigh @ trunk)
     if abs(along) > _LIFTED:
@@ -113,13 +117,13 @@ def _at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
 
 
 def _level(way: Float, up: Float) -> Float:
-    """(3,) the unit vector of ``way`` at a right angle to ``up``."""
+    """Returns (3,) the unit vector of the part of ``way`` that is perpendicular to ``up``."""
     across = way - up * float(way @ up) / max(float(up @ up), 1e-12)
     return unit(across)
 
 
 def _front(arms: Float, legs: Float, ahead: Float) -> float:
-    """Returns metres by which toes, knees, elbows and hands say that ``ahead`` is the front."""
+    """Returns the evidence, metres, from toes, knees, elbows and hands that ``ahead`` is the front."""
     toes = (legs[:, 3] - legs[:, 2]).mean(0)
     knees = (legs[:, 1] - (legs[:, 0] + legs[:, 2]) / 2).mean(0)
     elbows = ((arms[:, 0] + arms[:, 2]) / 2 - arms[:, 1]).mean(0)
@@ -128,7 +132,9 @@ def _front(arms: Float, legs: Float, ahead: Float) -> float:
 
 
 def _joined(arms: Float, legs: Float, skull: Float) -> Float:
-    """(20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the skull."""
+    """Returns (20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the
+    skull.
+    """
     joints = np.empty((J, 3))
     joints[Joint.SHOULDER_LEFT : Joint.SHOULDER_RIGHT], joints[Joint.SHOULDER_RIGHT : Joint.HIP_LEFT] = arms
     joints[Joint.HIP_LEFT : Joint.HIP_RIGHT], joints[Joint.HIP_RIGHT :] = legs
@@ -140,7 +146,7 @@ def _joined(arms: Float, legs: Float, skull: Float) -> Float:
 
 
 def _order(points: Float, joints: Float) -> list[int]:
-    """Returns the numbers of the five ends as head, left hand, right hand, left foot, right foot."""
+    """Returns the indices of the five ends as head, left hand, right hand, left foot, right foot."""
     order = [0]
     for first, left in ((1, Joint.HAND_LEFT), (3, Joint.FOOT_LEFT)):
         own = [float(np.linalg.norm(points[first + k] - joints[left])) for k in (0, 1)]
@@ -149,7 +155,7 @@ def _order(points: Float, joints: Float) -> list[int]:
 
 
 def _doubts(ends: FiveEnds, sure: float) -> tuple[str, ...]:
-    """Returns a sentence about each thing that is as good as undecided."""
+    """Returns a sentence about each property that is nearly undecided."""
     doubts = []
     if ends.margin < _UNDECIDED:
         doubts.append("It is not certain which ends are head, hands and feet.")

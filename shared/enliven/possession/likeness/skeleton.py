@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.person import PARENTS, Joint
 
 _SURELY = 45.0
-"""The cost of five ends below which a mesh is surely a person: a bear has 35, a chair with arm rests 56."""
+"""Cost of five ends below which a mesh is certainly a person: a bear has 35, a chair with arm rests 56."""
 
 
 @dataclass(frozen=True)
@@ -18,13 +18,14 @@ class BodyInMesh:
     """A person's skeleton within a mesh.
 
     Attributes:
-        joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
+        joints: (20, 3) metres, rest space; NaN for joints that the mesh does not have.
         yaw: radians about +Y from +Z to the mesh's front.
         human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
-        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human or
-            not looked for.
-        doubts: a sentence about each thing that is as good as undecided.
-        strangeness: 0 for a person of usual proportions who stands upright, more the less it is like one.
+        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human or not
+            searched for.
+        doubts: a sentence about each property that is nearly undecided.
+        strangeness: 0 for a person of usual proportions that stands upright; higher for less human-like
+            meshes.
     """
 
     joints: Float
@@ -41,17 +42,17 @@ class BodyInMesh:
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
         )
         left = lefts.sum(0)
-        # Who faces +Z has the left side at +X.
+        # A person that faces +Z has the left side at +X.
         return cls(joints, float(np.arctan2(-left[2], left[0])), human=True)
 
     @property
     def certain(self) -> bool:
-        """Whether it is so surely a person that it is treated as one without being asked to."""
+        """Whether the mesh is so certainly a person that it is treated as one by default."""
         return self.human and not self.doubts and self.strangeness < _SURELY
 
     @property
     def leg(self) -> float:
-        """Metres from hip to ankle, the mean of both legs; NaN without legs."""
+        """Distance from hip to ankle, metres, mean of both legs; NaN without legs."""
         ways = [
             np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
             for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)

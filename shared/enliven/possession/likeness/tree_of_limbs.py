@@ -1,4 +1,4 @@
-"""The tree of a person's limbs: how long the ways along a body are between head, hands and feet."""
+"""The tree of a person's limbs: the geodesic distances along a body between head, hands and feet."""
 
 from __future__ import annotations
 
@@ -9,26 +9,31 @@ import numpy as np
 from enliven.arrays import Float
 
 HEAD = 0
-"""The number of the head among the five ends; then come two hands and two feet."""
+"""The index of the head among the five ends. Two hands and two feet follow."""
 _BETWEEN = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
-"""(10, 4) how often head, arm, trunk and leg lie on the way between each two of the five ends."""
+"""(10, 4) how often head, arm, trunk and leg lie on the path between each pair of the five ends."""
 _SOLVE = np.linalg.pinv(_BETWEEN)
-"""(4, 10) the lengths of limbs from the ways, by least squares."""
+"""(4, 10) the lengths of limbs from the distances, by least squares."""
 _USUAL = 0.035
-"""Share of arm, trunk and leg by which a way usually differs from the tree's: ways go around a thick body."""
+"""Usual deviation of a distance from the tree's, as a fraction of arm plus trunk plus leg. Geodesic paths
+go around a thick body."""
 _FAULTY = 12.0
-"""Square of the multiples of that at which a way counts half: a hand that touches a thigh shortens many."""
+"""Squared deviation, in units of ``_USUAL``, at which a distance has half its weight. A hand that touches
+a thigh shortens many distances."""
 _PROPORTIONS = ((0, 1, 0.5, 0.5), (3, 1, 1.15, 0.4), (2, 1, 0.55, 0.5))
-"""Of head, leg and trunk (by number): over the arm, the usual ratio, and the spread of its logarithm; wide
-enough for a child, a bear and a man of boxes."""
+"""For head, leg and trunk (by index): the reference limb, the usual ratio to it, and the spread of the
+ratio's logarithm. The spread covers a child, a bear and a man made of boxes."""
 _SPREAD = 0.06
-"""Share of arm, trunk and leg within which ways from a point count as those from the chest or the pelvis."""
+"""Tolerance, as a fraction of arm plus trunk plus leg, for a point's distances to match those of the chest
+or the pelvis."""
 
 
 class LimbTree(NamedTuple):
-    """Metres along the surface: head and arms from end to chest, legs from end to pelvis, and between."""
+    """Limb lengths in metres along the surface: head and arms from end to chest, legs from end to pelvis,
+    and the trunk.
+    """
 
     head: float
     arm: float
@@ -37,27 +42,27 @@ class LimbTree(NamedTuple):
 
     @property
     def size(self) -> float:
-        """Metres: arm, trunk and leg together."""
+        """Arm, trunk and leg together, metres."""
         return self.arm + self.trunk + self.leg
 
     @property
     def from_chest(self) -> tuple[float, ...]:
-        """Metres from the five ends to the chest, and the size."""
+        """Distances from the five ends to the chest, and the size, metres."""
         below = self.trunk + self.leg
         return (self.head, self.arm, self.arm, below, below, self.size)
 
     @property
     def from_pelvis(self) -> tuple[float, ...]:
-        """Metres from the five ends to the pelvis, and the size."""
+        """Distances from the five ends to the pelvis, and the size, metres."""
         arm = self.arm + self.trunk
         return (self.head + self.trunk, arm, arm, self.leg, self.leg, self.size)
 
 
 def ways_misfit(apart: Float) -> tuple[Float, Float]:
-    """(K,) costs of ways that no person's tree has, and (K, 4) lengths of the nearest trees.
+    """Returns (K,) the cost of distances that fit no person's tree, and (K, 4) lengths of the nearest trees.
 
     Args:
-        apart: (K, 10) metres between each two of head, two hands and two feet, in this order.
+        apart: (K, 10) metres between each pair of head, two hands and two feet, in this order.
     """
     lengths = apart @ _SOLVE.T
     size = np.maximum(lengths[:, 1:].sum(1), 1e-9)[:, None]
@@ -70,12 +75,13 @@ def ways_misfit(apart: Float) -> tuple[Float, Float]:
 
 
 def weighted_place(points: Float, ways: Float, wanted: tuple[float, ...]) -> Float:
-    """(3,) metres: the middle of the points that are so far along the surface from the five ends.
+    """Returns (3,) metres: the centre of the points at the given distances along the surface from the five
+    ends.
 
     Args:
         points: (C, 3) metres.
         ways: (5, C) metres from each end.
-        wanted: five ways, and the size that errors are measured by.
+        wanted: the five distances, and the size by which errors are divided.
     """
     *five, size = wanted
     square = (((ways - np.array(five)[:, None]) / size) ** 2).sum(0)

@@ -1,4 +1,6 @@
-"""Cutting out: what of a scan is meant, by a box, or by a scan of the place without the thing."""
+"""Cutting out: selects the object in a scan by a box, or by comparison with a scan of the place without
+it.
+"""
 
 import lazy_loader
 

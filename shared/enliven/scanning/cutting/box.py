@@ -1,4 +1,4 @@
-"""A box in the upright frame of a scan, and what of the scan lies in it."""
+"""A box in the upright frame of a scan, and the part of the scan inside it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from enliven.scanning.ground import Ground, above_plane
 from enliven.scanning.settings import CutOutSettings
 
 _UNDER = 0.02
-"""Metres under the floor from which on a box means the floor, too, and not what stands on it."""
+"""If a box reaches at least this far below the floor, metres, it includes the floor."""
 
 
 def upright_frame(ground: Ground, focus: Float) -> Float:
     """Returns (4, 4) the upright frame of a scan, from its world.
 
-    +y is up, y = 0 is the floor, and the origin lies under ``focus`` (3,), the point that was looked at.
-    About +y it is turned as the world is.
+    +y is up, y = 0 is the floor, and the origin lies below ``focus`` (3,), the point that the cameras look
+    at. Its heading about +y is that of the world.
     """
     turn = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
     frame = np.eye(4)
@@ -33,7 +33,7 @@ def upright_frame(ground: Ground, focus: Float) -> Float:
 
 @dataclass(frozen=True)
 class CutBox:
-    """A box of level and upright sides.
+    """A box with horizontal and vertical sides.
 
     Attributes:
         low, high: (3,) metres, its corners in the upright frame.
@@ -53,7 +53,9 @@ class CutBox:
             raise InputError(what, where="box", mend="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1.")
 
     def planes(self) -> list[tuple[Float, float]]:
-        """Returns the six (normal (3,), offset) in the world; inside is where normal . x > offset."""
+        """Returns the six (normal (3,), offset) in the world; a point is inside if normal . x > offset for
+        all.
+        """
         turn, place = self.upright_from_world[:3, :3], self.upright_from_world[:3, 3]
         found = []
         for axis in range(3):
@@ -63,15 +65,15 @@ class CutBox:
 
 
 def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) -> CutOut:
-    """Returns what of a scan lies in a box: without the floor, unless the box reaches 2 cm under it.
+    """Returns the part of a scan inside a box, without the floor unless the box reaches 2 cm below it.
 
-    It is closed along the lower side of the box, where it stands; along the other sides it stays open.
+    The part is closed along the lower side of the box, its base. Along the other sides it stays open.
 
     Args:
         mesh: in the scan's world.
 
     Raises:
-        InputError: where no surface lies in the box; it says where the surface is.
+        InputError: if no surface lies in the box; the message gives the extent of the surface.
     """
     s = settings or CutOutSettings()
     low = box.low.copy()
@@ -92,7 +94,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
 
 
 def _near(mesh: Mesh, box: CutBox) -> Mesh:
-    """Returns the faces that a box may hold, which are few of a room's."""
+    """Returns the faces that may intersect a box, which are few of a room's."""
     points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
     corners = points[mesh.faces]
     hits = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)

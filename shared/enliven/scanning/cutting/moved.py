@@ -1,4 +1,6 @@
-"""What was moved: of a place that was scanned twice, the surface that stands where nothing was before."""
+"""Change detection: of a place that was scanned twice, selects the surface that stands in formerly free
+space.
+"""
 
 from __future__ import annotations
 
@@ -20,33 +22,35 @@ from enliven.scanning.rigid import inverse
 from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 
 _LOOKS = 2
-"""Images that must have seen through a place: one may have a wrong pixel there."""
+"""Minimum number of images that must have seen through a point, because one may have a wrong pixel there."""
 _FREE = 0.7
-"""Share of the images, of those that saw a place, that saw through it: beside an edge some do."""
+"""Minimum fraction of the images observing a point that saw through it. Next to an edge, only some do."""
 _DEVIATIONS = 3.0
-"""Standard deviations of the depth within which a place lies at the surface that was seen."""
+"""Standard deviations of the depth within which a point lies at the observed surface."""
 _SLACK = 0.012
-"""Metres by which the camera may be found off between the two scans, added to that."""
+"""Additional tolerance, metres, for the camera pose error between the two scans."""
 _FOOT = 0.05
-"""Metres about what is new within which it goes on: so near to a floor nothing is told apart."""
+"""Distance from the new surface, metres, within which surface near the floor belongs to it. So close to
+the floor, the comparison cannot separate them."""
 _UNSEEN = 0.2
-"""Metres about what is new up to which what was not seen before belongs to it: above the view."""
+"""Distance from the new surface, metres, within which formerly unobserved space belongs to it, for example
+above the view."""
 _PATCH = 0.4
-"""Metres of the largest patch that lies farther from it and is kept too: more may be another thing."""
+"""Maximum size, metres, of a more distant patch that is kept too. A larger one may be another object."""
 _BELOW = 0.1
-"""Metres about the lowest of what is new in which the plane is looked for on which it stands."""
+"""Height range around the lowest new point, metres, in which the supporting plane is searched."""
 _ROUND = 0.15
-"""Metres beyond the sides of what is new up to which that plane is looked for."""
+"""Horizontal margin around the new surface, metres, within which the supporting plane is searched."""
 _TOLD = 2
-"""Rounds in which each vertex is told apart as most of its neighbours are, so that noise makes no holes."""
+"""Rounds of majority voting among neighbouring vertices, so that noise makes no holes."""
 
 
 @dataclass(frozen=True)
 class KnownImage:
-    """A depth image of the place as it was before.
+    """A depth image of the place before the object was added.
 
     Attributes:
-        depth: (H, W) millimetres, 0 where unknown.
+        depth: (H, W) millimetres, 0 if unknown.
         intrinsics: of its camera.
         world_from_camera: (4, 4) its pose in the world of the scan that it is compared with.
     """
@@ -57,7 +61,7 @@ class KnownImage:
 
 
 def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None) -> Int32:
-    """Returns (N,) what was at points (N, 3), world, before: 1 nothing but air, -1 a surface, 0 unknown."""
+    """Returns (N,) the earlier state at points (N, 3), world: 1 free space, -1 a surface, 0 unknown."""
     seen, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
     model = noise or DepthNoiseModel()
     limits = np.array([_SLACK, _DEVIATIONS * model.constant, _DEVIATIONS * model.quadratic, model.start])
@@ -73,7 +77,7 @@ def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel
 
 @njit(cache=True, nogil=True)
 def _look_through(points, pose, camera, depth, limits, seen, through):
-    """Counts for each point whether an image saw it, a surface at it or something behind it.
+    """Counts for each point the images that observed it, and those that saw through it to something behind.
 
     Args:
         pose: (4, 4) camera_from_world.
@@ -106,15 +110,15 @@ def cut_what_is_new(
     settings: CutOutSettings | None = None,
     noise: DepthNoiseModel | None = None,
 ) -> CutOut:
-    """Returns what stands where nothing was before, set down as it stands on floor or table (KinEtre, 2012).
+    """Returns the object that stands in formerly free space, placed on y = 0 (KinEtre, 2012).
 
     Args:
-        mesh: of the place with the thing, in the world of the scan.
+        mesh: of the place with the object, in the world of the scan.
         images: of the place without it.
-        ground: the floor; None where none was found.
+        ground: the floor; None if no floor was found.
 
     Raises:
-        InputError: where nothing is new.
+        InputError: if nothing is new.
     """
     s = settings or CutOutSettings()
     fresh = _smoothed(mesh.faces, compared(mesh.vertices, images, noise)) > 0
@@ -129,7 +133,8 @@ def cut_what_is_new(
     above = above_plane(mesh, support.normal, support.offset + s.clearance)
     told = _smoothed(above.faces, compared(above.vertices, images, noise))
     away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN)
-    # So near to what it stands on, nothing can be told apart: there it is what is above that, and beside it.
+    # So close to the support, the comparison cannot separate object and support. There, surface above and
+    # next to the object belongs to it.
     low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
     meant = (told >= 0) & np.isfinite(away) | low
     kept = np.asarray(meant[above.faces].any(1))
@@ -138,11 +143,11 @@ def cut_what_is_new(
 
 
 def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
-    """Returns (F,) which of the faces that were left out lie in patches too small to be another thing.
+    """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
 
     Args:
-        left: (F,) the faces that were left out.
-        free: (V,) where no surface was seen before.
+        left: (F,) the faces that were excluded.
+        free: (V,) whether no surface was observed before.
     """
     faces = mesh.faces[left]
     label = np.asarray(shells(faces, len(mesh.vertices)))
@@ -157,7 +162,9 @@ def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
 
 
 def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
-    """Returns the parts of a surface that are no specks: at least half of the smallest thing's."""
+    """Returns the parts of a surface without specks: each has at least half the area of the smallest
+    object.
+    """
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)) / 2
     large = areas >= min(s.least_area / 2, areas.max())
@@ -165,7 +172,7 @@ def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
 
 
 def _smoothed(faces: Int32, told: Int32) -> Int32:
-    """Returns (V,) what was at each vertex before, as most of its neighbours say."""
+    """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
     for _ in range(_TOLD):
         votes, of_face = np.zeros(len(told)), told[faces].sum(1)
         for corner in range(3):
@@ -175,7 +182,7 @@ def _smoothed(faces: Int32, told: Int32) -> Int32:
 
 
 def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Ground:
-    """Returns the plane that a thing stands on: a table's top under it, or else the floor."""
+    """Returns the plane that an object stands on: the table top below it, or else the floor."""
     up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
     frame = upright_frame(Ground(up, 0.0, 0.0), np.zeros(3))[:3, :3]
     place, own = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T

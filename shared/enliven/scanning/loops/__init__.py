@@ -1,4 +1,6 @@
-"""Loops: where a camera comes back to what it saw, its way is bent until both agree, and fused again."""
+"""Loop closure: if the camera returns to a place, its trajectory is corrected and the images are fused
+again.
+"""
 
 import lazy_loader
 

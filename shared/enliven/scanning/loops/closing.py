@@ -1,4 +1,6 @@
-"""Loops are found and closed: pieces of a way are laid onto one another, and the whole way is bent to fit."""
+"""Loop detection and loop closure: aligns submaps of a trajectory with one another and corrects the whole
+trajectory.
+"""
 
 from __future__ import annotations
 
@@ -20,28 +22,30 @@ from enliven.scanning.settings import LoopSettings, ScanSettings
 from enliven.scanning.threads import each_in_two_threads
 
 _NEXT = 2
-"""Pieces after each that the tracking laid onto it already: no loops."""
+"""Number of following submaps that tracking has already aligned with a submap. They are not loop
+candidates."""
 _GRID = 8
-"""Points across and down an image that are sought in another image, to measure how much both show."""
+"""Points across and down an image that are projected into another image to measure the shared view."""
 _ASIDE = 0.5
-"""Cosine, 60 degrees, between two axes below which the cameras see different sides of things."""
+"""Cosine (60 degrees) between two optical axes below which the cameras see different sides of objects."""
 _NEAREST = 0.1
-"""Metres before a camera, nearer than which no point is looked for in its image."""
+"""Distance from a camera, metres, below which no point is projected into its image."""
 _BELIEVED = 0.25
-"""Belief below which a loop counts as found to be wrong."""
+"""Minimum trust in a loop. Below it, the loop counts as false."""
 
 
 @dataclass(frozen=True)
 class ClosedWay:
-    """A way that was closed.
+    """The result of a loop closure.
 
     Attributes:
         poses: (4, 4) of all images, world_from_camera.
-        pieces: into which the way was split.
-        links: between pieces, of which loops are those that are not sure.
-        loops: the number of loops that are believed.
-        gap: metres that a believed loop stood open by at most, in the middle of an image; 0 where none did.
-        moved: metres that the images' middles moved at most.
+        pieces: the submaps of the trajectory.
+        links: pose graph edges between submaps; those that are not sure are loops.
+        loops: the number of loops that are trusted.
+        gap: metres, the largest error of a trusted loop before the correction, in the middle of an image; 0
+            if there was none.
+        moved: metres, the largest displacement of an image's middle.
         taken: whether the scan was fused again at these poses.
     """
 
@@ -55,7 +59,9 @@ class ClosedWay:
     taken: bool = False
 
     def agreement(self, tracker: CameraTracker, poses: Sequence[Float]) -> float:
-        """Returns the mean share of the pieces' points that lie at a surface, their images being at poses."""
+        """Returns the mean fraction of the submaps' points that lie at a surface, with their images at the
+        given poses.
+        """
         shares = [
             tracker.judged(view, poses[piece.anchor]).agreeing
             for view, piece in zip(self.views, self.pieces, strict=True)
@@ -70,11 +76,11 @@ def closed_way(
     preparation: DepthPreparation,
     settings: ScanSettings,
 ) -> ClosedWay:
-    """Returns the way of a camera, bent so that what it saw twice lies in one place.
+    """Returns the trajectory of a camera, corrected so that surfaces seen twice coincide.
 
     Args:
-        poses: (4, 4) of each image as they were tracked.
-        ups: (3,) unit vectors, camera frame, that point up, or None, of each image.
+        poses: (4, 4) of each image, from tracking.
+        ups: (3,) unit vectors, camera frame, that point up, or None, for each image.
     """
     s = settings.loops
     pieces = split_way(poses, history.numbers, s.piece_metres, s.piece_radians)
@@ -94,7 +100,9 @@ def closed_way(
 
 
 def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
-    """Returns the metres by which a link stands open where an image's middle is; 0 within its deviation."""
+    """Returns the error of a link before the correction at an image's middle, metres; 0 within its
+    deviation.
+    """
     off = anchors[link.second] - anchors[link.first] @ link.first_from_second
     gap = float(np.linalg.norm(off @ middle))
     deviation = float(np.linalg.eigvalsh(link.information[:3, :3])[0]) ** -0.5
@@ -104,7 +112,7 @@ def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> fl
 def _made(
     history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
 ) -> PlacedPiece:
-    """Returns a piece with its images."""
+    """Returns a submap with its images."""
     images = {
         number: (frame, poses[number]) for number, frame in history.frames([piece.anchor, *piece.looks])
     }
@@ -112,7 +120,7 @@ def _made(
 
 
 def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
-    """Returns the links of each piece to the next, as it was tracked, and the loops that hold both ways."""
+    """Returns the tracked links between successive submaps, and the loops that hold in both directions."""
     wanted = _candidates(pieces, settings.loops)
     found = _found(pieces, wanted, settings)
     links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
@@ -125,7 +133,10 @@ def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
 def _found(
     pieces: list[PlacedPiece], wanted: set[tuple[int, int]], settings: ScanSettings
 ) -> dict[tuple[int, int], Alignment]:
-    """Returns how pieces m lie on pieces n, by (n, m), for the wanted pairs in which they do, both ways."""
+    """Returns the alignments of submaps m with submaps n, by (n, m), for the candidate pairs that align.
+
+    Both directions of each pair are tried.
+    """
     found: dict[tuple[int, int], Alignment] = {}
     beside: list[list[int]] = [[] for _ in pieces]
     for n, m in wanted:
@@ -146,14 +157,16 @@ def _found(
 
 
 def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
-    """Returns the link of a piece to the next one as the tracking says it."""
+    """Returns the link of a submap to the next one, from tracking."""
     seen = inverse(pieces[n].pose) @ pieces[n + 1].pose
     sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
     return PoseLink(n, n + 1, seen, sure)
 
 
 def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
-    """Returns the pairs (n, m), n < m, of pieces that follow one another no more, and may show the same."""
+    """Returns the loop candidates: pairs (n, m), n < m, of non-successive submaps that may show the same
+    place.
+    """
     wanted: set[tuple[int, int]] = set()
     small = [piece.small for piece in pieces]
     for m in range(_NEXT + 1, len(pieces)):
@@ -166,7 +179,7 @@ def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, in
 
 
 def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
-    """Returns the share of a piece's view that another's camera looks at from about the same side."""
+    """Returns the fraction of a submap's view that another camera sees from about the same side."""
     if piece.pose[:3, 2] @ other.pose[:3, 2] < _ASIDE:
         return 0.0
     points = piece.view.points
@@ -188,7 +201,7 @@ def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
 def _laid(
     tracker: CameraTracker, piece: PlacedPiece, onto: PlacedPiece, settings: ScanSettings
 ) -> Alignment | None:
-    """Returns how a piece's anchor lies on another piece, or None where it does not."""
+    """Returns the alignment of a submap's anchor image with another submap, or None if it fails."""
     found = tracker.align(piece.view, piece.pose)
     if not _good(found, settings):
         other = tracker.align(piece.view, onto.pose)
@@ -197,7 +210,7 @@ def _laid(
 
 
 def _good(found: Alignment, settings: ScanSettings) -> bool:
-    """Returns whether an alignment may become a link."""
+    """Returns whether an alignment is good enough for a link."""
     s = settings.loops
     return (
         found.agreeing > s.agreeing
@@ -209,14 +222,14 @@ def _good(found: Alignment, settings: ScanSettings) -> bool:
 def _agree(
     pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
 ) -> bool:
-    """Returns whether m laid onto n says the same as n laid onto m."""
+    """Returns whether the alignment of m with n is consistent with that of n with m."""
     there = one.world_from_camera @ inverse(pieces[m].pose)
     move, turn = apart(pieces[n].pose, there @ other.world_from_camera)
     return move < s.agree_metres and turn < s.agree_radians
 
 
 def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSettings) -> PoseLink:
-    """Returns the link that an alignment makes."""
+    """Returns the link for an alignment."""
     turn = pieces[n].pose[:3, :3].T
     both = np.kron(np.eye(2), turn)
     covariance = both @ laid.covariance @ both.T
@@ -226,7 +239,7 @@ def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSet
 
 
 def _bent(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
-    """Returns all poses, moved as the anchors before and after them were."""
+    """Returns all poses, corrected by interpolating the corrections of the anchors before and after them."""
     turned = [new @ inverse(poses[at]) for at, new in zip(anchors, better, strict=True)]
     out = []
     for number, pose in enumerate(poses):

@@ -1,4 +1,4 @@
-"""The images of a scan, packed, so that they can be fused again at better poses."""
+"""Compressed storage of a scan's images, so that they can be fused again at better poses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from enliven.frames import DepthFrame
 from enliven.recording import pack_depth, unpack_depth
 
 _PAINTED = 4
-"""Images of which one keeps its colours: they change slowly, and are ten times as large as the depth."""
+"""One in this many images keeps its colours. Colours change slowly, and are ten times as large as the
+depth."""
 
 
 @dataclass(frozen=True)
@@ -19,10 +20,11 @@ class _Kept:
 
 
 class FrameHistory:
-    """Depth images by number, some with colours; where they grow too large every second one is forgotten.
+    """Depth images by number, some with colours. When they exceed the memory limit, every second one is
+    dropped.
 
     Args:
-        megabytes: that they may hold.
+        megabytes: memory limit.
     """
 
     def __init__(self, megabytes: float) -> None:
@@ -35,16 +37,16 @@ class FrameHistory:
 
     @property
     def megabytes(self) -> float:
-        """What the packed images hold."""
+        """Memory of the compressed images."""
         return self._held * 1e-6
 
     @property
     def numbers(self) -> list[int]:
-        """The numbers of the images that are still there."""
+        """The numbers of the images that are still stored."""
         return [kept.number for kept in self._kept]
 
     def add(self, number: int, frame: DepthFrame) -> None:
-        """Keep an image; numbers ascend."""
+        """Stores an image; numbers must ascend."""
         if number % self._every:
             return
         painted = number // self._every % _PAINTED == 0
@@ -57,7 +59,7 @@ class FrameHistory:
             self._held = sum(len(kept.packed) for kept in self._kept)
 
     def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
-        """Yields the images of some numbers that are there, or all, with their numbers."""
+        """Yields the stored images with the given numbers, or all, with their numbers."""
         wanted = None if numbers is None else set(numbers)
         for kept in self._kept:
             if wanted is None or kept.number in wanted:

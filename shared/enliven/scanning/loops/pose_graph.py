@@ -1,4 +1,4 @@
-"""A graph of poses: links say where one is seen from another, and the poses move until all agree best."""
+"""Pose graph optimization: links are relative poses, and the poses move until all links agree best."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from enliven.arrays import Float
 from enliven.scanning.rigid import cross_matrix, moved
 
 _STEPS = 30
-"""Steps of Levenberg and Marquardt in each round at most."""
+"""Maximum number of Levenberg-Marquardt steps in each round."""
 _SETTLED = 1e-9
-"""Share by which a step must lessen the cost for another one to follow."""
+"""Minimum relative decrease of the cost for another step to follow."""
 _DAMPING = 1e-6
-"""Damping that each round begins with, of the mean of the matrix's diagonal."""
+"""Initial damping of each round, relative to the mean of the matrix's diagonal."""
 _ROUNDS = 6
-"""Rounds in which the trust in loops that disagree is withdrawn, from all of it on."""
+"""Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
 _NARROWER = 5.0
-"""Factor by which what a loop may disagree shrinks from round to round (graduated non-convexity)."""
+"""Shrink factor per round of the tolerated error of a loop (graduated non-convexity)."""
 
 
 @dataclass(frozen=True)
 class PoseLink:
-    """Where a pose is seen from another.
+    """An edge of the pose graph: the relative pose of two poses.
 
     Attributes:
         first, second: numbers of the poses.
-        first_from_second: (4, 4) the second in the first's frame.
-        information: (6, 6) inverse covariance of its place (m) and turn (rad), the first's axes.
-        sure: whether it is true; a loop that is not sure may be found to be wrong.
+        first_from_second: (4, 4) the second pose in the first one's frame.
+        information: (6, 6) inverse covariance of its translation (m) and rotation (rad), the first pose's
+            axes.
+        sure: whether the link is certain; a loop that is not sure may turn out to be false.
     """
 
     first: int
@@ -50,15 +51,17 @@ def settled(
     level: float = 0.01,
     doubt: float = 50.0,
 ) -> tuple[list[Float], Float]:
-    """Returns the poses at which the links agree best, and how far each link is believed, 0 to 1.
+    """Returns the poses at which the links agree best, and the trust in each link, 0 to 1.
 
-    The first pose stays. Links that are not sure count by Geman and McClure's measure, first a wide one.
+    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function, starting
+    wide.
 
     Args:
-        poses: (4, 4) each, world_from_pose, where they are thought to be.
-        ups: (3,) unit vectors each, in the pose's frame, that point up as an accelerometer feels it, or None.
+        poses: (4, 4) each, world_from_pose, initial estimates.
+        ups: (3,) unit vectors each, in the pose's frame, that point up according to an accelerometer, or
+            None.
         level: radians, standard deviation of these.
-        doubt: squared Mahalanobis distance at which a link that is not sure counts a quarter.
+        doubt: squared Mahalanobis distance at which a link that is not sure has a quarter of its weight.
     """
     now, felt = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
     belief = np.ones(len(links))
@@ -80,7 +83,9 @@ def cost_of(
     ups: Sequence[Float | None],
     level: float,
 ) -> float:
-    """Returns half the weighted sum of squares that :func:`settled` makes least, at a given belief."""
+    """Returns half the weighted sum of squares that :func:`settled` minimizes, for given trust in the
+    links.
+    """
     total = float(belief @ _squares(poses, links))
     aim = _aim(poses, ups)
     for pose, up in zip(poses, ups, strict=True):
@@ -90,7 +95,7 @@ def cost_of(
 
 
 def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
-    """Returns (6,) metres and radians from where a link sees its second pose to where that is."""
+    """Returns (6,) the error of a link, metres and radians: the actual second pose relative to the link's."""
     turn, seen = first[:3, :3].T, link.first_from_second
     place = turn @ (second[:3, 3] - first[:3, 3]) - seen[:3, 3]
     off = turn @ second[:3, :3] @ seen[:3, :3].T
@@ -104,14 +109,14 @@ def _squares(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
 
 
 def _aim(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float | None:
-    """Returns (3,) the way up in the world: as the first pose that feels it does."""
+    """Returns (3,) up in the world, according to the first pose with an accelerometer reading."""
     return next((pose[:3, :3] @ up for pose, up in zip(poses, ups, strict=True) if up is not None), None)
 
 
 def _solved(
     poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
-    """Returns the poses after Levenberg and Marquardt's steps, at a given belief."""
+    """Returns the poses after Levenberg-Marquardt steps, for given trust in the links."""
     damping, cost = _DAMPING, cost_of(poses, links, belief, ups, level)
     for _ in range(_STEPS):
         matrix, gradient = _normal_equations(poses, links, belief, ups, level)
@@ -132,7 +137,7 @@ def _solved(
 def _normal_equations(
     poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
 ) -> tuple[csc_matrix, Float]:
-    """Returns the (6 N - 6) square normal matrix of all poses but the first, and the gradient."""
+    """Returns the (6 N - 6) square normal matrix of all poses except the first, and the gradient."""
     count = len(poses) - 1
     blocks: dict[tuple[int, int], Float] = {(n, n): np.zeros((6, 6)) for n in range(count)}
     gradient = np.zeros((count, 6))
@@ -164,7 +169,9 @@ def _normal_equations(
 
 
 def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
-    """Returns the residual and its (6, 6) slopes along a move and a turn of either pose, world axes."""
+    """Returns the residual and its (6, 6) Jacobians for a translation and rotation of either pose, world
+    axes.
+    """
     error = residual_of(link, first, second)
     turn, apart = first[:3, :3].T, second[:3, 3] - first[:3, 3]
     turned = _inverse_of_turning(error[3:]) @ turn
@@ -176,7 +183,9 @@ def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float
 
 
 def _inverse_of_turning(turn: Float) -> Float:
-    """Returns (3, 3) how a rotation vector changes by a small turn after it (the inverse left Jacobian)."""
+    """Returns (3, 3) the derivative of a rotation vector for a small rotation after it (the inverse left
+    Jacobian).
+    """
     angle, cross = float(np.linalg.norm(turn)), cross_matrix(turn)
     share = 1 / 12 if angle < 1e-4 else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
     return np.asarray(np.eye(3) - cross / 2 + share * cross @ cross)

@@ -1,4 +1,4 @@
-"""A scan's way in pieces: images near one another are one stiff map, against which others are laid."""
+"""Submaps of a scan's trajectory: images near one another form a rigid map, with which others are aligned."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ from enliven.scanning.settings import ScanSettings
 from enliven.scanning.volume import DistanceVolume
 
 _COARSER = (2.0, 8.0)
-"""Voxels of a piece's volumes, of the scan's: bands of 3 and 13 cm at 4 mm, at a tenth of the time."""
+"""Voxel sizes of a submap's volumes, relative to the scan's: truncation bands of 3 and 13 cm at 4 mm, in a
+tenth of the time."""
 _STRIDE = 4
-"""Half-size pixels between the points that are laid onto a piece: a quarter of the tracking's."""
+"""Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
+tracking."""
 _LOOKS = 3
-"""Images of a piece that are fused at most: each next one brings less."""
+"""Maximum number of images of a submap that are fused. Each further image adds less."""
 
 
 @dataclass(frozen=True)
 class SubMap:
-    """A piece of a scan's way.
+    """A section of a scan's trajectory.
 
     Attributes:
         numbers: of its images, in their order.
@@ -36,22 +38,25 @@ class SubMap:
 
     @property
     def anchor(self) -> int:
-        """The number of the image in its middle, which stands for the piece."""
+        """The number of the image in its middle, which represents the submap."""
         return self.numbers[len(self.numbers) // 2]
 
     @property
     def looks(self) -> list[int]:
-        """The numbers of the images that are fused where others are laid onto the piece."""
+        """The numbers of the images that are fused when other submaps are aligned with this one."""
         keep = np.unique(np.linspace(0, len(self.numbers) - 1, min(_LOOKS, len(self.numbers))).astype(int))
         return [self.numbers[n] for n in keep]
 
 
 def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float) -> list[SubMap]:
-    """Returns the pieces of a way; in each the camera stays so near to where it began.
+    """Returns the submaps of a trajectory. Within each one, the camera stays within the limits from its
+    start.
 
     Args:
         poses: (4, 4) of all images.
-        numbers: of those that are there.
+        numbers: of the stored images.
+        metres: maximum distance from the start of the submap.
+        radians: maximum rotation from the start of the submap.
     """
     pieces: list[list[int]] = []
     for number in numbers:
@@ -66,15 +71,16 @@ def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, rad
 
 
 class PlacedPiece:
-    """A piece with its images.
+    """A submap with its images.
 
     Attributes:
-        view: its anchor's image; without the planes of the full image, which are for the fusion, and large.
-        small: the same, reduced as a keyframe is.
+        view: its anchor's image, without the planes of the full image, which are large and only needed for
+            fusion.
+        small: the same image, reduced as a keyframe is.
         pose: (4, 4) its anchor's pose.
 
     Args:
-        images: of its anchor and its looks at least, with their poses, by number.
+        images: of at least its anchor and its ``looks``, with their poses, by number.
     """
 
     def __init__(
@@ -87,7 +93,7 @@ class PlacedPiece:
         self.small: Float32 = reduced(view)
 
     def fuse_into(self, volumes: Sequence[DistanceVolume]) -> None:
-        """Fuse the piece's looks, and nothing else, into volumes."""
+        """Clears the volumes and fuses the submap's ``looks`` into them."""
         for volume in volumes:
             volume.clear()
         for frame, pose in self._images:
@@ -97,10 +103,10 @@ class PlacedPiece:
 
 
 def piece_tracker(settings: ScanSettings) -> CameraTracker:
-    """Returns what lays images onto the piece that was fused into its volumes last."""
+    """Returns the tracker that aligns images with the submap that was last fused into its volumes."""
     plain, t = replace(settings.volume, colour=False), settings.tracking
     reaches = (plain.reach, plain.far)
-    # Fewer points tell as much: their neighbours' noise is not new.
+    # Fewer points carry the same information, because the noise of neighbouring pixels is correlated.
     told = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
         [DistanceVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],

@@ -1,4 +1,6 @@
-"""Objects that are moved while they are scanned: told from the room, found again, and joined."""
+"""Objects that are moved during the scan: separated from the room, found again, and merged into one
+surface.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,6 @@
-"""Whether floor and object still stand as they stood: what moves against the floor is the object."""
+"""Checks whether floor and object kept their relative position. A part that moves against the floor is the
+object.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +12,27 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground import Ground
 
 _BAND = 0.05
-"""Metres above and below the floor in which points are taken for it, where an image is off."""
+"""Height range about the floor, metres, in which points count as floor if an image is misaligned."""
 _ALONG = 0.96
-"""Cosine, 16 degrees, between a floor point's normal and the floor's."""
+"""Minimum cosine (16 degrees) between a floor point's normal and the floor's."""
 _AROUND = 1.2
-"""Metres about the object in which the floor is looked at: farther away depth is noisy."""
+"""Radius around the object, metres, in which the floor is examined. Depth is noisy farther away."""
 _FEWEST = 200
-"""Points of a floor that tell where it is."""
+"""Minimum number of floor points for estimating the floor."""
 _STRIDE = 2
-"""Half-size pixels from one that is looked at to the next."""
+"""Half-size pixels from one used point to the next."""
 
 
 def floor_plane(
     view: DepthView, world_from_camera: Float, ground: Ground, middle: Float, own: Bool
 ) -> Float | None:
-    """Returns (3,) how the floor in an image lies to the ground: metres above it at a point, and two slopes.
+    """Returns (3,) the floor in an image relative to the ground: metres above it at a point, and two slopes.
 
-    None where too little of the floor is seen.
+    None if too little of the floor is visible.
 
     Args:
-        middle: (3,) the point, world: the object's middle.
-        own: (h, w) the object's pixels, which are no floor even where it lies flat.
+        middle: (3,) the point, world: the object's centre.
+        own: (h, w) the object's pixels, which are not floor even if the object lies flat.
     """
     turn = world_from_camera[:3, :3]
     some = (slice(None, None, _STRIDE), slice(None, None, _STRIDE))

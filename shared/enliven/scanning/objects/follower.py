@@ -1,4 +1,6 @@
-"""An object that moves is followed: each image is laid onto what is known of it, apart from the room."""
+"""Tracks a moving object: aligns each image with the known surface of the object, separately from the
+room.
+"""
 
 from __future__ import annotations
 
@@ -20,45 +22,52 @@ from enliven.scanning.rigid import inverse
 from enliven.scanning.settings import ScanSettings
 
 _NEAR = 1
-"""Number of the volume, with voxels of 16 mm, that tells which points lie on a surface."""
+"""Index of the volume, with 16 mm voxels, that decides which points lie on a surface."""
 _FAR = 2
-"""Number of the volume, with voxels of 64 mm, that tells which points may lie on it."""
+"""Index of the volume, with 64 mm voxels, that decides which points may lie on it."""
 _ABOUT = 0.06
-"""Metres from the surface within which a point helps to find the object: it may have moved so far."""
+"""Distance from the surface, metres, within which a point helps to track the object: its possible motion
+between images."""
 _ABOUT_FAR = 0.2
-"""Metres of the same where it was lost: what the coarsest voxels know about a surface."""
+"""The same distance, metres, if the object was lost: the range of the coarsest voxels about a surface."""
 _LIFTS = 0.06, 0.12, 0.18
-"""Metres by which it is sought above where it was: it is seen to move when it is off already."""
+"""Heights, metres, above the last position at which the object is searched, because its motion is detected
+late."""
 _TURNS = 0.1, -0.1, 0.2, -0.2
-"""Radians about the way up by which it is sought turned: 6 and 11 degrees."""
+"""Rotations about up, radians (6 and 11 degrees), at which the object is searched."""
 _OWN = 0.02
-"""Metres from it within which a point is the object's: a pixel's noise, and what the pose may be off."""
+"""Distance from the surface, metres, within which a point belongs to the object: pixel noise plus pose
+error."""
 _ROOM = 0.015
-"""Metres from the room's surface within which a point is the room's."""
+"""Distance from the room's surface, metres, within which a point belongs to the room."""
 _MARGIN = 0.03
-"""Metres that a point may lie outside of what is known of the object: a new side that comes into view."""
+"""Distance, metres, outside the known extent of the object at which a point may still belong to it: a new
+side that comes into view."""
 _GROWN = 2.5
-"""Times the first size to which what is known may grow: of a thing seen from one side half is known."""
+"""Maximum growth of the known extent relative to its first size. From one side, half of an object is
+known."""
 _FRESH = 10
-"""Images after which an object that never stood still is known well enough to say how sure its pose is: the
-noise of fewer looks like slopes that turn."""
+"""Number of images after which the model of an object that never stood still is good enough to estimate
+its pose uncertainty. With fewer observations, noise looks like slopes that rotate."""
 _FEWEST = 150
-"""Half-size pixels of an object by which it can be followed: a hand's width at two metres."""
+"""Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _TURNED = 0.5
-"""Radians from one image to the next beyond which it is another pose that looks alike."""
+"""Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
 _MOVED = 0.15
-"""Metres from one image to the next, of the object's middle, beyond which it is another place."""
+"""Maximum displacement of the object's centre between two images, metres. A larger one is a different
+place."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """An object in an image.
+    """The tracking result of an object in an image.
 
     Attributes:
-        sure: whether it was found; nothing is fused else.
-        object_from_camera: (4, 4) the camera's pose in the object's frame, the last one known if not.
-        own: (h, w) half-size pixels that may be the object's: the room is tracked without them.
-        alignment: how well it fits; None where there is too little of it.
+        sure: whether it was found; otherwise nothing is fused.
+        object_from_camera: (4, 4) the camera's pose in the object's frame; the last known one if it was not
+            found.
+        own: (h, w) half-size pixels that may belong to the object; they are excluded when tracking the room.
+        alignment: how well it fits; None if too little of it is visible.
     """
 
     sure: bool
@@ -68,15 +77,16 @@ class Followed:
 
 
 class ObjectFollower:
-    """Follows one object, by its own surface, through the images in which it moves.
+    """A tracker of one object by its own surface, through the images in which it moves.
 
-    The object's pixels are those near its surface as it would lie if it went on as it went; they are laid
-    onto that surface as a camera's image is laid onto a room (Ruenz and Agapito, "Co-Fusion", ICRA 2017,
-    section V). What is new beside it, above the ground and not of the room, is fused where the pose is sure.
+    The object's pixels are those near its predicted surface at constant velocity. They are aligned with the
+    object's surface in the same way as a camera image is aligned with a room (Ruenz and Agapito, "Co-Fusion",
+    ICRA 2017, section V). New surface next to the object, above the ground and not part of the room, is fused
+    if the pose is reliable.
 
     Args:
-        model: what is known of it, which grows.
-        rest: the room, and where the object stood in it.
+        model: the known surface of the object, which grows.
+        rest: the room, and the object's pose in it.
         object_from_camera: (4, 4) the camera's pose in the object's frame before it moved.
     """
 
@@ -98,10 +108,10 @@ class ObjectFollower:
         return self._pose
 
     def find(self, view: DepthView, room_from_camera: Float) -> Followed:
-        """Returns where the object is in an image, before the room is looked for in it.
+        """Returns the object's pose in an image, before the room is tracked in it.
 
         Args:
-            room_from_camera: (4, 4) about where the camera is in the room.
+            room_from_camera: (4, 4) approximate camera pose in the room.
         """
         found = self._aligned(view, self._likely, room_from_camera)
         if found is None or not self._holds(found):
@@ -116,13 +126,15 @@ class ObjectFollower:
         return Followed(sure, pose, own & self._above(view, room_from_camera), found)
 
     def _begun(self, room_from_camera: Float) -> list[Float]:
-        """Returns (4, 4) poses of the camera about an object that was lifted or turned since then."""
+        """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
+        the last image.
+        """
         ground = self._rest.ground
         up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
         up = self._pose[:3, :3] @ room_from_camera[:3, :3].T @ up
         middle, poses = self._model.middle, list[Float]()
         for height in _LIFTS:
-            # As the object rises the camera sinks, as the object sees it.
+            # In the object's frame, the camera sinks as the object rises.
             pose = self._pose.copy()
             pose[:3, 3] -= height * up
             poses.append(pose)
@@ -134,10 +146,10 @@ class ObjectFollower:
         return poses
 
     def take(self, frame: DepthFrame, view: DepthView, found: Followed, room_from_camera: Float) -> None:
-        """Goes on with what was found, and fuses it where it is sure.
+        """Updates the motion from a tracking result, and fuses the image if the result is reliable.
 
         Args:
-            room_from_camera: (4, 4) where the camera is in the room, as it was found.
+            room_from_camera: (4, 4) the tracked camera pose in the room.
         """
         if not found.sure:
             self.missed += 1
@@ -156,10 +168,10 @@ class ObjectFollower:
         self.poses.append(self._pose)
 
     def own(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
-        """Returns (h, w) which points are fused, and of them those that were known already."""
+        """Returns (h, w) the points that are fused, and those of them that were known before."""
         distance = distances_in(self._model.volumes[_NEAR], view, self._pose)
         known = np.abs(distance) < _OWN
-        # What stands before a known surface, in air that was seen through, is a hand.
+        # A point in front of a known surface, in observed free space, belongs to a hand.
         new = np.isnan(distance) | (distance < -_OWN)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
         may = self._model.reaches(local, _MARGIN) & self._above(view, room_from_camera)
@@ -167,7 +179,9 @@ class ObjectFollower:
         return own, own & known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
-        """Yields the images that were fused, of each what lies on the surface as it is now; and poses."""
+        """Yields the fused images, restricted to points on the current surface of the object, and their
+        poses.
+        """
         scanner = self._rest.scanner
         for number, frame in self.history.frames():
             view, pose = scanner.prepared(frame), self.poses[number]
@@ -177,7 +191,7 @@ class ObjectFollower:
     def _aligned(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
-        """Returns the pose near a start at which the points about it fit best; None where there are few."""
+        """Returns the best pose near a start, using only nearby points; None if there are too few."""
         near = np.abs(distances_in(self._model.volumes[_FAR], view, start)) < (
             _ABOUT if coarsest < _FAR else _ABOUT_FAR
         )
@@ -188,13 +202,13 @@ class ObjectFollower:
         return tracker.align(only(view, near), start, coarsest=coarsest)
 
     def _holds(self, found: Alignment) -> bool:
-        """Returns whether an alignment tells surely where the object is."""
+        """Returns whether an alignment determines the object's pose reliably."""
         s = self.settings.tracking
         if found.overlap < s.overlap or found.agreeing < s.agreeing:
             return False
         if found.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
             return False
-        # How the object moved before the camera, about its own middle.
+        # Motion of the object relative to the camera, about the object's own centre.
         step = inverse(found.world_from_camera) @ self._pose
         cosine = (np.trace(step[:3, :3]) - 1.0) / 2.0
         middle = np.append(self._model.middle, 1.0)
@@ -203,7 +217,7 @@ class ObjectFollower:
         return bool(cosine > np.cos(min(_TURNED * images, np.pi)) and np.linalg.norm(way) < _MOVED * images)
 
     def _above(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) which points lie above the ground."""
+        """Returns (h, w) whether each point lies above the ground."""
         ground = self._rest.ground
         if ground is None:
             return view.worth > 0
@@ -212,7 +226,9 @@ class ObjectFollower:
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
     def _of_room(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) which points lie on the room's surface, but for where the object stood in it."""
+        """Returns (h, w) whether each point lies on the room's surface, except where the object stood in
+        the room.
+        """
         distance = distances_in(self._rest.scanner.volumes[_NEAR], view, room_from_camera)
         return np.asarray((np.abs(distance) < _ROOM) & ~self._rest.held(view, room_from_camera))
 

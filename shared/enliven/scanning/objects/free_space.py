@@ -1,4 +1,4 @@
-"""Free space of images: where a camera saw through, no surface can be."""
+"""Free space of images: no surface can lie where a camera saw through."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import inverse
 
 _THIN = 4
-"""Half-size pixels to one that is kept."""
+"""Subsampling factor from half-size pixels to the stored image."""
 _NEAREST = 0.2
-"""Metres before a camera, nearer than which it sees nothing."""
+"""Distance from a camera, metres, below which it cannot measure."""
 _LOOKS = 2
-"""Images that must see through a place: one may have been wrong."""
+"""Minimum number of images that must see through a point, because one may be wrong."""
 
 
 @dataclass(frozen=True)
 class SeenDepth:
-    """How far a camera saw, small.
+    """A reduced depth image.
 
     Attributes:
-        depth: (h, w) float32 metres, the nearest about each pixel; 0 where it is not known.
-        intrinsics: of the full image, of which a pixel here is ``scale`` wide.
+        depth: (h, w) float32 metres, the nearest around each pixel; 0 if unknown.
+        intrinsics: of the full image; a pixel here is ``scale`` full pixels wide.
         frame_from_camera: (4, 4).
     """
 
@@ -37,17 +37,19 @@ class SeenDepth:
 
 
 def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
-    """Returns how far a view saw; before a hand there is nothing, either."""
+    """Returns the reduced depth of a view. Space in front of a hand is free, too."""
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
     height, width = (side // _THIN for side in z.shape)
     tiles = z[: height * _THIN, : width * _THIN].reshape(height, _THIN, width, _THIN)
-    # The nearest of a tile; not known where some of it is not: an edge runs through it.
+    # The nearest depth of a tile. It is unknown if any pixel is, because an edge runs through the tile.
     nearest = np.where((tiles > 0).all((1, 3)), tiles.min((1, 3)), 0.0).astype(np.float32)
     return SeenDepth(nearest, view.intrinsics, 2.0 * _THIN, frame_from_camera)
 
 
 def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) -> Bool:
-    """Returns (N,) which points lie at least ``clearance`` metres before what two of the images saw there."""
+    """Returns (N,) whether each point lies at least ``clearance`` metres in front of the depth in two of
+    the images.
+    """
     count = np.zeros(len(points), int)
     for view in views:
         back = inverse(view.frame_from_camera)

@@ -1,4 +1,6 @@
-"""All rests of an object become one surface: each is laid onto those before it, and all images are fused."""
+"""Merges all rests of an object into one surface: aligns each rest with those before it and fuses all
+images.
+"""
 
 from __future__ import annotations
 
@@ -18,27 +20,29 @@ from enliven.scanning.settings import ScanSettings
 from enliven.scanning.volume import DistanceVolume
 
 _POINTS = 40_000
-"""Points of the surface that a rest is laid onto: some millimetres apart on a chair."""
+"""Points of the surface with which a rest is aligned: some millimetres apart on a chair."""
 _PART_POINTS = 8000
-"""Points that are laid onto it."""
+"""Points of a rest that are aligned with it."""
 _CELL = 0.006
-"""Metres of the cells that know their nearest point."""
+"""Cell size, metres, of the nearest-point grid."""
 _REACH = 0.05
-"""Metres about the surface in which points find it: what a rest may still be off is less."""
+"""Distance around the surface, metres, in which points find it. The remaining error of a rest is smaller."""
 _STEPS = 20
-"""Steps of the laying."""
+"""Number of ICP steps."""
 _WIDTHS = 0.02, 0.003
-"""Metres at which a residual counts a quarter, in the first step and in the last."""
+"""Metres at which a residual has a quarter of its weight, in the first step and in the last."""
 _NEAR = 0.01
-"""Metres within which a point lies on the surface."""
+"""Distance, metres, within which a point lies on the surface."""
 _CLEANED = 90
-"""Images after which blocks without a surface are given back."""
+"""Images between removals of blocks without a surface."""
 
 
 def joined_object(
     rests: Sequence[ObjectRest], settings: ScanSettings, followers: Sequence[ObjectFollower] = ()
 ) -> Mesh:
-    """Returns the surface of an object of all images at rests and between, metres, the first rest's world."""
+    """Returns the surface of an object from all images at rests and in between, metres, the first rest's
+    world.
+    """
     whole = DistanceVolume(settings.volume)
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
@@ -60,7 +64,9 @@ def joined_object(
 
 
 def _bettered(rest: ObjectRest, pose: Float, whole: Mesh) -> Float:
-    """Returns object_from_room (4, 4) of a rest after its surface was laid onto that of the ones before."""
+    """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
+    rests.
+    """
     grid = nearest_grid(sampled(largest(whole), _POINTS), _CELL, _REACH)
     poses, _ = laid(grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _STEPS, _NEAR, _WIDTHS)
     return np.asarray(poses[0])

@@ -1,4 +1,6 @@
-"""A scan of an object that is picked up, turned and put down meanwhile: room and object have a pose each."""
+"""A scan of an object that is picked up, turned and put down in between. Room and object have separate
+poses.
+"""
 
 from __future__ import annotations
 
@@ -23,37 +25,41 @@ from enliven.scanning.scanner import LeftAside, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
 _AGAIN = 1.6
-"""Factor of a rest's images from one search to the next: each search takes as long as twenty of them."""
+"""Growth factor of a rest's images from one search to the next. Each search takes as long as twenty
+images."""
 _TWICE = 2
-"""Images one after the other that fit badly, with which what began to stand still ends: one is shaken."""
+"""Number of successive badly fitting images that end a settling attempt, because one image may be blurred
+by motion."""
 _LARGER = 1.5
-"""Times the size of what is known of the object beyond which a thing is another one: a wall, a person."""
+"""Ratio to the known object's size above which a part is something else: a wall, a person."""
 _LARGEST_VOXEL = 0.004
-"""Metres of the largest voxel with which an object is followed: the coarsest volume has voxels of 16 times
-that, and in larger ones too little of a thing half a metre high is known to find it again."""
+"""Maximum voxel size, metres, for tracking an object. The coarsest volume has voxels 16 times as large. In
+larger voxels, too little of an object half a metre high is known to find it again."""
 _KNOWN_AFTER = 10
-"""Images after which it is looked for what stands there, at most: it turns a second after the first one."""
+"""Maximum number of images before the object is segmented. The object may be turned one second after the
+first image."""
 
 
 def following(settings: ScanSettings) -> ScanSettings:
-    """Returns the settings with which an object is followed while it moves; voxels are 4 mm at most."""
+    """Returns the settings for tracking an object while it moves; voxels are at most 4 mm."""
     volume = replace(settings.volume, voxel=min(settings.volume.voxel, _LARGEST_VOXEL))
     moved = replace(settings.moved, followed=True, known_after=min(settings.moved.known_after, _KNOWN_AFTER))
     return replace(settings, volume=volume, moved=moved)
 
 
 class MovedScanner:
-    """Fuses an object that is moved while it is scanned, and the room about it.
+    """A scanner for an object that is moved during the scan, and the room around it.
 
-    The object is what the settings choose of the things on the floor. While it stands, room and object are
-    one scan, and both tell where the camera is. What then moves rigidly against the floor is the object: the
-    rest ends, and nothing is fused while it is carried. Where things stand still again, a scan begins anew,
-    and the object is looked for in it in every pose; images that saw through where it would be speak against
-    a pose. At the end the object is cut out of every rest, and all their images become one surface.
+    The settings choose the object among those on the floor. While it stands, room and object form one scan,
+    and both constrain the camera's pose. A part that then moves rigidly against the floor is the object: the
+    rest ends, and nothing is fused while it is carried. When the scene stands still again, a new scan begins,
+    and the object is searched in it in every pose. Images that saw through the object's assumed place count
+    against that pose. At the end, the object is cut out of every rest, and all their images are fused into
+    one surface.
 
     Attributes:
-        rests: at which it is known how the object lies, in their order.
-        unplaced: scans of something that stood still, in which the object was not found.
+        rests: those with a known object pose, in their order.
+        unplaced: scans of a still scene in which the object was not found.
         model: the object's surface as it grows; None until it is first moved.
     """
 
@@ -81,10 +87,10 @@ class MovedScanner:
         return model + sum(rest.scanner.megabytes for rest in [*self.rests, *self.unplaced, *trial])
 
     def add(self, frame: DepthFrame, up: Float | None = None) -> MovedStep:
-        """Find the camera and the object of a frame, and fuse the image where both are sure.
+        """Tracks the camera and the object in a frame, and fuses the image if both poses are reliable.
 
         Args:
-            up: as of :meth:`Scanner.add`.
+            up: see :meth:`Scanner.add`.
         """
         rest = self._now
         if self._follower is not None:
@@ -105,13 +111,15 @@ class MovedScanner:
         return self._try(frame, up)
 
     def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> LeftAside | None:
-        """Returns the pixels that show what may begin to move: a camera must not go with it."""
+        """Returns the pixels of an object that may begin to move, so that the camera tracking does not
+        follow it.
+        """
         if not self.settings.moved.followed or rest.ground is None:
             return None
         return LeftAside(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
 
     def _begin(self, rest: ObjectRest, step: ScanStep) -> bool:
-        """Begins to follow the object from where it stood; returns whether that is known."""
+        """Starts tracking the object from its last rest pose; returns whether that pose is known."""
         view = rest.scanner.view
         if self.model is None or rest.object_from_room is None or view is None:
             return False
@@ -122,7 +130,7 @@ class MovedScanner:
         return True
 
     def _follow(self, frame: DepthFrame, up: Float | None) -> MovedStep | None:
-        """Finds object and room in an image, each by itself; None where the object was lost for long."""
+        """Tracks object and room separately in an image; None if the object was lost for too long."""
         follower, room = self._follower, self._room
         assert follower is not None and room is not None
         view = room.scanner.prepared(frame)
@@ -137,13 +145,13 @@ class MovedScanner:
         return MovedStep(step, state, pose if found.sure else None, len(self.rests), followed=found)
 
     def close_loops(self) -> None:
-        """Close the camera's way at each rest, as :meth:`Scanner.close_loops` does."""
+        """Closes the loops of the camera's trajectory at each rest, as :meth:`Scanner.close_loops` does."""
         for rest in self.rests:
             rest.scanner.close_loops()
 
     @property
     def place(self) -> tuple[Scanner, Float] | None:
-        """The scan of the room and (4, 4) how the object lies in it now; None while that is not known."""
+        """The scan of the room and (4, 4) the object's current pose in it; None while the pose is unknown."""
         if self._follower is not None and self._room is not None:
             if self._follower.missed:
                 return None
@@ -155,7 +163,7 @@ class MovedScanner:
 
     @property
     def now(self) -> ObjectRest | None:
-        """The rest at which the object lies now; None while it is not known where it lies."""
+        """The rest at which the object lies now; None while its pose is unknown."""
         return self._now
 
     @property
@@ -179,10 +187,10 @@ class MovedScanner:
         return self.rests[0].scanner.surface(since)
 
     def thing(self) -> Mesh:
-        """Returns the object as it stood first, of all its rests: upright, on y = 0, metres.
+        """Returns the object in its first pose, merged from all its rests: upright, on y = 0, metres.
 
         Raises:
-            InputError: where nothing stands on a floor.
+            InputError: if no object stands on a floor.
         """
         first, whole = self.rests[0], self.surface()
         ground = find_ground(whole, settings=self.settings.cut_out)
@@ -197,7 +205,7 @@ class MovedScanner:
         return whole_part(mesh, ground, self.settings.cut_out)
 
     def joined(self) -> Mesh:
-        """Returns the surface of the object from all rests, metres, the world of the first one."""
+        """Returns the surface of the object from all rests, metres, in the world of the first rest."""
         self._place_all()
         for rest in self.rests:
             rest.look(0)
@@ -205,11 +213,11 @@ class MovedScanner:
 
     @property
     def followed(self) -> int:
-        """The number of images in which it was followed while it moved."""
+        """The number of images in which the object was tracked while it moved."""
         return sum(len(follower.poses) for follower in self.followers)
 
     def _try(self, frame: DepthFrame, up: Float | None) -> MovedStep:
-        """Scans anew what may stand still again, and looks for the object in it."""
+        """Starts a new scan of a scene that may be still again, and searches for the object in it."""
         trial, s = self._trial, self.settings.moved
         if trial is None:
             trial = self._trial = ObjectRest(self.settings)
@@ -236,7 +244,7 @@ class MovedScanner:
         return self._step(step, ObjectState.SETTLING, None)
 
     def _end(self, rest: ObjectRest) -> None:
-        """Ends a rest; from the first one on the object grows alone."""
+        """Ends a rest. The object's own model starts at the end of the first rest."""
         rest.end()
         self._now = None
         if self.model is None:
@@ -248,13 +256,13 @@ class MovedScanner:
                 self.model.take(rest)
 
     def _grow(self, rest: ObjectRest, step: ScanStep) -> None:
-        """Fuses an image into what is known of the object alone."""
+        """Fuses an image into the object's own model."""
         view = rest.scanner.view
         if self.model is not None and view is not None and step.state is ScanState.SCANNING:
             self.model.add(view, rest, step.world_from_camera)
 
     def _place_all(self) -> None:
-        """Looks for the object once more where it was not found: more of it is known than then."""
+        """Searches again for the object in all rests without it, because more of it is known now."""
         if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
             self.unplaced.append(self._trial)
         self._trial = None
@@ -265,7 +273,7 @@ class MovedScanner:
                     self.model.take(rest)
 
     def _place(self, rest: ObjectRest) -> bool:
-        """Looks for the object in a rest; returns whether it was found."""
+        """Searches for the object in a rest; returns whether it was found."""
         rest.look(0)
         model = self._scanned() if rest.parts else None
         if model is None:
@@ -283,7 +291,9 @@ class MovedScanner:
         return False
 
     def _scanned(self) -> Scanned | None:
-        """Returns what is known of the object, of all rests at which it was found; None where nothing is."""
+        """Returns the known surface of the object from all rests in which it was found; None if there is
+        none.
+        """
         if self._known is None or self._known[0] != len(self.rests):
             known = known_of(self.rests)
             if known is None:
@@ -292,7 +302,7 @@ class MovedScanner:
         return self._known[1]
 
     def _step(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:
-        """Returns what became of a frame."""
+        """Returns the result of a frame."""
         pose = None if rest is None else rest.object_from_room
         sought = self._sought if state is ObjectState.SETTLING else 0
         return MovedStep(step, state, pose, len(self.rests), sought)

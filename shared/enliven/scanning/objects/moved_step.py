@@ -1,4 +1,4 @@
-"""What becomes of an image in a scan of an object that is moved: where room and object are in it."""
+"""The result of an image in a scan of an object that is moved: the poses of room and object."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from enliven.scanning.scanner import ScanState, ScanStep
 
 
 class ObjectState(Enum):
-    """What is known of the object in a frame."""
+    """The state of the object in a frame."""
 
     RESTING = "resting"
-    """It stands, and the image was fused into it; before it is first moved it is a part of the room."""
+    """It stands, and the image was fused into it. Before it is first moved, it is part of the room."""
     SETTLING = "settling"
-    """Something stands still; it is not known yet that it is the object, or how it lies."""
+    """Something stands still; it is not known yet whether it is the object, or in which pose."""
     FOLLOWED = "followed"
-    """It moves, or may move; the image was fused into what is known of it alone."""
+    """It moves, or may move; the image was fused into the object's own model."""
     LOST = "lost"
-    """It is carried, covered, or elsewhere; nothing was fused into it."""
+    """It is carried, occluded, or elsewhere; nothing was fused into it."""
 
 
 @dataclass(frozen=True)
 class MovedStep:
-    """What became of a frame.
+    """The result of a frame.
 
     Attributes:
-        scan: of the room as it is since the object last came to rest; with the camera's pose in it.
+        scan: step of the room's scan since the object last came to rest, with the camera's pose in it.
         state: see :class:`ObjectState`.
-        object_from_room: (4, 4) how the object lies in that room, or None while that is not known; the
-            object's frame is the first room.
-        rests: the number of rests at which it was found.
-        sought: how often it was looked for, in vain, in what stands still now.
-        followed: where it is while it is followed.
+        object_from_room: (4, 4) the object's pose in that room, or None while it is unknown; the object's
+            frame is the first room.
+        rests: the number of rests in which it was found.
+        sought: number of failed searches for the object in the scene that stands still now.
+        followed: the tracking result while the object is tracked.
     """
 
     scan: ScanStep
@@ -48,7 +48,9 @@ class MovedStep:
 
     @property
     def told(self) -> ScanStep:
-        """The scan's step, lost while the object is; where it is followed, the camera as it sees it."""
+        """The scan's step, LOST while the object is lost. While the object is tracked, the camera pose is
+        in its frame.
+        """
         if self.followed is not None and self.state is ObjectState.FOLLOWED:
             found = self.followed
             return ScanStep(ScanState.SCANNING, found.object_from_camera, found.alignment, self.scan.room)
@@ -56,7 +58,7 @@ class MovedStep:
 
     @property
     def object_from_camera(self) -> Float | None:
-        """(4, 4) the camera's pose in the object's frame, or None while that is not known."""
+        """(4, 4) the camera's pose in the object's frame, or None while it is unknown."""
         if self.followed is not None:
             return self.followed.object_from_camera if self.state is ObjectState.FOLLOWED else None
         if self.object_from_room is None or self.scan.state is not ScanState.SCANNING:

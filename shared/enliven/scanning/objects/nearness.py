@@ -1,4 +1,4 @@
-"""How far the points of an image are from a surface that was fused: what of the image is of that surface."""
+"""Distances of an image's points from a fused surface, to decide which of them belong to it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from enliven.scanning.threads import in_pieces
 from enliven.scanning.volume import DistanceVolume
 
 _ROWS = 16
-"""Rows of points that a thread takes at a time."""
+"""Rows of points that a thread processes at a time."""
 
 
 def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Float) -> Float32:
-    """Returns (h, w) metres of a view's points before a volume's surface, NaN where nothing is known.
+    """Returns (h, w) signed distances, metres, of a view's points in front of a volume's surface, NaN if
+    unknown.
 
     Args:
         world_from_camera: (4, 4) pose of the camera in the volume's world.
@@ -28,7 +29,7 @@ def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Flo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _distances(points, pose, field, found, first, last):
-    """Fills some rows of (h, w) distances; those of points without worth stay as they are."""
+    """Fills some rows of (h, w) distances; those of points without weight stay unchanged."""
     here, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for v in range(first, last):

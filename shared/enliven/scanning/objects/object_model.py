@@ -1,4 +1,4 @@
-"""The surface of an object alone, in its own frame, which grows while the object lies here and there."""
+"""The surface model of an object alone, in its own frame, which grows over several rests."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from enliven.scanning.scanner import empty_volumes
 from enliven.scanning.settings import ScanSettings
 
 _IMAGES = 60
-"""Images of a rest that make its surface at most: 6 degrees apart on a way round, 0.5 s in all."""
+"""Maximum number of images of a rest that are fused: 6 degrees apart on a full circle, 0.5 s in all."""
 _MARGIN = 0.03
-"""Metres that an image's points may lie outside of what is known of the object, and be its own."""
+"""Distance, metres, outside the known extent at which an image's points may still belong to the object."""
 
 
 class ObjectModel:
-    """What is known of an object, without the rooms in which it was seen.
+    """The known surface of an object, without the rooms in which it was seen.
 
     Attributes:
         volumes: from the finest to the coarsest, in the object's frame.
-        full: whether the memory was full: nothing new was added from then on.
+        full: whether the memory is full; nothing new is added after that.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
@@ -37,21 +37,23 @@ class ObjectModel:
 
     @property
     def size(self) -> float:
-        """Metres, the diagonal of the box of what is known; 0 where nothing is."""
+        """Diagonal of the bounding box of the known surface, metres; 0 if nothing is known."""
         return float(np.linalg.norm(np.ptp(self._box, axis=0))) if np.isfinite(self._box).all() else 0.0
 
     @property
     def middle(self) -> Float:
-        """(3,) metres, the middle of that box."""
+        """(3,) metres, the centre of that box."""
         return np.asarray(self._box.mean(0))
 
     def reaches(self, points: Float, margin: float) -> Bool:
-        """Returns (...) which points (..., 3), its own frame, lie in the box of what is known, or near it."""
+        """Returns (...) whether points (..., 3), in the object's frame, lie in the bounding box or within
+        the margin.
+        """
         inside = (points > self._box[0] - margin) & (points < self._box[1] + margin)
         return np.asarray(inside.all(-1))
 
     def take(self, rest: ObjectRest) -> None:
-        """Fuse images of a rest at which it is known how the object lies."""
+        """Fuses images of a rest in which the object's pose is known."""
         pose = rest.object_from_room
         if pose is None or not rest.parts:
             return
@@ -63,7 +65,7 @@ class ObjectModel:
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:
-        """Fuse the newest image of a rest alone: the object never stood still in it."""
+        """Fuses only the newest image of a rest, because the object never stood still in it."""
         view = rest.scanner.view
         if view is not None and rest.object_from_room is not None and rest.parts:
             pose = rest.scanner.poses[-1][1]
@@ -73,13 +75,13 @@ class ObjectModel:
             self.fuse(own, rest.object_from_room @ pose)
 
     def add(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> None:
-        """Fuse a new image of a rest: of the points in the object's box those above the floor."""
+        """Fuses a new image of a rest: the points in the object's box that lie above the floor."""
         if rest.object_from_room is not None and rest.ground is not None:
             own = self._own(view, rest, room_from_camera)
             self.fuse(only(view, own), rest.object_from_room @ room_from_camera)
 
     def _own(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
-        """Returns (h, w) which points of a view are the object's."""
+        """Returns (h, w) whether each point of a view belongs to the object."""
         assert rest.ground is not None and rest.object_from_room is not None
         room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
         own = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
@@ -87,13 +89,13 @@ class ObjectModel:
         return np.asarray((view.worth > 0) & self.reaches(own, _MARGIN) & above)
 
     def grow(self, points: Float) -> None:
-        """Let the box reach to points (N, 3) that were seen to be its own."""
+        """Extends the bounding box to points (N, 3) that belong to the object."""
         if len(points):
             self._box = np.array(
                 [np.minimum(self._box[0], points.min(0)), np.maximum(self._box[1], points.max(0))]
             )
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
-        """Average a view into it; only the object's points of the view have weight."""
+        """Averages a view into the model; only the object's points of the view have weight."""
         room = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
         self.full = self.full or not all(room)

@@ -1,4 +1,4 @@
-"""The space that an object takes, and which points of images are its own."""
+"""The space that an object occupies, and the image points inside it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from enliven.scanning.ground import Ground
 from enliven.scanning.objects.surface_points import sampled
 
 _CELL = 0.01
-"""Metres of a cell of a region: half the floor's clearance."""
+"""Cell size of a region, metres: half the floor's clearance."""
 _DENSE = 60_000
-"""Points that mark the cells of a surface: more than one a cell for things as large as a chair."""
+"""Points that mark the cells of a surface: more than one per cell for objects as large as a chair."""
 
 
 @dataclass(frozen=True)
 class ObjectRegion:
-    """Space about a surface, above the ground.
+    """The space near a surface, above the ground.
 
     Attributes:
         origin: (3,) metres, corner of the first cell.
-        near: (X, Y, Z) which cells lie near the surface.
-        ground: what the object stands on.
-        clearance: metres above it that are not the object's.
+        near: (X, Y, Z) whether each cell lies near the surface.
+        ground: the plane that the object stands on.
+        clearance: height above it, metres, that does not belong to the object.
     """
 
     origin: Float
@@ -36,7 +36,7 @@ class ObjectRegion:
     clearance: float
 
     def holds(self, points: Float) -> Bool:
-        """Returns (...) which points (..., 3) lie in it."""
+        """Returns (...) whether points (..., 3) lie in the region."""
         at = np.floor((points - self.origin) / _CELL).astype(int)
         inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
         x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
@@ -55,6 +55,6 @@ def region_about(mesh: Mesh, ground: Ground, clearance: float, width: float) -> 
 
 
 def shown_in(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
-    """Returns (h, w) which points of a view lie in a region."""
+    """Returns (h, w) whether each point of a view lies in a region."""
     world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
     return np.asarray((view.worth > 0) & region.holds(world))

@@ -1,4 +1,6 @@
-"""Where a surface lies that was picked up and put down: all turns are tried, and what is found is doubted."""
+"""Global registration of a surface that was picked up and put down: all rotations are tried, and results
+are verified.
+"""
 
 from __future__ import annotations
 
@@ -19,30 +21,31 @@ from enliven.scanning.threads import in_pieces
 _GOLDEN = 1.533751168755204288118041
 """Real root of x^4 = x + 4, the second number of super-Fibonacci spirals."""
 _PIECE = 8
-"""Turns that a thread takes at a time."""
+"""Rotations that a thread processes at a time."""
 _STEPS = 12
-"""Steps from each turn: most are where they will be after eight."""
+"""ICP steps from each rotation. Most have converged after eight."""
 _FINE_STEPS = 20
-"""Steps of those that are looked at closely."""
+"""ICP steps for the candidates that are refined."""
 _WIDTHS = 0.15, 0.01
-"""Metres at which a residual counts a quarter, first and last: what does not overlap lets go."""
+"""Metres at which a residual has a quarter of its weight, first and last step, so that non-overlapping
+parts lose influence."""
 _DAMPING = 1e-4
-"""Of the normal matrix, per weight of the points: what slides freely stays where it is."""
+"""Damping of the normal matrix, per weight of the points. Unconstrained directions stay unchanged."""
 _SAME = 0.05, 0.25
-"""Metres and radians within which two answers are one."""
+"""Metres and radians within which two results count as the same."""
 _FACING = 0.5
-"""Cosine, 60 degrees, between two normals below which points are of two different sides."""
+"""Cosine (60 degrees) between two normals below which points belong to two different sides."""
 
 
 @dataclass(frozen=True)
 class Registration:
-    """How a part lies on a model.
+    """The pose of a part relative to a model.
 
     Attributes:
         model_from_part: (4, 4).
-        agreeing: share of the part's points that lie on the model's surface.
-        through: share of points, the larger of both ways, that lie in space that was seen empty.
-        margin: by how much its score is better than that of the best other answer.
+        agreeing: fraction of the part's points that lie on the model's surface.
+        through: fraction of points that lie in observed free space, the larger of both directions.
+        margin: how much better its score is than that of the best other result.
     """
 
     model_from_part: Float
@@ -53,14 +56,14 @@ class Registration:
 
 @dataclass(frozen=True)
 class Scanned:
-    """A surface, and images that saw it with what is round it, in one frame."""
+    """A surface, and images that saw it with its surroundings, in one frame."""
 
     surface: SurfacePoints
     views: Sequence[SeenDepth]
 
 
 def turns(count: int) -> Float:
-    """Returns (count, 3, 3) rotations spread evenly: super-Fibonacci spirals (Alexa, CVPR 2022)."""
+    """Returns (count, 3, 3) evenly spread rotations: super-Fibonacci spirals (Alexa, CVPR 2022)."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
     one, two = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _GOLDEN
@@ -73,14 +76,15 @@ def turns(count: int) -> Float:
 def registered(
     model: Scanned, part: Scanned, settings: RegistrationSettings | None = None
 ) -> Registration | None:
-    """Returns how a part of an object lies on what was scanned of it before, or None where that is not sure.
+    """Returns the pose of a part relative to the earlier scan of the object, or None if it is not certain.
 
-    From each of many turns the part is laid onto the model by iterated closest points, which let go of what
-    does not overlap. The answers are then doubted: no surface may lie where the other's images saw through.
+    From each of many rotations, the part is aligned with the model by robust ICP (iterative closest points),
+    in which non-overlapping parts lose influence. The results are then verified: no surface may lie where the
+    other's images saw through.
 
     Args:
-        model: what was scanned before.
-        part: what is seen now, anywhere.
+        model: the earlier scan.
+        part: the current scan, anywhere.
     """
     s = settings or RegistrationSettings()
     grid = nearest_grid(model.surface, s.cell, s.margin)
@@ -104,7 +108,9 @@ def registered(
 
 
 def _through(model: Scanned, part: Scanned, pose: Float, s: RegistrationSettings) -> float:
-    """Returns the share of points that lie where the other's images saw through, the larger of both ways."""
+    """Returns the fraction of points in space that the other's images saw through, the larger of both
+    directions.
+    """
     there = part.surface.some(s.fine_points).moved(pose)
     one = seen_through(there.points, model.views, s.clearance).mean()
     back = inverse(pose)
@@ -113,7 +119,9 @@ def _through(model: Scanned, part: Scanned, pose: Float, s: RegistrationSettings
 
 
 def _starts(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
-    """Returns (count, 4, 4) poses, one for each turn, that lay the middle of a part onto the model's."""
+    """Returns (count, 4, 4) poses, one for each rotation, that align the centre of a part with the
+    model's.
+    """
     starts = np.tile(np.eye(4), (count, 1, 1))
     starts[:, :3, :3] = turns(count)
     middles = [(points.max(0) + points.min(0)) / 2 for points in (model.points, part.points)]
@@ -129,12 +137,12 @@ def laid(
     near: float,
     widths: tuple[float, float] = _WIDTHS,
 ) -> tuple[Float, Float]:
-    """Returns (K, 4, 4) poses of a part laid onto a surface, and (K,) shares of its points that lie on it.
+    """Returns (K, 4, 4) poses of a part aligned with a surface (ICP), and (K,) fractions of its points on it.
 
     Args:
-        starts: (K, 4, 4) where each begins.
+        starts: (K, 4, 4) initial poses.
         near: metres from the surface within which a point lies on it.
-        widths: metres at which a residual counts a quarter, in the first step and in the last.
+        widths: metres at which a residual has a quarter of its weight, in the first step and in the last.
     """
     poses, shares = starts.copy(), np.zeros(len(starts))
     softs = np.geomspace(*widths, steps)
@@ -143,7 +151,7 @@ def laid(
 
 
 def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
-    """Returns the numbers of the best poses of which no two are the same, the best first."""
+    """Returns the indices of the best poses without duplicates, best first."""
     kept: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
         near = (apart(poses[n], poses[k]) for k in kept)
@@ -156,7 +164,7 @@ def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last):
-    """Lays a part from each of some poses; point to plane, robust after Geman and McClure."""
+    """Aligns a part from each of some poses by point-to-plane ICP with Geman-McClure weights."""
     matrix, right, j = np.empty((6, 6)), np.empty(6), np.empty(6)
     for k in range(first, last):
         pose = poses[k]
@@ -164,6 +172,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
             soft, agreeing, weight = widths[min(step, len(widths) - 1)], 0, 0.0
             matrix[:], right[:] = 0.0, 0.0
             for n in range(len(part)):
+                # Transform the point and find the nearest surface point in the grid.
                 x, y, z = part[n, 0], part[n, 1], part[n, 2]
                 rx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z
                 ry = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z
@@ -178,6 +187,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                     continue
                 at = nearest[cx, cy, cz]
                 nx, ny, nz = normals[at, 0], normals[at, 1], normals[at, 2]
+                # Reject pairs with normals on different sides.
                 x, y, z = facing[n, 0], facing[n, 1], facing[n, 2]
                 alike = (
                     nx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z)
@@ -186,11 +196,13 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                 )
                 if alike < _FACING:
                     continue
+                # Point-to-plane residual, and the count of points on the surface.
                 dx, dy, dz = qx - points[at, 0], qy - points[at, 1], qz - points[at, 2]
                 away = nx * dx + ny * dy + nz * dz
                 distance = dx * dx + dy * dy + dz * dz
                 if distance < 4.0 * cell * cell and abs(away) < near:
                     agreeing += 1
+                # Robust weight (Geman-McClure) and normal equations.
                 robust = soft * soft / (soft * soft + distance)
                 w = robust * robust
                 j[0], j[1], j[2] = nx, ny, nz
@@ -201,6 +213,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                     right[a] -= w * j[a] * away
                 weight += w
             shares[k] = agreeing / len(part)
+            # The last pass only counts the points on the surface.
             if step == len(widths) or weight == 0.0:
                 break
             for a in range(6):
@@ -210,7 +223,9 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _apply(pose, step):
-    """Moves a pose (4, 4) in place and turns it about its own place (Rodrigues), (6,), world axes."""
+    """Moves a pose (4, 4) in place and rotates it about its own position (Rodrigues); ``step`` is (6,),
+    world axes.
+    """
     angle = np.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
     if angle > 1e-12:
         x, y, z = step[3] / angle, step[4] / angle, step[5] / angle

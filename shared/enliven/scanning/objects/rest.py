@@ -1,4 +1,6 @@
-"""The room with an object at one place: a scan of its own, while floor and object do not move apart."""
+"""A rest: a separate scan of the room with an object at one place, while floor and object do not move
+apart.
+"""
 
 from __future__ import annotations
 
@@ -23,43 +25,49 @@ from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
 _ABOUT = 0.04
-"""Metres about an object's surface in which an image's points are compared with it: voxels are 16 mm wide."""
+"""Distance from an object's surface, metres, within which an image's points are compared with it: voxels
+are 16 mm wide."""
 _OWN = 0.02
-"""Metres about an object's surface in which an image's points are its own: what the tracking may be off."""
+"""Distance from an object's surface, metres, within which an image's points belong to it: the tracking
+error."""
 _TWICE = 2
-"""Images one after the other in which object and floor must be apart: one may be wrong."""
+"""Number of successive images in which object and floor must be apart, because one may be wrong."""
 _HANDS_ON = 15
-"""Images before an object is seen to move that are not of it at rest: hands were on it already."""
+"""Number of images before a detected motion that are excluded from the rest, because hands already touched
+the object."""
 _PARTS = 3
-"""Things about the focus that are looked at, where it is not known which is the object."""
+"""Number of parts near the focus that are considered while it is not known which one is the object."""
 _POINTS = 6000
-"""Points of a surface by which it is found: a few for each square centimetre of a chair's."""
+"""Points of a surface for registration: a few per square centimetre of a chair."""
 _FIRST = 5
-"""Images that tell where the floor is, each time that it was looked for."""
+"""Number of images that establish the floor's position after each search for it."""
 _VIEWS = 16
-"""Images of a rest that tell how far they saw."""
+"""Number of images of a rest that are kept as free space observations."""
 _CLEAR = 1.25
-"""Coarse voxels by which a point must lie before what is seen: their surfaces are half a voxel off."""
+"""Minimum distance, in coarse voxels, of a point in front of the observed depth. The coarse surfaces are
+half a voxel off."""
 _VACATED = 0.08
-"""Share of a thing's points, of those in view, that are seen through, from which on it has moved."""
+"""An object counts as moved once this fraction of its visible points is seen through."""
 _LOOKS = 7
-"""Images of a rest that tell whether the object stood still in it."""
+"""Number of images of a rest that decide whether the object stood still in it."""
 _FEW = 2000
-"""Points of each thing that are looked for in each image: 0.3 ms."""
+"""Points of each part that are tested in each image: 0.3 ms."""
 _FOLLOWS = 0.5
-"""Share of an object's points in known space that lie at its surface, below which it has moved."""
+"""Minimum fraction of an object's points in known space that lie at its surface. Below it, the object has
+moved."""
 
 
 class ObjectRest:
     """A scan of the room with the object at one place.
 
     Args:
-        choice: number of the thing on the floor that is the object, 1 for the one that is looked at most.
+        choice: number of the object among those on the floor, 1 for the one that is looked at most.
 
     Attributes:
-        object_from_room: (4, 4) how the object lies there, or None while that is not known.
-        ground: what it stands on, parts: what stands on it, the object first; as they were last looked for.
-        images: of the scan that show it at rest, once it ended.
+        object_from_room: (4, 4) the object's pose, or None while it is unknown.
+        ground: the plane that it stands on. parts: the objects on it, the chosen object first. Both come from
+            the last search.
+        images: number of the scan's images that show it at rest, once the rest has ended.
     """
 
     def __init__(self, settings: ScanSettings, choice: int = 1) -> None:
@@ -80,17 +88,19 @@ class ObjectRest:
 
     @property
     def count(self) -> int:
-        """Images that were fused."""
+        """Number of images that were fused."""
         return len(self.scanner.poses)
 
     def look_again(self) -> None:
-        """Finds the ground and the object, where enough more images show them than the last time."""
+        """Searches for the ground and the object again, if enough more images show them than at the last
+        search.
+        """
         if self.count >= self._next:
             self._next = 2 * self.count
             self.look()
 
     def look(self, level: int = 1) -> None:
-        """Finds the ground and what stands on it, in one of the volumes."""
+        """Searches for the ground and the objects on it, in one of the volumes."""
         mesh, cut = surface_of(self.scanner.volumes[level]), self.settings.cut_out
         try:
             ground = find_ground(mesh, settings=cut)
@@ -108,7 +118,7 @@ class ObjectRest:
         self.mean(number)
 
     def mean(self, number: int) -> None:
-        """Takes one of the parts for the object."""
+        """Chooses one of the parts as the object."""
         if self.ground is not None:
             part = self.parts.pop(number)
             self.parts.insert(0, part)
@@ -118,16 +128,16 @@ class ObjectRest:
             self._floors = []
 
     def held(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) which points lie where the object stands at rest."""
+        """Returns (h, w) whether each point lies in the object's region at rest."""
         if self._region is None:
             return np.zeros(view.worth.shape, bool)
         return shown_in(self._region, view, room_from_camera)
 
     def moved(self, step: ScanStep) -> bool:
-        """Returns whether floor and object were seen to be apart, in the last image and in the one before."""
+        """Returns whether floor and object were apart in the last image and in the one before."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
-        # Where the room is too plain to be sure of the camera, its place is still about right.
+        # If the room is too plain for a reliable camera pose, the pose is still approximately right.
         seen = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
         if step.state not in seen or view is None:
             return False
@@ -136,7 +146,7 @@ class ObjectRest:
         own = shown_in(self._region, view, pose)
         floor, apart = floor_plane(view, pose, self.ground, self._middle, own), False
         if floor is not None and len(self._floors) < _FIRST:
-            # The ground was found in coarse voxels; what counts is how images see it.
+            # The ground was found in coarse voxels; the reference is the floor as the images show it.
             self._floors.append(floor)
         elif floor is not None:
             gap = floor - np.median(self._floors, axis=0)
@@ -148,7 +158,7 @@ class ObjectRest:
         return self._apart >= _TWICE
 
     def _left(self, view: DepthView, pose: Float) -> bool:
-        """Returns whether one of the parts is not all where it stood; from then on that one is the object."""
+        """Returns whether a part has left its place at least partly. If so, that part becomes the object."""
         shares = [share_vacated(points, view, pose, self._clear) for points in self._stood]
         if not shares or max(shares) < _VACATED:
             return False
@@ -158,7 +168,9 @@ class ObjectRest:
         return True
 
     def stood_still(self) -> bool:
-        """Returns whether the images until its end show the object at one place, not turning."""
+        """Returns whether the images until the end of the rest show the object at one place, without
+        rotation.
+        """
         numbers = self.numbers
         if not self._stood or not numbers:
             return False
@@ -172,21 +184,23 @@ class ObjectRest:
 
     @property
     def _clear(self) -> float:
-        """Metres by which what stood there must lie before what is seen, to be gone."""
+        """Distance, metres, that a former surface point must lie in front of the observed depth to count
+        as gone.
+        """
         return _CLEAR * self.scanner.volumes[1].band.voxel
 
     def end(self) -> None:
-        """Ends the rest; hands were on the object in its last images."""
+        """Ends the rest and excludes its last images, in which hands touched the object."""
         self.images = max(self.count - _HANDS_ON, 1)
 
     @property
     def numbers(self) -> list[int]:
-        """The numbers of the images that are still there and show it at rest."""
+        """The numbers of the stored images that show the object at rest."""
         last = self.count if self.images is None else self.images
         return [number for number in self.scanner.history.numbers if number < last]
 
     def views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
-        """Yields images, of which only the object's points make a surface; and (4, 4) room_from_camera."""
+        """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
         region = region_about(self.parts[0], self.ground, self.settings.cut_out.clearance, _OWN)
@@ -195,7 +209,9 @@ class ObjectRest:
             yield only(view, shown_in(region, view, pose)), pose
 
     def scanned(self, number: int = 0) -> Scanned:
-        """Returns points of a part, and how far some of the images saw, in the room's world."""
+        """Returns points of a part, and free space observations from some of the images, in the room's
+        world.
+        """
         if self._scanned is None or self._scanned[0] != self.count:
             numbers = self.scanner.history.numbers
             chosen = numbers[:: max(len(numbers) // _VIEWS, 1)]
@@ -208,7 +224,7 @@ class ObjectRest:
 
 
 def known_of(rests: Sequence[ObjectRest]) -> Scanned | None:
-    """Returns what all rests know of an object, in its own frame; None where none of them shows it."""
+    """Returns the surface of an object from all rests, in its own frame; None if no rest shows it."""
     points, normals, views = list[Float](), list[Float](), list[SeenDepth]()
     for rest in rests:
         rest.look(0)

@@ -1,4 +1,4 @@
-"""Points of a surface, and the nearest of them to any place, in a grid of cells."""
+"""Sample points of a surface, and a grid that finds the nearest one of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven.meshes import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points that lie evenly on a surface.
+    """Points spread evenly on a surface.
 
     Attributes:
         points: (N, 3) metres.
@@ -30,12 +30,12 @@ class SurfacePoints:
         return SurfacePoints(self.points @ turn + pose[:3, 3], self.normals @ turn)
 
     def some(self, count: int) -> SurfacePoints:
-        """Returns the first ``count`` of them, which lie evenly, too."""
+        """Returns the first ``count`` points, which are also spread evenly."""
         return SurfacePoints(self.points[:count], self.normals[:count])
 
 
 def sampled(mesh: Mesh, count: int, seed: int = 0) -> SurfacePoints:
-    """Returns ``count`` points of a mesh, evenly by area, in an order without any order."""
+    """Returns ``count`` random points of a mesh, evenly by area, in random order."""
     random, areas = np.random.default_rng(seed), np.linalg.norm(mesh.face_vectors(), axis=1)
     face = random.choice(len(areas), count, p=areas / areas.sum())
     root, other = np.sqrt(random.random((count, 1))), random.random((count, 1))
@@ -62,11 +62,11 @@ class NearestGrid(NamedTuple):
 
 
 def nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> NearestGrid:
-    """Returns the grid about a surface, by the exact distance transform of the cells that it crosses.
+    """Returns the grid around a surface, from the exact distance transform of the cells that contain points.
 
     Args:
-        cell: metres; a point of a cell stands for all that lie in it.
-        margin: metres about the surface that the grid covers.
+        cell: metres; one point represents all points of a cell.
+        margin: metres around the surface that the grid covers.
     """
     low = surface.points.min(0) - margin
     size = np.ceil((surface.points.max(0) + margin - low) / cell).astype(int) + 1

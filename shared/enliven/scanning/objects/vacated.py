@@ -1,4 +1,4 @@
-"""What stood somewhere and is not there any more: an image looks through where its surface was."""
+"""Detects a surface that is no longer at its place: an image sees through its former position."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import inverse
 
 _NEAREST = 0.2
-"""Metres before a camera, nearer than which it sees nothing."""
+"""Distance from a camera, metres, below which it cannot measure."""
 _BESIDE = 3
-"""Half-size pixels across in which the nearest depth counts: at an edge a point may fall beside it."""
+"""Window, half-size pixels, over which the nearest depth is used. At an edge, a point may be projected
+next to it."""
 _FEWEST = 50
-"""Points that an image must show to tell anything."""
+"""Minimum number of visible points for a decision."""
 
 
 def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clearance: float) -> float:
-    """Returns the share, 0 to 1, of the points (N, 3) in an image that lie before what it sees there.
+    """Returns the fraction, 0 to 1, of the visible points (N, 3) that lie in front of the depth in an image.
 
-    Points behind what it sees are hidden, and count for nothing; so do those where it knows no depth.
+    Occluded points behind the depth are ignored, as are points at pixels with unknown depth.
 
     Args:
-        clearance: metres by which a point must lie before it.
+        clearance: metres that a point must lie in front of the depth.
     """
     back = inverse(world_from_camera)
     local = points @ back[:3, :3].T + back[:3, 3]
     x, y, z = local[local[:, 2] > _NEAREST].T
-    # 1e9 where nothing is known: the nearest about a pixel is of those that are.
+    # 1e9 for unknown depth, so that the minimum around a pixel only considers known depth.
     depth = np.where(view.worth > 0, view.points[..., 2], np.float32(1e9))
     nearest = minimum_filter(depth, _BESIDE, mode="nearest")
     lens = view.intrinsics
