@@ -262,8 +262,9 @@ def _with_takes_of(
 def _layers(character: RigBase, numbers: set[int]) -> None:
     """Raises an error for layer numbers that do not exist."""
     count = len(character.playing)
-    if not numbers <= set(range(count)):
-        what = f"there is no layer {max(numbers, key=abs)}"
+    missing = numbers - set(range(count))
+    if missing:
+        what = f"there is no layer {min(missing)}"
         raise InputError(what, where=character.where, mend=f"It has {count}.")
 
 

@@ -162,7 +162,7 @@ def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> N
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
     elif perform.recording.phase == "recording":
-        text = tr("Recording   {0}", time_text(perform.recording.recorder.seconds))
+        text = tr("Recording   {0}", time_text(perform.recording.seconds))
         wide = _wide(text, 20.0)
         x, y = area.x + (area.width - wide) / 2, area.y + 18
         draw.add_rect_filled(

@@ -51,8 +51,6 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
-        if perform.client is not None:
-            draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
         if perform.client is not None:
             _guests(workspace, perform)
@@ -81,7 +79,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     A press means what the label said when the button was pressed.
     """
     if recording.phase == "recording":
-        label, drawn = tr("Stop   {0}", time_text(recording.recorder.seconds)), filled(BAD)
+        label, drawn = tr("Stop   {0}", time_text(recording.seconds)), filled(BAD)
     elif recording.phase == "counting":
         label, drawn = tr("Cancel   {0}", recording.counted), filled(WAIT)
     else:
