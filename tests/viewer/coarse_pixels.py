@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count
 
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.desktop import Desktop
+from enliven_viewer.studio.pictures import WindowPictures
+from enliven_viewer.studio.places import Area
 
 SHARE = 0.125
 """Pixels drawn over usual pixels, each way: what is laid out, hovered and clicked stays the same."""
+EVERY = 8
+"""Pictures of a window for each picture of the scene behind its panels. The scene was two thirds of their cost;
+a menu is open for longer than this, so that whatever an action leaves there is still drawn."""
 
 
 @contextmanager
 def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
-    """Lets every window draw a 64th of its pixels in its corner, until the end, but while ``fine()``."""
-    lay_out = Desktop.lay_out
+    """Lets every window draw a 64th of its pixels, and the scene at times, until the end, but while ``fine()``."""
+    lay_out, draw, pictures = Desktop.lay_out, WindowPictures.draw, count()
+
+    def seldom(self: WindowPictures, area: Area) -> None:
+        if fine() or next(pictures) % EVERY == 0:
+            draw(self, area)
 
     def coarse(self: Desktop) -> None:
         lay_out(self)
@@ -27,7 +37,9 @@ def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
         io.display_framebuffer_scale = view.framebuffer_scale = ImVec2(dense.x * SHARE, dense.y * SHARE)
 
     Desktop.lay_out = coarse  # type: ignore[method-assign]
+    WindowPictures.draw = seldom  # type: ignore[method-assign]
     try:
         yield
     finally:
         Desktop.lay_out = lay_out  # type: ignore[method-assign]
+        WindowPictures.draw = draw  # type: ignore[method-assign]
