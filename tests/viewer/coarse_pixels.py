@@ -15,18 +15,18 @@ from enliven_viewer.studio.places import Area
 SHARE = 0.125
 """Pixels drawn over usual pixels, each way: what is laid out, hovered and clicked stays the same."""
 EVERY = 8
-"""Pictures of a window for each picture of the scene behind its panels. The scene was two thirds of their cost;
-a menu is open for longer than this, so that whatever an action leaves there is still drawn."""
+"""Frames of a window for each picture of the scene behind its panels, which was two thirds of their cost.
+A click in a menu takes more frames than this, so the scene that an action leaves is still drawn."""
 
 
 @contextmanager
-def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
-    """Lets every window draw a 64th of its pixels, and the scene at times, until the end, but while ``fine()``."""
-    lay_out, draw, pictures = Desktop.lay_out, WindowPictures.draw, count()
+def coarse_pixels(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -> Iterator[None]:
+    """Lets every window draw a 64th of its pixels and few pictures of its scene, except while ``fine()``.
 
-    def seldom(self: WindowPictures, area: Area) -> None:
-        if fine() or next(pictures) % EVERY == 0:
-            draw(self, area)
+    Args:
+        every: frames for each picture of the scene; 1 draws both each time.
+    """
+    lay_out = Desktop.lay_out
 
     def coarse(self: Desktop) -> None:
         lay_out(self)
@@ -37,9 +37,24 @@ def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
         io.display_framebuffer_scale = view.framebuffer_scale = ImVec2(dense.x * SHARE, dense.y * SHARE)
 
     Desktop.lay_out = coarse  # type: ignore[method-assign]
+    try:
+        with seldom_scene(fine, every):
+            yield
+    finally:
+        Desktop.lay_out = lay_out  # type: ignore[method-assign]
+
+
+@contextmanager
+def seldom_scene(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -> Iterator[None]:
+    """Lets windows draw the scene behind their panels in one of ``every`` frames, except while ``fine()``."""
+    draw, frames = WindowPictures.draw, count()
+
+    def seldom(self: WindowPictures, area: Area) -> None:
+        if fine() or next(frames) % every == 0:
+            draw(self, area)
+
     WindowPictures.draw = seldom  # type: ignore[method-assign]
     try:
         yield
     finally:
-        Desktop.lay_out = lay_out  # type: ignore[method-assign]
         WindowPictures.draw = draw  # type: ignore[method-assign]
