@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test lint fuzz-quick fuzz bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -67,6 +67,10 @@ fuzz: setup-dev  ## others, for as long as you say: make fuzz SECONDS=600 SEED=7
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
 	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
+
+nightly: setup-dev ## test-long, fuzzing for 600 s, and headline benchmarks that must not get worse: ARGS=--update
+	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
+	@.venv/bin/python tests/benchmarks/nightly.py $(ARGS)
 
 docs: setup-dev  ## the API reference of every room, from the docstrings, into out/api
 	@.venv/bin/python -m pip install -q -c constraints.txt -r docs/requirements.txt
