@@ -38,7 +38,7 @@ VOLUME /var/lib/enliven
 EXPOSE 5580 5581
 
 # Not healthy: no heartbeat, no sensor, or the edge reports something worse than a note. It may compile at first.
-HEALTHCHECK --interval=30s --timeout=30s --start-period=300s --retries=3 \
+HEALTHCHECK --interval=30s --timeout=30s --start-period=900s --retries=3 \
     CMD ["enliven", "doctor", "--remote", "127.0.0.1"]
 
 ENTRYPOINT ["enliven", "edge"]
