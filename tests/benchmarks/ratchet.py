@@ -125,7 +125,8 @@ def complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> 
                 continue
             word = "at least" if one.better == "higher" else "at most"
             said.append(
-                f"{one.name} got worse: {value:.4g} instead of {one.value:.4g}; {word} {one.bound:.4g} passes."
+                f"{one.name} got worse: {value:.4g} instead of {one.value:.4g}; "
+                f"{word} {one.bound:.4g} passes."
             )
     return said
 

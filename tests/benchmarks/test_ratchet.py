@@ -12,9 +12,9 @@ import pytest
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-import nightly
-import ratchet
-from figure import Figure
+import nightly  # noqa: E402
+import ratchet  # noqa: E402
+from figure import Figure  # noqa: E402
 
 COMMITTED = [
     {"name": "road.fps", "value": 100.0, "better": "higher", "tolerance": 5.0},

@@ -76,14 +76,18 @@ def test_its_health_check_is_a_command_of_enliven() -> None:
 
 def test_what_it_copies_is_there_and_is_sent_to_the_builder() -> None:
     sent = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
-    copied = [words.split()[:-1] for kind, words in instructions() if kind == "COPY" and "--from" not in words]
+    copied = [
+        words.split()[:-1] for kind, words in instructions() if kind == "COPY" and "--from" not in words
+    ]
     sources = {name for names in copied for name in names}
     assert sources == sent and all((ROOT / name).exists() for name in sources)
 
 
 def test_its_extras_are_extras_of_the_edge() -> None:
     project = tomllib.loads((ROOT / "edge" / "pyproject.toml").read_text())["project"]
-    defaults = next(words for kind, words in instructions() if kind == "ARG").removeprefix("EXTRAS=").split(",")
+    defaults = (
+        next(words for kind, words in instructions() if kind == "ARG").removeprefix("EXTRAS=").split(",")
+    )
     named = re.findall(r"EXTRAS=([\w,]+)", PAGE.read_text(encoding="utf-8"))
     assert defaults and named
     wanted = {*defaults, *(name for text in named for name in text.split(","))}
