@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test lint fuzz-quick fuzz bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -14,10 +14,12 @@ test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50 $(ARGS); tests=$$?; \
 	wait $$types || { echo "pyrefly found what is written above"; exit 1; }; exit $$tests
 
-test-long: setup-dev ## the long forms of tests: 50 real windows killed, 500 random strokes, 10,000 visitors, a sitting (25 minutes)
+test-long: setup-dev ## the long forms of tests: 50 windows killed, 500 random strokes and actions, 10,000 visitors, a sitting (25 minutes)
 	@ENLIVEN_KILLS=50 ENLIVEN_STROKES=500 .venv/bin/python -m pytest -n 0 -q tests/viewer/studio/test_studio_strokes.py \
 		tests/viewer/studio/test_studio_files.py -k "strokes or real_windows" $(ARGS)
 	@ENLIVEN_SITTING=1 .venv/bin/python -m pytest -n 0 -q tests/viewer/studio/test_sitting_window.py $(ARGS)
+	@ENLIVEN_ACTIONS=500 ENLIVEN_MADE_AGAIN=270 .venv/bin/python -m pytest -n 0 -q tests/edge/test_shipped_recording.py \
+		tests/viewer/studio/test_studio_actions.py -k "random or again" $(ARGS)
 	@ENLIVEN_VISITORS=10000 .venv/bin/python -m pytest -n 0 -q tests/system/test_hostile_visitors.py -k departed $(ARGS)
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
@@ -65,6 +67,10 @@ fuzz: setup-dev  ## others, for as long as you say: make fuzz SECONDS=600 SEED=7
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
 	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
+
+nightly: setup-dev ## test-long, fuzzing for 600 s, and headline benchmarks that must not get worse: ARGS=--update
+	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
+	@.venv/bin/python tests/benchmarks/nightly.py $(ARGS)
 
 docs: setup-dev  ## the API reference of every room, from the docstrings, into out/api
 	@.venv/bin/python -m pip install -q -c constraints.txt -r docs/requirements.txt

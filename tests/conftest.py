@@ -1,5 +1,6 @@
-"""Options of the whole test suite, and the two profiles of its laws."""
+"""Options of the whole test suite, its order, and the two profiles of its laws."""
 
+import collections
 import gc
 import os
 import random
@@ -18,6 +19,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 from compile_once import compile_once
+from durations import TABLE, recorded_durations, table_of
 
 TESTS = Path(__file__).parent
 ALIKE = {
@@ -76,6 +78,11 @@ def pytest_addoption(parser):
         help="store the poses and the picture of tests/system again, on purpose",
     )
     parser.addoption(
+        "--record-durations",
+        action="store_true",
+        help="store how long each file took, for the order of later runs, on purpose",
+    )
+    parser.addoption(
         "--shuffle",
         type=int,
         metavar="SEED",
@@ -95,12 +102,12 @@ def pytest_addoption(parser):
 
 LARGE = {"edge", "shared", "viewer"}
 """Folders whose own folders are collected as parts of their own."""
-SHORT = {"fuzz", "shared"}
-"""Folders of many files with short tests: they come last, so that test processes end at the same time."""
 
 
 def pytest_collection_modifyitems(config, items):
-    items.sort(key=lambda item: (item.path.relative_to(TESTS).parts[0] in SHORT, item.path))
+    # The longest files first, so that test processes end at the same time; then those that the table lacks.
+    durations = recorded_durations()
+    items.sort(key=lambda item: (-durations.get(item.path, 0.0), item.path))
     seed = config.getoption("--shuffle")
     if seed is not None:
         items[:] = shuffled(items, random.Random(seed))
@@ -126,6 +133,19 @@ def try_more(law, times):
     """Multiply the number of examples that a law asks for: Hypothesis has no other door to it."""
     own = law._hypothesis_internal_use_settings
     law._hypothesis_internal_use_settings = hypothesis.settings(own, max_examples=times * own.max_examples)
+
+
+TAKEN = collections.Counter()
+"""Seconds that the tests of each file took in this run, by its path from the checkout."""
+
+
+def pytest_runtest_logreport(report):
+    TAKEN[report.nodeid.split("::")[0]] += report.duration
+
+
+def pytest_sessionfinish(session):
+    if session.config.getoption("--record-durations") and "PYTEST_XDIST_WORKER" not in os.environ:
+        TABLE.write_text(table_of(TAKEN), encoding="utf-8")
 
 
 @pytest.hookimpl(tryfirst=True)

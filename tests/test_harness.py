@@ -9,6 +9,7 @@ from pathlib import Path
 import hypothesis
 import numpy as np
 import pytest
+from durations import recorded_durations, table_of
 from hypothesis import given
 from hypothesis import strategies as st
 from patience import until
@@ -50,6 +51,19 @@ def test_a_shuffled_order_has_every_test_once_and_keeps_files_together():
     assert sorted(shuffled) == sorted(plain)
     files = [test.split("::")[0] for test in shuffled]
     assert len([1 for a, b in itertools.pairwise(files) if a != b]) == 2
+
+
+def test_the_longest_files_run_first():
+    table = recorded_durations()
+    assert len(table) > 50 and list(table.values()) == sorted(table.values(), reverse=True)
+    assert [path for path in table if not path.is_file()] == [], "run: make test ARGS=--record-durations"
+    shortest = str(list(table)[-1])
+    command = [sys.executable, "-m", "pytest", "--collect-only", *FILES, shortest]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300).stdout
+    files = [line.split("::")[0] for line in said.splitlines() if "::" in line]
+    assert (HERE.parent / files[0]).samefile(shortest) and not (HERE.parent / files[-1]).samefile(shortest)
+    taken = {"tests/a/test_b.py": 7.4, "tests/test_c.py": 90.0, "tests/test_short.py": 0.1}
+    assert table_of(taken) == "90 test_c.py\n7 a/test_b.py\n"
 
 
 def test_rounding_is_let_through_and_nothing_else():

@@ -53,10 +53,10 @@ def test_a_textured_model_has_the_colours_that_were_baked_on_the_whole(renderer,
     grey = shown(renderer, replace(character, materials=None, colours=None))
     assert not caplog.records
     body = abs(textured - grey).max(2) > 12
-    assert body.mean() > 0.02
+    assert body.mean() > 0.08
     # A vertex colours decimetres of a fox, so that the means are alike and the pictures are not.
     np.testing.assert_allclose(textured[body].mean(0), baked[body].mean(0), atol=24)
-    assert (abs(textured - baked)[body].max(1) > 20).mean() > 0.1
+    assert (abs(textured - baked)[body].max(1) > 20).mean() > 0.24
     sent = message_to_character(character_to_message(character, 1))
     np.testing.assert_allclose(shown(renderer, sent), textured, atol=2)
 
@@ -69,5 +69,5 @@ def test_a_cut_fox_keeps_its_textures(renderer) -> None:
     for part in parts[:2]:
         half = character_of(project.characters[part])
         textured, bare = (shown(renderer, one) for one in (half, replace(half, materials=None, colours=None)))
-        assert (abs(textured - bare).max(2) > 12).mean() > 0.02
+        assert (abs(textured - bare).max(2) > 12).mean() > 0.1
         assert half.materials is not None and len(half.materials.textures) == 1

@@ -69,7 +69,7 @@ def test_another_mesh_performs_the_recording(take, tmp_path, monkeypatch):
     shape = project.graph(name)
     assert len(shape.positions) == 40 and not stale(project, shape)
     places = motion(project, name, np.linspace(0.0, 1.4, 15))
-    assert np.linalg.norm(np.ptp(places, axis=0), axis=1).mean() > 0.1
+    assert np.linalg.norm(np.ptp(places, axis=0), axis=1).mean() > 0.17
     seen = project.bodies["take"].joints[:, 0, 0]
     np.testing.assert_allclose(places.mean((0, 1))[[0, 2]], seen.mean(0)[[0, 2]], atol=0.35)
     assert cli.run([*asked, "cactus.glb"]) == 0

@@ -206,7 +206,7 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
     sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)
     # The performer is in the picture from the first frame on, so the cactus fills less of it.
-    assert green.mean() > 0.007
+    assert green.mean() > 0.0095
     assert (road / "enliven.mp4").stat().st_size > 20_000
 
 

@@ -101,7 +101,7 @@ def main() -> None:
             if large:
                 Image.fromarray(pictures[name]).save(Path(sys.argv[2]) / f"audience_{name}.png")
 
-    with coarse_pixels(lambda: large):
+    with coarse_pixels(lambda: large, every=1):
         window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window, feed)))
     print(json.dumps(said, default=str))
 

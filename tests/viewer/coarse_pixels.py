@@ -4,18 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count
 
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.desktop import Desktop
+from enliven_viewer.studio.pictures import WindowPictures
+from enliven_viewer.studio.places import Area
 
 SHARE = 0.125
 """Pixels drawn over usual pixels, each way: what is laid out, hovered and clicked stays the same."""
+EVERY = 8
+"""Frames of a window for each picture of the scene behind its panels, which was two thirds of their cost.
+A click in a menu takes more frames than this, so the scene that an action leaves is still drawn."""
 
 
 @contextmanager
-def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
-    """Lets every window draw a 64th of its pixels in its corner, until the end, but while ``fine()``."""
+def coarse_pixels(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -> Iterator[None]:
+    """Lets every window draw a 64th of its pixels and few pictures of its scene, except while ``fine()``.
+
+    Args:
+        every: frames for each picture of the scene; 1 draws both each time.
+    """
     lay_out = Desktop.lay_out
 
     def coarse(self: Desktop) -> None:
@@ -28,6 +38,23 @@ def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
 
     Desktop.lay_out = coarse  # type: ignore[method-assign]
     try:
-        yield
+        with seldom_scene(fine, every):
+            yield
     finally:
         Desktop.lay_out = lay_out  # type: ignore[method-assign]
+
+
+@contextmanager
+def seldom_scene(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -> Iterator[None]:
+    """Lets windows draw the scene behind their panels in one of ``every`` frames, except while ``fine()``."""
+    draw, frames = WindowPictures.draw, count()
+
+    def seldom(self: WindowPictures, area: Area) -> None:
+        if fine() or next(frames) % every == 0:
+            draw(self, area)
+
+    WindowPictures.draw = seldom  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        WindowPictures.draw = draw  # type: ignore[method-assign]

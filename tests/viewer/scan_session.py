@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from coarse_pixels import coarse_pixels
 from deeds import scripted
 from imgui_bundle import ImVec2, imgui
 from PIL import Image
@@ -166,7 +167,9 @@ def main() -> None:
             workspace.store.forget()
             window.close()
 
-    window.run(seconds=570, after=after, register_tests=scripted(lambda ctx: work(ctx, window, sys.argv[2])))
+    with coarse_pixels(lambda: large):
+        script = scripted(lambda ctx: work(ctx, window, sys.argv[2]))
+        window.run(seconds=570, after=after, register_tests=script)
     print(json.dumps(said, default=str))
 
 

@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+from coarse_pixels import coarse_pixels
 from deeds import scripted
 from imgui_bundle import imgui
 
@@ -41,7 +42,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def main() -> None:
     window = StudioWindow(acting_stage(Path(sys.argv[1])))
 
-    window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)))
+    with coarse_pixels():
+        window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)))
     print(json.dumps(said))
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from coarse_pixels import coarse_pixels
 from deeds import scripted
 from imgui_bundle import imgui
 
@@ -72,7 +73,8 @@ def main() -> None:
             wanted.clear()
             pictures.append(window.pixels())
 
-    window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)), after=after)
+    with coarse_pixels(lambda: bool(wanted)):
+        window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)), after=after)
     print(json.dumps(said))
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from coarse_pixels import coarse_pixels
 from deeds import menu_path, scripted
 from imgui_bundle import ImVec2, imgui
 
@@ -109,7 +110,8 @@ def main() -> None:
         if window.pictures == 2:
             said["spread"] = float(window.pixels().std())
 
-    window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window)))
+    with coarse_pixels(lambda: window.pictures < 3):
+        window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window)))
     said["over"] = workspace.ended
     said["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
     print(json.dumps(said))

@@ -58,7 +58,7 @@ def test_a_joint_that_is_said_to_be_off_is_off():
     off, said = judged(False)
     assert spearmanr(off.ravel(), said.ravel()).statistic > RANKED
     for some in (said < SURE, (said >= SURE) & (said < UNSURE)):
-        assert some.mean() > 0.1
+        assert some.mean() > 0.27
         assert SAID[0] < off[some].mean() / said[some].mean() < SAID[1]
 
 

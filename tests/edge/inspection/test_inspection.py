@@ -56,7 +56,7 @@ def test_joints_are_drawn_where_they_are_seen(scale: float) -> None:
     head, hand = picture[uv[3, 1], uv[3, 0]], picture[uv[7, 1], uv[7, 0]]
     assert tuple(head) == confidence_colour(1.0)
     assert not hand.any()  # a ring: what is a guess is not filled
-    assert (picture.any(2).sum(0) > 0).sum() < 0.6 * picture.shape[1]
+    assert (picture.any(2).sum(0) > 0).sum() < 0.2 * picture.shape[1]
 
 
 def test_who_is_behind_the_camera_is_not_drawn() -> None:
@@ -127,7 +127,7 @@ def test_a_person_is_followed_in_the_pictures() -> None:
     assert len(inspector.bodies) == 1
     last = pictures[-1].astype(int)
     green = (last[..., 1] > 200) & (last[..., 0] < 120) & (last[..., 2] < 120)
-    assert green.sum() > 50  # bones that are sure
+    assert green.sum() > 700  # bones that are sure
     assert all(p.shape == (240, 320, 3) for p in pictures)
 
 

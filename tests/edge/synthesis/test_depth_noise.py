@@ -63,13 +63,13 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
     kinect = DepthNoise(_profile("kinect1"), CAMERA, seed=2)
     first, second = (kinect.corrupt(depth, material, n).astype(float) for n in (0, 1))
     a, b = first - first.mean(), second - second.mean()
-    assert (a[:, 1:] * a[:, :-1]).mean() / a.var() > 0.5
-    assert abs((a[:, 12:] * a[:, :-12]).mean()) / a.var() < 0.1
+    assert (a[:, 1:] * a[:, :-1]).mean() / a.var() > 0.6
+    assert abs((a[:, 12:] * a[:, :-12]).mean()) / a.var() < 0.02
     # What stays is part of the scatter before the steps, which add a ninth to a third of the variance.
     assert 0.6 * frozen < (a * b).mean() / a.var() < frozen + 0.05
     tof = DepthNoise(_profile("tof"), CAMERA, seed=2).corrupt(depth, material, 0)
     c = tof - tof.mean()
-    assert abs((c[:, 1:] * c[:, :-1]).mean()) / c.var() < 0.03
+    assert abs((c[:, 1:] * c[:, :-1]).mean()) / c.var() < 0.01
 
 
 def _before_a_wall(profile: SensorProfile) -> np.ndarray:
@@ -143,7 +143,7 @@ def test_the_same_seed_and_number_give_the_same_image() -> None:
         DepthNoise(load_profile("oak-d"), CAMERA, seed).corrupt(depth, material, 3) for seed in (1, 1, 2)
     )
     assert (first == again).all()
-    assert (first != other).mean() > 0.2
+    assert (first != other).mean() > 0.7
     sensor = DepthNoise(load_profile("oak-d"), CAMERA, 1)
     sensor.corrupt(depth, material, 0)  # the order of the frames does not matter
     assert (sensor.corrupt(depth, material, 3) == first).all()

@@ -30,9 +30,9 @@ def test_both_rows_move_and_are_whole(tmp_path):
     for row in tiles:
         drawn = [(t[..., 2] - t[..., 0] > 60) & (t[..., 2] > 130) for t in row]
         for mask in drawn:
-            assert 0.005 < mask.mean() < 0.5
+            assert 0.005 < mask.mean() < 0.02
             assert not mask[:, [0, -1]].any() and not mask[0].any()
-        assert (drawn[0] ^ drawn[-1]).sum() > 0.2 * drawn[0].sum()
+        assert (drawn[0] ^ drawn[-1]).sum() > 1.5 * drawn[0].sum()
 
 
 def test_a_stick_figure_has_a_piece_for_every_bone():

@@ -156,7 +156,7 @@ def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
     rows, columns = np.nonzero(changed)
     assert len(rows) > 500 and columns.max() < size[0] - 14 and rows.max() < size[1] - 60
     stripe = pixels(shown)[rows.min() : rows.max(), 17]
-    assert (stripe[:, 0] > stripe[:, 2] + 90).mean() > 0.5, "the stripe of an error is red"
+    assert (stripe[:, 0] > stripe[:, 2] + 90).mean() > 0.95, "the stripe of an error is red"
 
 
 def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> None:

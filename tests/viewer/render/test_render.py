@@ -178,7 +178,7 @@ def test_a_mesh_with_large_faces_and_one_with_holes_are_drawn(renderer, make_cha
             renderer,
             Scene((SceneCharacter(c := make_character(vertices, some, nodes=3), c.rest_pose()),), style=BARE),
         )
-        assert (np.abs(shown - empty).sum(-1) > 60).mean() > 0.03
+        assert (np.abs(shown - empty).sum(-1) > 60).mean() > 0.1
 
 
 def test_an_empty_scene_has_a_floor_and_a_horizon(renderer) -> None:
@@ -186,14 +186,14 @@ def test_an_empty_scene_has_a_floor_and_a_horizon(renderer) -> None:
     camera.frame(EMPTY_BOX, 4 / 3, at_once=True)
     picture = drawn(renderer, Scene(), camera.view(4 / 3))
     assert picture[-20:].mean() > 2 * picture[:5].mean()
-    assert picture.std() > 5
+    assert picture.std() > 20
 
 
 def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     broken = Pose("box", 0, np.full((6, 3, 3), np.nan, np.float32), np.full((6, 3), np.inf, np.float32))
     drawn(renderer, Scene((SceneCharacter(box, broken),), style=SceneStyle()))
     after = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle()))
-    assert after.std() > 5, "what follows a broken pose is drawn as ever"
+    assert after.std() > 30, "what follows a broken pose is drawn as ever"
 
 
 def test_characters_come_and_go(renderer, box, make_character, make_box) -> None:
