@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, Pose, Skeleton, SkinWeights
+from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
@@ -38,6 +38,8 @@ class Performance:
             None: it is the world.
         morphs: morph targets in place of the skin, or None.
         keys: metres that an exporter may add to the error by leaving out keys.
+        cubic: the cubic keys of bones and of the root's place, in the seconds of ``times``; nothing
+            else moves what has some.
         error: how far the baked surface is from the one on the screen, or None where nothing was baked.
     """
 
@@ -56,6 +58,7 @@ class Performance:
     morphs: BakedMorphs | None = None
     keys: float = 0.0
     error: BakeError | None = None
+    cubic: tuple[CubicKeys, ...] = ()
 
     @property
     def character(self) -> Character:

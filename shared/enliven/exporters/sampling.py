@@ -32,6 +32,7 @@ from enliven.examples.baking import (
     states_of,
     stretch_axes,
 )
+from enliven.exporters.file_keys import file_keys_of
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of, root_motions
@@ -66,7 +67,8 @@ def performance_of(
             of the project have ended, and to the end of a round.
         how: a puppet is baked as transforms that vertices follow, or as morph targets.
         settings: how closely a puppet is baked.
-        keyed: also at the times of keys that its clips have from their files: no jump becomes a ramp.
+        keyed: also at the times of keys that its clips have from their files, and with their cubic keys if
+            nothing else moves it: no jump becomes a ramp, and no curve a row of frames.
 
     Raises:
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
@@ -77,7 +79,10 @@ def performance_of(
     times = frame_times(start, end, rate, found.id)
     if keyed and isinstance(found, Shape):
         times = _with_keys(project, found, times)
-    return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
+    made = _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
+    if keyed and isinstance(found, Shape):
+        made = replace(made, cubic=file_keys_of(project, found, made, start))
+    return made
 
 
 def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
