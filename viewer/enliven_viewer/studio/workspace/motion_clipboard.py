@@ -83,7 +83,7 @@ class MotionClipboard:
     def lacks_possessed(self) -> str:
         """What solving a possession again lacks."""
         chosen = self.editor.chosen(GraphShape)
-        return "" if chosen else "No possessed mesh is chosen. Click one first."
+        return "" if chosen else "No possessed character is chosen. Click one first."
 
     def _chosen_performed(self) -> GraphShape | None:
         """The chosen mesh, where performers moved it."""
