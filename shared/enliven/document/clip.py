@@ -97,7 +97,7 @@ class CubicKeys:
     @property
     def turns(self) -> bool:
         """Whether it turns a bone; else it moves the root."""
-        return self.values.shape[1] == 4
+        return bool(self.values.shape[1] == 4)
 
     def at(self, seconds: Float) -> Float:
         """(T, 4) unit quaternions or (T, 3) metres; before the first key and after the last these stand."""

@@ -59,7 +59,7 @@ def with_cubic_keys(
 
 
 def _is_cubic(sampler: Any) -> bool:
-    return sampler.interpolation == "CUBICSPLINE"
+    return bool(sampler.interpolation == "CUBICSPLINE")
 
 
 def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
@@ -82,10 +82,10 @@ def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
 def _local(file: GltfFile, animation: int) -> Float:
     """(n, 4, 4) the transforms of nodes when an animation begins; those of still nodes are the same later."""
     at = animated_locals(file, animation, np.zeros(1))
-    local = matrices_of(at.translation, at.rotation, at.scale)[0]
+    local: Float = matrices_of(at.translation, at.rotation, at.scale)[0]
     for node, matrix in at.fixed.items():
         local[node] = matrix
-    return local
+    return np.asarray(local)
 
 
 def _turning(
@@ -103,16 +103,14 @@ def _turning(
         return None
     (mover,) = turned
     sampler = channels[mover]["rotation"]
-    before = _turn(_product(local, way[: way.index(mover)]))
-    after = _turn(_product(local, way[way.index(mover) + 1 :]))
-    from_bind = _turn(bind.world[node])
-    to_bind = np.array([1.0, 0.0, 0.0, 0.0]) if above < 0 else _turn(bind.world[above])
-    if not _is_cubic(sampler) or any(
-        one is None for one in (before, after, from_bind, to_bind, _turn(local[mover]))
-    ):
+    at = way.index(mover)
+    before, after = _turn(_product(local, way[:at])), _turn(_product(local, way[at + 1 :]))
+    from_bind, to_bind = _turn(bind.world[node]), _turn(np.eye(4) if above < 0 else bind.world[above])
+    if before is None or after is None or from_bind is None or to_bind is None:
         return None
-    left = multiply(to_bind, before)
-    right = multiply(after, conjugate(from_bind))
+    if not _is_cubic(sampler) or _turn(local[mover]) is None:
+        return None
+    left, right = multiply(to_bind, before), multiply(after, conjugate(from_bind))
     seconds, values, slopes = _keys(file, sampler, "rotation")
     values, slopes = np.roll(values, 1, -1), np.roll(slopes, 1, -1)
     if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _UNIT:
@@ -168,7 +166,8 @@ def _turn(matrix: Float) -> Float | None:
 def _checked(clip: Clip, made: list[CubicKeys]) -> Clip:
     """The clip with those curves that are at its frames where it is, all of them."""
     parents, finest = clip.skeleton.parents, clip.finest
-    seconds = np.arange(len(clip.turns)) * clip.step if clip.fine is None else clip.fine.seconds
+    even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
+    seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)
     kept = list[CubicKeys]()
     size = max(float(clip.skeleton.lengths.sum()), 1e-9)
     for one in made:

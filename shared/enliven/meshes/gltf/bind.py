@@ -115,7 +115,7 @@ class Bind:
 
     def _plain(self, node: int) -> Float:
         """(4, 4) a node's rest transform without the unevenness of its own scale: clips have that."""
-        made = self.rest[node].copy()
+        made: Float = self.rest[node].copy()
         size = np.abs(self._scale[node])
         made[:3, :3] /= size / np.cbrt(size.prod())
         return made
