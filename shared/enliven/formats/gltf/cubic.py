@@ -17,8 +17,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, CubicKeys
 from enliven.formats.rig import Tree
-from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals
-from enliven.meshes.gltf.file import matrices_of
+from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, matrices_of
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _EVEN = 1e-5
