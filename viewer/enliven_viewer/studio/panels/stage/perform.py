@@ -32,6 +32,8 @@ _STILL = 2.0
 _LOCAL = "127.0.0.1"
 _CHARACTERS = 98.0
 """Pixels of height of the list of characters: four lines; more are scrolled."""
+_LINES = ("waits ", "stands ", "remove ")
+"""Beginnings of the names of widgets in the list of characters."""
 _REMOVE = 58.0
 """Pixels at the right of a character on the stage, for the button that takes it away."""
 
@@ -306,6 +308,7 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
         if not own and not perform.standing:
             quiet("None yet. Open a model or draw a shape, and put it there.")
     workspace.remember("characters")
+    _reveal_list(workspace)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
     can_put = chosen in own and chosen not in perform.standing and not state.startswith("being")
@@ -316,6 +319,17 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     imgui.end_disabled()
     workspace.remember("put")
     told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+
+
+def _reveal_list(workspace: Workspace) -> None:
+    """Scroll the panel to the list of characters if one of its lines is meant: it only scrolls itself."""
+    drawn = workspace.drawn
+    if drawn.left_alone or not any(name.startswith(_LINES) for name in drawn.wanted):
+        return
+    clip = imgui.get_window_draw_list()
+    top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
+    if imgui.get_item_rect_min().y < top or imgui.get_item_rect_max().y > bottom:
+        imgui.set_scroll_here_y(0.5)
 
 
 def _character(workspace: Workspace, perform: PerformSession, name: str, room: float) -> None:
